@@ -1,13 +1,12 @@
 """MSG_RT_JOG_ALL: all motors along the uploaded path, as one axis whose unit is the frame.
 
-The axis moves at FPS at most, or slower where a motor could not follow (field note 5.5),
-accelerates with 4 frames/s² (field note 6.10), and comes to rest on whole frames only. From one
-frame to the next its acceleration is constant. The motors follow cubics through the frames'
-positions; their velocity at a frame is the path's slope times the velocity of the axis.
+The axis moves at FPS, or slower if a motor could not follow (field note 5.5). It accelerates with
+4 frames/s² (field note 6.10), and comes to rest on whole frames only. From one frame to the next
+its acceleration is constant. The motors follow cubics through the frames' positions. Their velocity
+at a frame is the path's slope times the velocity of the axis.
 
-jog_phases.py remembers what has been queued, so that the place on the path at any moment is known.
-A stop cuts all queues at one moment; from there jog_landing.py brings the motors to rest on a
-frame.
+jog_phases.py keeps what has been queued, so that the place on the path is known at any moment. A
+stop cuts all queues at one moment; from there jog_landing.py brings the motors to rest on a frame.
 """
 
 from array import array
@@ -23,18 +22,18 @@ from framestep.motors.feeder import coupled
 from framestep.motors.splice import cut, queued
 from framestep.moves.jog_landing import ACCELERATION, hurry_time, land_from
 from framestep.moves.jog_phases import INDEX, JogPhases
+from framestep.moves.on_frame import find_frame, find_switch_on_path
 from framestep.moves.operation import Operation
 from framestep.moves.path import path, registers
 from framestep.moves.path.move_check import FASTEST_FPS, HALF
 from framestep.moves.path.registers import FRAME_SCALE, NEXT, RATE, SPEEDS, TOP, T, X, Y
-from framestep.moves.standing import find_frame, find_switch_on_path
 from framestep.moves.state_machine import ENDING, POSITIONING
 from framestep.moves.upload.store import READY as UPLOADED
 from framestep.pulse import stepper
 
-_AHEAD = const(1)  # phases that wait before the next is queued
+_AHEAD = const(1)  # the next phase is queued when fewer than this wait
 _MOST_CHECKED = const(6000)  # frames times motors: during a jog there is no time to check more
-_LEAST = const(16)  # ticks; with fewer queued nothing is cut
+_LEAST = const(16)  # with fewer ticks queued, nothing is cut
 _PASSING = const(2)  # ticks that may pass until the cut
 
 # TOP from thousandths of a frame per second; the acceleration is 4 frames/s².
@@ -50,7 +49,7 @@ _SLOWING_DISTANCE = formula(
     registers, "X = (RATE * RATE - TOP * TOP) / TWICE"
 )  # to the top velocity
 
-# The distance that it takes to stop: whole frames, and hundredths of one more.
+# The stopping distance: whole frames, and hundredths of a frame.
 _STOPPING_DISTANCE = formula(
     registers,
     """
@@ -59,9 +58,9 @@ _STOPPING_DISTANCE = formula(
     X = (distance - Y) * 100
     """,
 )
-# The velocity at the next frame: as much as the last one, the top velocity and the distance left
-# from there on (X) allow. If the top speed is lowered during the jog, it slows down to it at the
-# normal rate.
+# The velocity at the next frame, as high as the last one, the top velocity and the distance from
+# there on (X) allow. If the top velocity is lowered during the jog, the axis slows down to it at
+# its normal acceleration.
 _NEXT_RATE = formula(
     registers,
     """
@@ -70,7 +69,7 @@ _NEXT_RATE = formula(
     NEXT = max(sqrt(RATE * RATE - TWICE), TOP)
     """,
 )
-# One frame at the mean of the two velocities.
+# One frame, at the mean of the two velocities.
 _NEXT_FRAME = formula(
     registers,
     """
@@ -82,12 +81,12 @@ _NEXT_FRAME = formula(
     """,
 )
 _FROM_REST_TO_REST = formula(registers, "T = max(SLOWEST, 1 / TOP)")
-_FRAME_SCALE = formula(registers, "FRAME_SCALE = NEXT / 12")  # of a velocity in frames per tick
+_FRAME_SCALE = formula(registers, "FRAME_SCALE = NEXT / 12")  # from slopes to steps per tick
 _THOUSANDTHS = formula(registers, "X = HERE * THOUSAND + 0.5")
 
 
 class JogAll(Operation):
-    """The operation; see operation.Operation."""
+    """A JOG_ALL; see operation.Operation."""
 
     sends_rt_end = False
 
@@ -100,16 +99,17 @@ class JogAll(Operation):
         self.step = 1  # direction along the path: 1 or -1
         self.closed = True  # the phase that ends at rest has been queued
         # index of the destination behind the motors, to go to after they have turned; -1: none
+        # index of a destination behind the motors, for after they have turned; -1: none
         self.after_turn = -1
-        self.fps_milli = 0  # as asked for
-        self.stop_asked = 0  # to stop on a frame: 1 by STOP, 2 by STOP_ALL
+        self.fps_milli = 0  # as requested
+        self.stop_asked = 0  # a stop on a frame is under way: 1 for STOP, 2 for STOP_ALL
         self.hurry = False  # the last frame before the stop takes a second at most
         self.phases = JogPhases(self.player.numbers)
-        self.begun = 0  # the tick in which the first pulse comes
+        self.begun = 0  # tick of the first pulse
         self.positions = array("i", [0] * operations.axes.count)
-        # and the direction in which each motor sets out from there
+        # direction in which each motor sets out from there
         self.directions = array("i", [0] * operations.axes.count)
-        # the same, of a request that may be refused
+        # the same for a request that may be refused
         self.draft = array("i", [0] * operations.axes.count)
 
     # ---------------------------------------------------------------- the request
@@ -117,7 +117,7 @@ class JogAll(Operation):
     def prepare(self, fps_milli, frame):
         """Jog to a scene frame, at fps_milli thousandths of a frame per second.
 
-        A code; only OK changes anything.
+        Return a code; nothing changes unless it is OK.
         """
         store = self.store
         operations = self.operations
@@ -129,7 +129,7 @@ class JogAll(Operation):
         if under_way and (operations.operation is not self or operations.state == ENDING):
             return ERR_MOVING
         to = frame - store.start
-        going = False  # on from where it is in motion, without a rest
+        going = False  # it goes on without coming to rest
         bits = self.bits if under_way else self.player.motors()
         if not under_way:
             if operations.axes.moving:
@@ -192,7 +192,7 @@ class JogAll(Operation):
                 )
 
     def _approach(self):
-        """Take up the motors' backlash for the way to the destination, then start."""
+        """Take up the motors' backlash for the motion to the destination, then start."""
         player = self.player
         for motor in range(player.count):
             if (self.bits >> motor) & 1:
@@ -233,17 +233,16 @@ class JogAll(Operation):
         return code
 
     def _top(self):
-        """Set TOP to the rate that the check has found."""
+        """Set TOP to the rate that the check has found possible."""
         r = self.player.numbers
         reals.put(r, TOP, self.player.rate, 0)
         compute(0, 0, r, _RATES)
 
     def _retarget(self, to):
-        """During a jog: go on to a new destination. If it lies behind, stop on a frame first and
-        turn.
+        """Change the destination during a jog. If it lies behind, stop on a frame first and turn.
 
-        So does a jog that cannot slow down to the new top velocity on the part of the path that has
-        been checked.
+        The jog also stops first if it cannot slow down to a lower top velocity on the part of the
+        path that has been checked.
         """
         self.stop_asked = 0
         self.hurry = False
@@ -279,11 +278,11 @@ class JogAll(Operation):
             self.after_turn = to
 
     def _landing(self):
-        """Index of the first frame on which the motion can end."""
+        """Return the index of the first frame on which the motion can end."""
         r = self.player.numbers
         compute(0, 0, r, _STOPPING_DISTANCE)
         frames = reals.floor(r, Y, HALF)
-        # up to a hundredth of a frame more than fits is rounding
+        # up to a hundredth of a frame too many comes from rounding
         if reals.floor(r, X, HALF) >= 1 or frames == 0 and reals.sign(r, RATE):
             frames += 1
         return self.last_queued + self.step * frames
@@ -299,7 +298,7 @@ class JogAll(Operation):
 
     def queue_first_phases(self, motor):
         reals.put(self.player.numbers, SPEEDS + 2 * motor, 0, 0)
-        if self.closed:  # sent back before it has begun
+        if self.closed:  # it was sent back before it began
             self.player.axes[motor].set_more_to_come(False)
 
     def feed(self):
@@ -309,7 +308,7 @@ class JogAll(Operation):
         return True
 
     def _queue(self):
-        """Append the phase to the next frame to each motor."""
+        """Append the phase up to the next frame to each motor."""
         player = self.player
         r = player.numbers
         left = (self.destination - self.last_queued) * self.step
@@ -323,9 +322,9 @@ class JogAll(Operation):
         self.append_phase(self.last_queued, self.last_queued + self.step)
 
     def append_phase(self, begin, end):
-        """Append the phase to the frame `end`: DISTANCE frames in T ticks, velocity RATE to NEXT.
+        """Append the phase up to the frame `end`: DISTANCE frames in T ticks, from RATE to NEXT.
 
-        It begins HERE frames after the frame `begin`; both are indexes.
+        It begins HERE frames after the frame `begin`. Both are indexes.
         """
         player = self.player
         r = player.numbers
@@ -357,7 +356,7 @@ class JogAll(Operation):
         return self.closed
 
     def next_pass(self):
-        """After a stop before the way back."""
+        """Go on to the destination behind, after the stop before the turn."""
         if self.after_turn < 0 or self.after_turn == self.last_queued:
             return False
         self._aim(self.after_turn)
@@ -373,7 +372,7 @@ class JogAll(Operation):
         return self.stop_asked == 2
 
     def stop_on_frame(self, everything):
-        """On the next frame possible; if that takes long, at a frame per second (field note
+        """Stop on the next frame possible; if that takes long, at a frame per second (field note
         6.10)."""
         first = not self.stop_asked
         if everything:
@@ -397,7 +396,7 @@ class JogAll(Operation):
                 return False
             land_from(self, elapsed(tick + state[stepper.LEAD] + 1 + ticks, self.begun))
         elif not self.closed:
-            # what is queued ends soon: the frames are short, or the end is near
+            # The queues end soon: the frames are short, or the end is near.
             self.destination = self._landing()
             if self.destination == self.last_queued:
                 self.player.end_phases(self.bits)

@@ -1,7 +1,7 @@
 """How a JOG_ALL that is stopped comes to rest on a frame (field note 6.10).
 
-The queues have been cut at one moment; from there the motion goes on to rest on the next frame that
-can be reached, or, where that takes long, at a frame per second. Nothing allocates.
+The queues have been cut at one moment. From there the motion goes on to rest on the next frame that
+can be reached or, if that takes long, at a frame per second. Nothing allocates.
 """
 
 from framestep.base.native import const
@@ -19,8 +19,8 @@ from framestep.moves.path.registers import HERE, HERE_RATE, RATE, SPEEDS, P, Q, 
 
 ACCELERATION = const(4)  # frames/s² (field note 6.10)
 
-# X frames from the last frame queued to the next one: what is left. It may be there, but for
-# rounding.
+# The distance to the next frame, which is X frames after the row's INDEX. Due to rounding the
+# motion may be there already.
 _TO_NEXT_FRAME = formula(
     registers,
     """
@@ -29,12 +29,12 @@ _TO_NEXT_FRAME = formula(
     DISTANCE = 2 ** -20
     """,
 )
-# The distance beyond the next frame that it takes to stop, downward.
+# The stopping distance beyond the next frame, negative, so that floor() rounds it up.
 _STOPPING_DISTANCE = formula(registers, "X = -(RATE * RATE / (2 * LIMIT) - DISTANCE)")
 
-# X frames beyond the next one, at a constant deceleration, take 2·distance/velocity. What takes
-# longer than two seconds goes at a frame per second instead (field note 6.10), if it is slow
-# enough.
+# To rest X frames beyond the next one at a constant deceleration takes 2·distance/velocity. If that
+# is more than two seconds and the motion is slow enough, it goes on at a frame per second (field
+# note 6.10).
 _DECELERATE = formula(
     registers,
     """
@@ -44,17 +44,17 @@ _DECELERATE = formula(
     assert RATE < 2 / THOUSAND
     """,
 )
-# A rest of a frame that takes less than 8 ticks is played as one with the next frame.
+# If the remainder of a frame takes less than 8 ticks, it is joined to the next frame.
 _IS_BRIEF = formula(registers, "assert DISTANCE < 8 * RATE")
 _ONE_MORE_FRAME = formula(registers, "DISTANCE = DISTANCE + 1")
 
-# The velocity at that frame, X frames before the end, and the time to it.
+# The velocity at the next frame, X frames before the end, and the time to it.
 _TWICE_THE_LIMIT = formula(registers, "TWICE = 2 * LIMIT")
 _NEXT_RATE = formula(registers, "NEXT = min(sqrt(X * TWICE), RATE)")
 _TIME = formula(registers, "T = 2 * DISTANCE / (RATE + NEXT)")
 
 _THREE_QUARTERS = formula(registers, "P = T - T / 4")
-# X steps to the frame, at Q steps per tick now.
+# X steps to the frame, Q steps per tick now.
 _BEFORE_OVERSHOOT = formula(
     registers,
     """
@@ -65,7 +65,7 @@ _BEFORE_OVERSHOOT = formula(
     """,
 )
 
-# What the check has found: from rest to the rate within a frame (P). Q for _STEEPEST.
+# P: acceleration from rest to TOP within a frame, which the check has allowed. Q is for _STEEPEST.
 _GENTLEST = formula(
     registers,
     """
@@ -75,8 +75,8 @@ _GENTLEST = formula(
     assert P < LIMIT
     """,
 )
-# X steps in the frame before the end and Y in the one after it, acceleration T: what the bend of
-# the path leaves of that, with a half more for the slopes.
+# X steps in the frame before the end, Y in the frame after it, T: the motor's acceleration. LIMIT
+# is what the bend of the path leaves of T, for half as many steps again because of the slopes.
 _STEEPEST = formula(
     registers,
     """
@@ -89,9 +89,9 @@ _STEEPEST = formula(
 )
 _AT_LEAST_GENTLEST = formula(registers, "LIMIT = max(LIMIT, P)")
 
-# A cubic from rest to rest is half as fast again as its mean, and its greatest acceleration
-# 6·distance/T². One that begins in motion stays within both; one that has to turn (from Y) within
-# twice as much, if that has the time. X steps to go, greatest velocity P, greatest acceleration Q.
+# A cubic from rest to rest has a top velocity of 1.5 times its mean, and a greatest acceleration of
+# 6·distance/T². One that begins in motion stays within both. One that has to turn (from Y) stays
+# within twice as much, if it has the time. X steps to go, top velocity P, top acceleration Q.
 _A_FRAME_PER_SECOND = formula(
     registers,
     """
@@ -119,8 +119,7 @@ _AT_CONSTANT_DECELERATION = formula(registers, "T = min(T, 2 * DISTANCE / RATE)"
 
 
 def land_from(jog, ticks):
-    """From where the queues have been cut, `ticks` after the beginning, go on to rest on a
-    frame."""
+    """Plan from where the queues have been cut, `ticks` after the beginning, to rest on a frame."""
     player = jog.player
     axes = jog.operations.axes
     r = player.numbers
@@ -139,7 +138,7 @@ def land_from(jog, ticks):
         end = jog.destination
     reals.put(r, X, (end - at) * step, 0)
     compute(0, 0, r, _TO_NEXT_FRAME)
-    # `more` frames beyond the next one
+    # The end is `more` frames beyond the next one.
     _find_limit(jog, at, end)
     compute(0, 0, r, _STOPPING_DISTANCE)
     more = min(max(-reals.floor(r, X, HALF), 0), (jog.destination - end) * step)
@@ -150,7 +149,7 @@ def land_from(jog, ticks):
         if compute(0, 0, r, _IS_BRIEF):
             for motor in range(player.count):
                 if (jog.bits >> motor) & 1:
-                    # by way of that frame, where it may turn
+                    # by way of that frame, where the motor may turn
                     jog.store.position(motor, end, player.position, 0)
                     axes[motor].backlash.turn_to(player.position, 0, 0)
             end += step
@@ -175,7 +174,7 @@ def land_from(jog, ticks):
 def _stay_before(jog, end):
     """Shorten T, by a quarter at most, if a motor would overshoot the frame `end`.
 
-    It would where its velocity is more than three times the mean: a fast cubic that has been cut
+    It would if its velocity is more than three times the mean, as in a fast cubic that has been cut
     late.
     """
     player = jog.player
@@ -197,8 +196,8 @@ def _stay_before(jog, end):
 def _find_limit(jog, at, end):
     """LIMIT = the deceleration, in frames per tick², with which the motors can stop there.
 
-    That is what the check has found for this rate, or more, up to ACCELERATION, where the frames
-    around `end` allow it.
+    It is at least what the check has found for this rate. It is higher, up to ACCELERATION, if the
+    frames around `end` allow it.
     """
     player = jog.player
     r = player.numbers
@@ -219,11 +218,11 @@ def _find_limit(jog, at, end):
 
 
 def hurry_time(jog, end, cut):
-    """T = ticks to rest on the frame `end`, DISTANCE frames away, at a frame per second or what the
-    motors can.
+    """T = ticks to rest on the frame `end`, DISTANCE frames away, at a frame per second or as fast
+    as the motors can.
 
-    cut: from where the queues have been cut; otherwise from the last frame queued. Never longer
-    than at a constant deceleration.
+    cut: start from where the queues have been cut, else from the last frame queued. T is never
+    longer than at a constant deceleration.
     """
     player = jog.player
     r = player.numbers

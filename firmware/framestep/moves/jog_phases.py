@@ -1,6 +1,6 @@
-"""What a JOG_ALL has queued: its phases, and where on the path they are at a moment.
+"""Queued phases of a JOG_ALL, to find the place on the path at any moment.
 
-The path is one axis whose unit is the frame. Each phase of it is a row; positions and velocities
+The path is one axis whose unit is the frame. Each phase of it is a row. Positions and velocities
 along the path are real numbers in the player's registers. Nothing allocates after construction.
 """
 
@@ -16,21 +16,21 @@ from framestep.moves.path import registers
 from framestep.moves.path.move_check import HALF
 from framestep.moves.path.registers import DISTANCE, HERE, HERE_RATE, NEXT, RATE, SINCE, P, T, X, Y
 
-# Words of a row: a phase of the axis, a cubic as the motors' are
+# Words of a row: a phase of the path, a cubic like the motors'
 
-# a ring of 16 segments holds that many phases at most; some more wait, or have just been played
+# A queue of 16 segments holds 16 phases at most; a few more wait, or have just been played.
 _ROWS = const(24)
 _ROW = const(14)
-_WHOLE = const(0)  # whole ticks from the beginning to that of the phase
-_FRACTION = const(1)  # real: the rest
-_TIME = const(3)  # reals: its duration in ticks,
-_FROM = const(5)  # velocities at its ends, frames per tick,
-_TO = const(7)
-_PASSED = const(9)  # frames from INDEX to where it begins,
-_DISTANCE = const(11)  # and on to its end
+_WHOLE = const(0)  # whole ticks from the beginning of the jog to the phase
+_FRACTION = const(1)  # real: and a fraction of a tick
+_TIME = const(3)  # reals: duration in ticks,
+_FROM = const(5)  # velocity at its start and
+_TO = const(7)  # at its end, frames per tick,
+_PASSED = const(9)  # frames from INDEX to its start,
+_DISTANCE = const(11)  # and from there to its end
 INDEX = const(13)  # of the last frame before it
 
-# A phase of T ticks more: X whole ticks, and the rest in SINCE.
+# Add a phase of T ticks: X whole ticks, and the fraction in SINCE.
 _TO_END = formula(
     registers,
     """
@@ -39,7 +39,7 @@ _TO_END = formula(
     SINCE = SINCE - X
     """,
 )
-# X ticks after the whole tick at which a phase begins that begins Y ticks later.
+# The phase begins Y ticks after a whole tick. X: ticks since that tick, then since its beginning.
 _HAS_BEGUN = formula(
     registers,
     """
@@ -47,7 +47,7 @@ _HAS_BEGUN = formula(
     assert X >= ZERO
     """,
 )
-# Where a cubic is X ticks after it begins. It takes Y ticks for T frames, from the velocity
+# Place on a cubic X ticks after its beginning. It takes Y ticks for T frames, from the velocity
 # HERE_RATE to DISTANCE, and begins P frames after its row's INDEX.
 _LOCATE = formula(
     registers,
@@ -66,7 +66,7 @@ _LOCATE = formula(
 
 
 class JogPhases:
-    """Rows of the last phases queued. numbers: the player's registers."""
+    """Rows of the phases queued last. numbers: the player's registers."""
 
     def __init__(self, numbers):
         self.numbers = numbers
@@ -75,12 +75,12 @@ class JogPhases:
         self.whole = 0  # ticks to the end of what is queued
 
     def begin(self, ticks):
-        """The next phase begins `ticks` whole ticks after the beginning."""
+        """Set the beginning of the next phase: `ticks` whole ticks after that of the jog."""
         self.whole = ticks
         reals.put(self.numbers, SINCE, 0, 0)
 
     def add(self, index):
-        """Note a phase: DISTANCE frames in T ticks, from the velocity RATE to NEXT.
+        """Add a phase: DISTANCE frames in T ticks, with velocities from RATE to NEXT.
 
         It begins HERE frames after `index`.
         """
@@ -100,9 +100,9 @@ class JogPhases:
         self.whole = after(self.whole, reals.floor(r, X, HALF))
 
     def locate(self, ticks):
-        """Find where the axis is `ticks` ticks after the beginning: HERE and HERE_RATE.
+        """Find HERE and HERE_RATE, `ticks` ticks after the beginning of the jog.
 
-        Returns the index of the phase's row in `rows`, -1 if there is none.
+        Return the index of the phase's row in `rows`, or -1.
         """
         r = self.numbers
         rows = self.rows

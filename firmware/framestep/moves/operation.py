@@ -1,4 +1,4 @@
-"""What a run, an exposure or a jog of all motors is to the state machine in state_machine.py."""
+"""Base class of a run, an exposure and a jog of all motors, for state_machine.py."""
 
 from framestep.base.results import OK
 
@@ -6,95 +6,94 @@ from framestep.base.results import OK
 class Operation:
     """What a kind of operation adds to the state machine. operations: the OperationRunner.
 
-    Methods that are not overridden here do the least. `tick` and `ticks` count modulo 2^29. Nothing
-    allocates.
+    The methods here do the least possible. `tick` and `ticks` count modulo 2^29. Nothing allocates.
     """
 
-    sends_rt_end = True  # the host is told of the end by RT_END
+    sends_rt_end = True  # its end is reported to the host by RT_END
 
     def __init__(self, operations):
         self.operations = operations
-        self.bits = 0  # motors that take part
+        self.bits = 0  # motors that belong to it
 
-    # What it queues
+    # Queueing
 
     def begin_pass(self):
-        """Prepare for a pass: queue_first_phases() of each motor is next."""
+        """Prepare for a pass. Then comes queue_first_phases() for each motor."""
 
     def queue_first_phases(self, motor):
-        """Queue a motor's first phases. It has been prepared and stands on its start position."""
+        """Queue a motor's first phases. It is prepared and at rest on its start position."""
 
     def feed(self):
-        """Queue further phases, of one frame at most. Returns whether there were any."""
+        """Queue further phases, of one frame at most. Return whether there were any."""
         return False
 
     def started(self, tick):
-        """The motors have been released; `tick` is that of the first pulses."""
+        """Take note that the motors have been released. `tick`: of the first pulses."""
 
-    # How far it is
+    # Progress
 
     def frame_reached(self, ticks):
-        """Whether a frame to be reported has been reached.
+        """Return whether a frame to be reported has been reached.
 
-        ticks: tick whose pulses are going out now.
+        ticks: the tick whose pulses are going out now.
 
-        Asked in each pass of the main loop from the tick on that was given to `axes.alarm`.
+        Called in each pass of the main loop from the tick on that was given to `axes.alarm`.
         """
         return False
 
     def play_head(self, tick, frame):
-        """MOVE TIME, in thousandths of a scene frame, when the pulses of `tick` have been made.
+        """Return MOVE TIME, in thousandths of a scene frame, once the pulses of `tick` are made.
 
-        frame: take the frame reached last instead. Where the answer is exactly a frame, its index
-        is left in `operations.reported_frame`.
+        frame: take the frame reached last instead. If the result is exactly a frame, set
+        `operations.reported_frame` to its index.
         """
         return self.operations.move_time
 
     def finished(self):
-        """Whether everything has been queued and reported; the motors may still be moving."""
+        """Return whether everything is queued and reported; the motors may still be moving."""
         return True
 
     # Passes
 
     def next_pass(self):
-        """Whether another pass follows.
+        """Return whether another pass follows.
 
-        If so, `start_positions` and `directions` of `operations` are set.
+        If so, set `start_positions` and `directions` of `operations`.
         """
         return False
 
     def still_wanted(self):
-        """Whether the pass announced by next_pass() is to be run, now that the motors are in
-        place."""
+        """Return whether the pass announced by next_pass() should still run, now that the motors
+        are in place."""
         return True
 
     def recheck(self, waiting):
-        """OK, or the code with which its request would be refused with the present settings.
+        """Return OK, or the code that refuses the operation with the present settings.
 
-        waiting: before GO, so the motors must stand where it would begin now; otherwise the next
-        pass is meant.
+        waiting: before GO, so the motors must be at rest where it would begin now; otherwise the
+        check is for the next pass.
         """
         return OK
 
     def heading(self, motor):
-        """The direction in which a motor sets out: 1 up, -1 down, 0 not at all."""
+        """Return the direction in which a motor sets out: 1 up, -1 down, 0 not at all."""
         return 0
 
-    # How it ends
+    # End
 
     def stop_on_frame(self, everything):
-        """Asked to stop gently, if `everything` by a STOP_ALL.
+        """Stop on a frame by phases of its own. everything: for a STOP_ALL.
 
-        True if it does so by phases of its own.
+        Return False if it cannot; then the motors are ramped down.
         """
         return False
 
     def stopping_on_frame(self):
-        """Whether it is coming to rest after a STOP_ALL: then the next STOP_ALL is not gentle."""
+        """Return whether it stops on a frame for a STOP_ALL; the next one then stops by ramps."""
         return False
 
     def ended(self):
-        """It has ended, however that came about. May be called more than once."""
+        """Clean up after the end, however it came about. May be called more than once."""
 
     def leave_end(self):
-        """It has come to its end, and RT_END is due: send the motors on from there."""
+        """Send the motors on from the end of the last pass. RT_END is due by then."""

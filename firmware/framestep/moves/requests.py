@@ -1,9 +1,8 @@
 """Requests about uploaded moves and the operations that play them.
 
 The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
-or 0 where it has answered itself. Payloads are taken apart here and nowhere else in moves. What a
-request means is decided in state_machine.py and by the operations. Nothing allocates after
-construction.
+or 0 if it has answered itself. Within moves, only this module reads payloads. What a request means
+is decided in state_machine.py and by the operations. Nothing allocates after construction.
 """
 
 from array import array
@@ -26,7 +25,7 @@ _RUN_FLAGS = const(m.RUN_PING_PONG | m.RUN_LOOP | m.RUN_VIDEO | m.RUN_STILLS)
 
 
 class Moves:
-    """The uploaded move and all that plays it.
+    """Handlers of requests about the uploaded move, and the parts that play it.
 
     gate: a Gate. faults: a FaultLog. acknowledge(code): answers a request before it is carried out.
     """
@@ -65,7 +64,7 @@ class Moves:
             self.handlers[m.MSG_RT_UPLOAD_MOVE_DMX] = self._dmx
 
     def take_memory(self):
-        """The last thing at boot: positions, light levels and triggers share the memory left."""
+        """Allocate the memory for positions, light levels and triggers, at the end of boot."""
         self.store.allocate(self.hal.upload_bytes)
         self.levels.allocate(self.store)
         self.triggers.allocate(self.store)
@@ -76,19 +75,19 @@ class Moves:
         return self.store.capacity_frames(self.store.motors)
 
     def set_motors(self, blurred, excluded):
-        """Set which motors move in SHOOT_FRAME, and which take no part in uploaded moves: bits."""
+        """Set the bits of motors that move in SHOOT_FRAME, and of motors left out of moves."""
         self.shoot.blurred = blurred
         self.player.excluded = excluded
 
     def poll(self):
-        """Every few milliseconds: do what is due and plan a piece.
+        """Do what is due, and a piece of planning. To be called every few milliseconds.
 
-        Returns whether there may be more to plan.
+        Return whether there may be more to plan.
         """
         if self.run_outputs.busy:
             self.run_outputs.poll()
         if self.operations.state == READY and self.gate.virtual:
-            return False  # its motors are not at rest, whether they move or not
+            return False  # its motors belong to a virtual motion, whether they move or not
         return self.operations.poll()
 
     # ---------------------------------------------------------------- uploads
@@ -128,7 +127,7 @@ class Moves:
         return code if code == m.OK else self._exceeded(code)
 
     def _dmx(self):
-        """MSG_RT_UPLOAD_MOVE_DMX (field note 5.3), in the same way."""
+        """MSG_RT_UPLOAD_MOVE_DMX (field note 5.3), similarly."""
         reader = self.reader
         if self.operations.running:
             return m.ERR_MOVING
@@ -157,7 +156,7 @@ class Moves:
         return code if code == m.OK else self._exceeded(code)
 
     def _end(self):
-        """MSG_RT_UPLOAD_MOVE_END: the move can be played from now on (field note 5.3)."""
+        """MSG_RT_UPLOAD_MOVE_END: the move can then be played (field note 5.3)."""
         if self.operations.running:
             return m.ERR_MOVING
         code = self.store.finish()
@@ -171,7 +170,7 @@ class Moves:
     def _position_frame(self):
         """MSG_RT_POSITION_FRAME (field notes 4.6, 5.1 and 6.11).
 
-        The motors go there; lights and triggers are set as they are there.
+        Moves the motors there, and sets lights and triggers as at that frame.
         """
         frame = self.reader.i32(m.RtPositionFrame.frame)
         code = self.gate.may_move_all()
@@ -185,8 +184,8 @@ class Moves:
         return code
 
     def _run_move(self):
-        """MSG_RT_RUN_MOVE: motors go to where the run begins and wait for GO (field notes 6.1 to
-        6.9)."""
+        """MSG_RT_RUN_MOVE: move the motors to where the run begins, to wait for GO (field notes 6.1
+        to 6.9)."""
         reader = self.reader
         code = self._may_begin()
         if code != m.OK:
@@ -225,8 +224,8 @@ class Moves:
         return self._report_exceeded(code)
 
     def _exceeded(self, code):
-        """Have it reported if memory is too small for what was sent, on the REPL once for an upload
-        (field note 5.7). Returns `code`."""
+        """Keep what exceeds the memory, and report it on the REPL once for an upload (field note
+        5.7). Return `code`."""
         words = self.store.words
         if words[ASKED]:
             exceeded = self.operations.exceeded
@@ -240,9 +239,9 @@ class Moves:
         return code
 
     def _report_exceeded(self, code):
-        """Have it reported on the REPL if the move asks too much of a motor (field note 5.5).
+        """Report on the REPL if the move exceeds what a motor can do (field note 5.5).
 
-        Returns `code`.
+        Return `code`.
         """
         if self.operations.exceeded[WHAT]:
             self.faults.note(0, UNREPORTED)
@@ -286,10 +285,10 @@ class Moves:
         return self._report_exceeded(code)
 
     def _listed(self, offset, backward):
-        """Put POS A and POS B of the motors listed at `offset` into the draft, exchanged if
+        """Put POS A and POS B of the motors listed at `offset` into the draft, swapped if
         `backward`.
 
-        Returns the bits of these motors, -1 if some motor does not exist.
+        Return the bits of these motors, or -1 if one of them does not exist.
         """
         reader = self.reader
         draft = self.shoot.draft
@@ -307,7 +306,7 @@ class Moves:
         return bits
 
     def _may_begin(self):
-        """OK if an operation may be prepared; else the code that says why not (field note 6.1)."""
+        """Return OK if an operation may be prepared, else the reason (field note 6.1)."""
         code = self.gate.may_move_all()
         if code == m.OK:
             if self.operations.running or self.axes.moving or self.gate.virtual:
@@ -316,12 +315,12 @@ class Moves:
         return code
 
     def _may_go(self):
-        """OK if the operation that waits may start; otherwise the code that says why not."""
+        """Return OK if the waiting operation may start, else the reason."""
         code = self.gate.may_move_all()
         return self.operations.may_go(self.gate.virtual) if code == m.OK else code
 
     def _go(self):
-        """MSG_RT_GO. Acknowledged first, then the motion starts (field note 6.3)."""
+        """MSG_RT_GO: acknowledge first, then start the motion (field note 6.3)."""
         code = self._may_go()
         if code == m.OK:
             self.acknowledge(m.OK)
@@ -330,9 +329,9 @@ class Moves:
         return code
 
     def go_from_input(self):
-        """GO by an input (setting `go_input`, field note 6.13).
+        """Give GO from an input (setting `go_input`, field note 6.13).
 
-        Returns whether the request would have been OK.
+        Return whether the request would have been OK.
         """
         if self._may_go() != m.OK:
             return False
@@ -342,7 +341,7 @@ class Moves:
     def _stop_loop(self):
         """MSG_RT_STOP_LOOP.
 
-        It counts before GO, too; without a loop it does nothing (field note 6.12).
+        It is valid before GO, too; without a loop it does nothing (field note 6.12).
         """
         if self.operations.busy and self.operations.operation is self.run:
             self.run.stop_loop()

@@ -1,20 +1,20 @@
-"""MSG_RT_RUN_MOVE: a section of the move, live, with pre-roll and post-roll, once or in a loop.
+"""MSG_RT_RUN_MOVE: a section of the move in real time, with pre-roll and post-roll, once or in a
+loop.
 
-A pass is a list of phases for each motor: pre-roll, one cubic per frame, post-roll. The phases of
-all motors have the same durations, so the motors only have to start in the same tick to stay
-together.
+A pass is a list of phases for each motor: pre-roll, one cubic per frame, post-roll. All motors'
+phases have the same durations, so the motors stay together if they start in the same tick.
 
 Time. Frame N of a pass, counted from 0 at the first frame played, begins round(N · 10^9 /
 fps_milli) microseconds after the first. Durations are differences of such times, so that rounding
-does not add up.
+errors do not add up.
 
-Ping-pong: the next pass runs the other way. The ramp that ends a pass and the one that begins the
-next have the same duration, so the motors turn where they are. Loop: the motors go back to where
-the pass began, by ramps of their own, and run again.
+Ping-pong: the next pass runs in the other direction. The ramp that ends a pass and the one that
+begins the next have the same duration, so the motors turn where they are. Loop: the motors go back
+to where the pass began, by ramps of their own, and run again.
 
 The last pass (field note 6.11): the end frame lasts its period, in which the motors keep their
-velocity; the post-roll follows. When the motors stand, RT_END is due, and they go back to the end
-frame as by POSITION_FRAME.
+velocity, and the post-roll follows. When the motors are at rest, RT_END is due, and they go back to
+the end frame as in POSITION_FRAME.
 """
 
 from framestep.base.clock import HALF, after, elapsed, reached
@@ -36,9 +36,9 @@ from framestep.moves.run_plan import PreparedRun
 from framestep.pulse import stepper
 
 _LONG_ROLL = const(64)  # ticks
-_AHEAD = const(3)  # phases that wait before the next is queued
+_AHEAD = const(3)  # the next phase is queued when fewer than this wait
 
-# How long a motor waits whose ramp is shorter than X.
+# Waiting time of a motor whose ramp is shorter than X.
 _WAIT = formula(
     registers,
     """
@@ -49,25 +49,25 @@ _WAIT = formula(
 
 
 class RunMove(PreparedRun):
-    """The operation; see operation.Operation."""
+    """A RUN_MOVE; see operation.Operation."""
 
     def __init__(self, operations, run_outputs):
         PreparedRun.__init__(self, operations)
         self.run_outputs = run_outputs  # lights, triggers and camera: moves/run_outputs.py
         self.queued = 0
         self.unclosed = 0  # bits of motors that have yet to get their post-roll
-        self.period = FRAME_TICKS  # register of the end frame's duration
-        self.last = False  # the pass that is queued is the last one
+        self.period = FRAME_TICKS  # register with the end frame's duration
+        self.last = False  # the queued pass is the last one
         self.closed = False
         self.reported = 0
-        self.clock = FrameClock()  # of what is queued
+        self.clock = FrameClock()  # of the queued frames
         self.report_clock = FrameClock()
-        self.end = 0  # index of the frame with which the last pass queued ends
+        self.end = 0  # index of the frame at the end of the last queued pass
 
     def stop_loop(self):
         """Make this pass the last one (spec: MSG_RT_STOP_LOOP).
 
-        On the way back to the start none follows.
+        While the motors go back to the start, no further pass follows.
         """
         self.looping = False
         self.run_outputs.close()
@@ -98,7 +98,7 @@ class RunMove(PreparedRun):
         else:
             reals.put(r, own, 0, 0)
         reals.fetch(r, ROLL_TICKS, plan.pre_rolls if onward else plan.post_rolls, 2 * motor)
-        # motors with a shorter ramp wait, so that all reach the first frame at the same time
+        # motors with a shorter ramp wait, so that all reach the first frame together
         reals.put(r, X, self.begin_ms, 0)
         if compute(0, 0, r, _WAIT):
             axis.append_coasting_phase(
@@ -125,13 +125,13 @@ class RunMove(PreparedRun):
         if self.bits:
             if self.player.phases_ahead(self.bits) >= _AHEAD:
                 return False
-        elif self.queued > self.reported:  # lights alone: no queue fills up
+        elif self.queued > self.reported:  # only lights: there are no queues that fill up
             return False
         self._queue()
         return True
 
     def _queue(self):
-        """Append the cubic to the next frame to each motor; after the last frame the post-roll."""
+        """Append the cubic up to the next frame to each motor; after the last one the post-roll."""
         player = self.player
         plan = self.plan
         k = self.queued + 1
@@ -155,7 +155,7 @@ class RunMove(PreparedRun):
         )
 
     def _close(self):
-        """Append the post-roll of the next motor, in the last pass after the end frame's period."""
+        """Append the next motor's post-roll; in the last pass first the end frame's period."""
         player = self.player
         r = player.numbers
         plan = self.plan
@@ -184,15 +184,17 @@ class RunMove(PreparedRun):
             self.closed = True
 
     def _possible(self, beyond):
-        """How far beyond an end of the pass a motor goes, or 0 where ROLL_TICKS are too few for
-        that: what it takes of acceleration on top, 6 / ROLL_TICKS², must not count."""
+        """Return how far beyond an end of the pass a motor may go, or 0 if ROLL_TICKS are too few.
+
+        It takes an additional acceleration of 6 / ROLL_TICKS² steps, which must be negligible.
+        """
         if reals.floor(self.player.numbers, ROLL_TICKS, _LONG_ROLL) < _LONG_ROLL:
             return 0
         return beyond
 
     def play_head(self, tick, frame):
         reported = self.reported
-        here = self.store.start + self.first + self.step * (reported - 1)  # the frame reported last
+        here = self.store.start + self.first + self.step * (reported - 1)  # last frame reported
         if reported == 0:
             return (here + self.step) * 1000  # in the pre-roll
         clock = self.report_clock
@@ -202,7 +204,7 @@ class RunMove(PreparedRun):
         last = reported > self.plan.frames
         if ahead >= HALF or ahead == 0 and clock.us == 0:
             if not last:
-                # it has been reached in this pass: before it is reported, nothing beyond it is
+                # it is reached, but not yet reported: do not count beyond it
                 here += self.step
                 left = clock.quotient
             elif frame:

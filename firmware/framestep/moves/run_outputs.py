@@ -1,9 +1,9 @@
-"""What goes with a run besides the motors: lights, triggers, camera, bloop.
+"""Signals of a run: lights, triggers, camera, bloop.
 
-Pins change by cues, which the tick itself carries out (kernel.StepKernel.cue), so they keep to the
-motors' time but for half a tick of rounding and some microseconds. The kernel takes cues only in
-the order of their times, so signals wait here, sorted, until they are near. Light levels are set by
-the main loop in the tick of their frame.
+Pins change by cues, which the tick itself carries out (kernel.StepKernel.cue). So they keep in time
+with the motors, except for rounding by half a tick and some microseconds. The kernel takes cues
+only in the order of their times, so signals wait here, sorted, until they are due soon. The main
+loop sets light levels in the tick of their frame.
 """
 
 from array import array
@@ -13,17 +13,17 @@ from framestep.base.native import const, micropython, ptr32
 from framestep.moves.frame_clock import FrameClock
 from framestep.pulse import stepper
 
-SHUTTER = const(0x10000000)  # signals: the general outputs are the bits below
+SHUTTER = const(0x10000000)  # signals; the bits below are the general outputs
 METER = const(0x08000000)
 OUTPUTS = const(0x07FFFFFF)
 VIDEO_PULSE_MS = const(100)  # field note 6.9
 _BOTH = const(0x18000000)
-# ticks before its time that a signal becomes a cue: longer than any pass of the main loop
+# ticks before its time at which a signal becomes a cue: longer than any pass of the main loop
 _NEAR = const(60)
-_AHEAD = const(200)  # ticks before its time that a frame's signals are scheduled
+_AHEAD = const(200)  # ticks before its time at which a frame's signals are scheduled
 _SLOTS = const(32)  # signals that wait
 _SLOT_MASK = const(31)
-_FULL = const(20)  # with so many, frames wait: the rest is for signals outside of frames
+_FULL = const(20)  # with this many, frames wait: the rest is for signals outside of frames
 _ROUND_US = const(400)  # rounds to a tick; a tick's pulses come 100 µs before its cues
 _NO_BLOOP = const(0)
 _BLOOP_WAITS = const(1)  # for the first frame
@@ -33,14 +33,14 @@ _BLOOP_ENDS = const(3)  # its end has been handed to the kernel
 
 @micropython.viper
 def _outputs(words: ptr32, i: int) -> int:
-    """The bits of outputs in words[i], which may be of any size."""
+    """Return the outputs' bits of words[i], which may be of any size."""
     return words[i + 0] & OUTPUTS
 
 
 class RunOutputs:
     """Lights, triggers, camera and bloop of a run.
 
-    io: framestep.io.requests.Io. levels, triggers: those of the upload.
+    io: framestep.io.requests.Io. levels, triggers: of the upload.
     """
 
     def __init__(self, axes, io, levels, triggers):
@@ -53,7 +53,7 @@ class RunOutputs:
         self.triggers = triggers
         self.words = array("i", [0] * 2)
         self.busy = False  # whether poll() has anything to do
-        # signals that wait, a ring sorted by time
+        # waiting signals, a ring sorted by time
         self.times = array("i", [0] * _SLOTS)
         self.masks = array("i", [0] * _SLOTS)
         self.values = array("i", [0] * _SLOTS)
@@ -69,10 +69,10 @@ class RunOutputs:
         self.queued = 0  # frames whose signals have been scheduled
         self.shown = 0  # frames whose levels are out
         self.until = 0  # tick of the last signal that belongs to the pass
-        self.outputs = 0  # outputs that the last frame's triggers have on
+        self.outputs = 0  # outputs that are on after the last frame's triggers
         # the run under way
-        self.starts = 0  # tick in which it starts: of GO
-        # the pulse that stops a video camera: from when to when, while `stopping`
+        self.starts = 0  # tick of GO, in which it starts
+        # the pulse that stops a video camera, from tick to tick, while `stopping`
         self.stopping = False
         self.stop_from = 0
         self.stop_until = 0
@@ -82,7 +82,7 @@ class RunOutputs:
         self.bloop_ms = 0
         self.bloop_bits = 0
         self.bloop_channel = 0
-        self.bloop_level = 0  # what the channel goes back to
+        self.bloop_level = 0  # level to which the channel returns
 
     # ---------------------------------------------------------------- signals
 
@@ -111,7 +111,7 @@ class RunOutputs:
         self.count += 1
 
     def hand_over(self):
-        """Hand the signals that are due soon to the kernel, as cues."""
+        """Pass the signals that are due soon to the kernel, as cues."""
         kernel = self.axes.kernel
         ticks = kernel.state[stepper.TICKS]
         while self.count:
@@ -136,7 +136,7 @@ class RunOutputs:
             self.count -= 1
 
     def drop_scheduled(self):
-        """Drop all signals not yet given, but for those that outlive a run: bloop, stop of a
+        """Drop all signals not yet given, except those that outlive a run: bloop, stop of a
         camera."""
         self.count = 0
         irq = self.axes.hal.irq_off()
@@ -144,9 +144,9 @@ class RunOutputs:
         self.axes.hal.irq_on(irq)
         ticks = self.axes.kernel.state[stepper.TICKS]
         if self.bloop == _BLOOP_ENDS:
-            self.bloop = _BLOOP_ON  # poll() hands it over again
+            self.bloop = _BLOOP_ON  # poll() schedules its end again
         if self.bloop and not reached(ticks, self.bloop_from):
-            self.bloop = _NO_BLOOP  # its run has not come to the first frame
+            self.bloop = _NO_BLOOP  # its run did not reach the first frame
         if self.stopping:
             if reached(self.stop_from, ticks + 1):
                 self.schedule(self.stop_from, _BOTH, _BOTH)
@@ -155,10 +155,10 @@ class RunOutputs:
     # ---------------------------------------------------------------- a run
 
     def begin(self, plan, first, step, starts, tick, closing):
-        """Begin a pass of `plan`: from index `first` in direction `step`.
+        """Begin a pass of `plan`, from index `first` in direction `step`.
 
-        starts: tick in which the motors start; tick: of the first frame; both of the pulses.
-        closing: no further pass follows.
+        starts: tick in which the motors start; tick: of the first frame. Both are those of the
+        pulses. closing: no further pass follows.
         """
         again = self.plan is plan
         self.plan = plan
@@ -175,7 +175,7 @@ class RunOutputs:
         if not again:
             self.starts = starts
             if plan.bloop_ms and (plan.bloop_bits or plan.bloop_channel):
-                self._end_bloop()  # of the run before
+                self._end_bloop()  # of the previous run
                 self.bloop = _BLOOP_WAITS
                 self.bloop_from = tick
                 self.bloop_ms = plan.bloop_ms
@@ -208,7 +208,7 @@ class RunOutputs:
             self._frame()
 
     def _frame(self):
-        """Schedule the signals of one frame: triggers at its beginning, the shutter within it."""
+        """Schedule one frame's signals: triggers at its beginning, the shutter within it."""
         plan = self.plan
         clock = self.cue_clock
         last = self.queued == plan.frames
@@ -238,7 +238,7 @@ class RunOutputs:
         self.queued += 1
         clock.advance()
         if last:
-            # the last frame lasts as long as any other
+            # the last frame lasts as long as the others
             tick = clock.tick + (clock.us + _ROUND_US) // 1000
             if self.outputs:
                 self.schedule(tick, mask, 0)
@@ -246,12 +246,12 @@ class RunOutputs:
                 self._lasts(tick)
 
     def _share(self, angle):
-        """Microseconds from a frame's beginning to an angle of it, 0 … 360."""
+        """Return the microseconds from a frame's beginning to an angle of it, 0 … 360."""
         frame_us = self.cue_clock.quotient
         return frame_us // 360 * angle + frame_us % 360 * angle // 360
 
     def _stop_camera(self, ticks):
-        """Schedule the pulse that stops a video camera: now, or 100 ms after its start pulse."""
+        """Schedule the pulse that stops a video camera, at least 100 ms after its start pulse."""
         tick = ticks + 1
         earliest = self.starts + 2 * VIDEO_PULSE_MS
         if not reached(tick, earliest):
@@ -263,12 +263,12 @@ class RunOutputs:
         self.schedule(self.stop_until, _BOTH, 0)
 
     def close(self):
-        """Make the pass under way the last."""
+        """Make the present pass the last."""
         if self.plan is not None:
             self.closing = True
 
     def finished(self):
-        """Whether all that goes with the pass has been given."""
+        """Return whether all signals of the pass have been given."""
         plan = self.plan
         ticks = self.axes.kernel.state[stepper.TICKS]
         if self.queued <= plan.frames or self.shown <= plan.frames:
@@ -276,7 +276,7 @@ class RunOutputs:
         return reached(ticks, self.until)
 
     def poll(self):
-        """In each pass of the main loop while `busy`: do what is due."""
+        """Do what is due. To be called in each pass of the main loop while `busy`."""
         if self.count:
             self.hand_over()
         ticks = self.axes.kernel.state[stepper.TICKS]
@@ -292,7 +292,7 @@ class RunOutputs:
         self.busy = levels or self.count > 0 or self.bloop != _NO_BLOOP or self.stopping
 
     def _levels(self, frames, ticks, clock):
-        """Set the levels of the frames that are due. Returns whether there were any."""
+        """Set the levels of the frames that are due. Return whether there were any."""
         changed = False
         while self.shown <= frames:
             if not reached(ticks, clock.tick + (clock.us + _ROUND_US) // 1000):
@@ -308,9 +308,9 @@ class RunOutputs:
         return changed
 
     def _bloop(self, since):
-        """Do what the bloop needs, `since` ticks after the run's first frame.
+        """Carry out the bloop, `since` ticks after the run's first frame.
 
-        Returns whether a light has been set.
+        Return whether a light has been set.
         """
         if since >= HALF:
             return False
@@ -329,13 +329,13 @@ class RunOutputs:
         return self._bloop_light(self.bloop_level)
 
     def _bloop_light(self, level):
-        """Set the bloop's light to a level. Returns whether it has one."""
+        """Set the bloop's light to a level. Return whether it has one."""
         channel = self.bloop_channel
         if not channel:
             return False
         now = self.lights.level(channel)
         if now != 255 and now != self.bloop_level:
-            # what the program has set it to meanwhile
+            # the program has set it in the meantime
             if level == self.bloop_level:
                 level = now
             self.bloop_level = now
@@ -348,7 +348,7 @@ class RunOutputs:
             self.schedule(self.axes.kernel.state[stepper.TICKS] + 1, self.bloop_bits, 0)
 
     def _drop_bloop(self):
-        """Drop a bloop; its light goes back. Returns whether the bloop had begun."""
+        """Drop a bloop and restore its light. Return whether the bloop had begun."""
         bloop = self.bloop
         self.bloop = _NO_BLOOP
         if bloop == _NO_BLOOP or bloop == _BLOOP_WAITS:
@@ -358,8 +358,8 @@ class RunOutputs:
         return True
 
     def abort(self):
-        """Outputs have gone to safe levels: drop all that is scheduled but a video camera's
-        stop."""
+        """Drop everything scheduled except a video camera's stop: outputs have gone to safe
+        levels."""
         self._drop_bloop()
         self.drop_scheduled()
 
@@ -374,7 +374,7 @@ class RunOutputs:
             self.gio.put(_outputs(words, 0), _outputs(words, 1))
 
     def end(self):
-        """End the run: nothing stays on but a bloop for its time; a video camera is stopped."""
+        """End the run: turn all off except a bloop for its time; stop a video camera."""
         plan = self.plan
         if plan is None:
             return
@@ -392,7 +392,7 @@ class RunOutputs:
         if mask:
             self.schedule(ticks + 1, mask, 0)
         if plan.video and reached(ticks, self.starts):
-            # The camera has been started. What is left of that pulse comes first.
+            # The camera was started. First finish the start pulse.
             if not reached(ticks, self.starts + VIDEO_PULSE_MS):
                 self.schedule(self.starts + VIDEO_PULSE_MS, _BOTH, 0)
             self._stop_camera(ticks)

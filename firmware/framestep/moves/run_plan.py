@@ -1,6 +1,6 @@
-"""A run before it begins: what a request asks for, whether motors can do it, where they wait.
+"""Preparing a run: the request, whether the motors can do it, and where they wait.
 
-The rest of it is in run.py. A pass begins with each motor's pre-roll, from rest to its velocity at
+The run itself is in run.py. A pass begins with each motor's pre-roll, from rest to its velocity at
 the first frame, and ends with its post-roll (field note 6.2).
 """
 
@@ -23,11 +23,11 @@ from framestep.motion.formula import formula
 from framestep.motors.backlash import BACKLASH
 from framestep.motors.motor import MAX_ACCELERATION
 from framestep.moves.frame_clock import MICROSECONDS
+from framestep.moves.on_frame import find_blocking_switch
 from framestep.moves.operation import Operation
 from framestep.moves.path import registers
 from framestep.moves.path.move_check import FASTEST_FPS
 from framestep.moves.path.registers import FRAME_TICKS, ROLL_TICKS, SPEEDS, X, Y
-from framestep.moves.standing import find_blocking_switch
 from framestep.moves.upload.store import READY as UPLOADED
 
 LONGEST_ROLL = const(600000)  # ms
@@ -42,8 +42,8 @@ _FRAME_TICKS = formula(
     FRAME_TICKS = FRAME_TICKS / THOUSAND
     """,
 )
-# The shortest ramp between rest and the velocity X, with the acceleration Y: 2 ms at least, since
-# the next phase must not begin in the tick in which the ramp does.
+# The shortest ramp between rest and the velocity X, with the acceleration Y. It takes at least 2
+# ms, since the next phase must not begin in the ramp's first tick.
 _SHORTEST_RAMP = formula(
     registers,
     """
@@ -54,9 +54,9 @@ _SHORTEST_RAMP = formula(
 
 
 class Plan:
-    """What a request asks for, and what has been found for it.
+    """A request, and what has been found for it.
 
-    There are two, so that a refusal changes nothing.
+    There are two plans, so that a refusal changes nothing.
     """
 
     def __init__(self, motors):
@@ -65,14 +65,14 @@ class Plan:
         self.step = 1  # 1 forward, -1 backward
         self.frames = 0  # frames after the first
         self.fps_milli = 0
-        self.pre_asked = 0  # ms, 0 for the shortest possible
+        self.pre_asked = 0  # ms, 0: the shortest possible
         self.post_asked = 0
         self.pre_ms = 0  # from the start to the first frame
         self.post_ms = 0  # from the end of the last frame to the end
-        self.pre_rolls = array("i", [0] * (2 * motors))  # reals, by motor: its ramp, in ticks
+        self.pre_rolls = array("i", [0] * (2 * motors))  # reals, for each motor: ticks of its ramp
         self.post_rolls = array("i", [0] * (2 * motors))
-        self.loops = False  # pass after pass from the start,
-        self.turns = False  # or there and back (ping-pong), until STOP_LOOP
+        self.loops = False  # each pass begins at the start again, or
+        self.turns = False  # runs the other way (ping-pong), until STOP_LOOP
         self.video = False  # a video camera runs during the pass,
         self.stills = False  # or the shutter opens at each frame
         self.open_angle = 0
@@ -81,18 +81,18 @@ class Plan:
         self.bloop_bits = 0
         self.bloop_channel = 0
         self.bloop_ms = 0
-        self.begins = array("i", [0] * motors)  # by motor: where it waits,
+        self.begins = array("i", [0] * motors)  # for each motor: where it waits,
         self.begin_directions = array(
             "i", [0] * motors
         )  # and the direction in which it sets out: 1 up, -1 down, 0 not at all
-        # where it comes to rest after a pass other than the last,
+        # where it comes to rest after any pass but the last,
         self.ends = array("i", [0] * motors)
-        # and the direction in which it sets out when played the other way
+        # and the direction in which it sets out from there to play backward
         self.end_directions = array("i", [0] * motors)
 
 
 class PreparedRun(Operation):
-    """The plan of a RunMove, and the registers and positions that follow from it."""
+    """The plan of a RunMove, and the registers and positions derived from it."""
 
     def __init__(self, operations):
         Operation.__init__(self, operations)
@@ -101,21 +101,21 @@ class PreparedRun(Operation):
         self.plan = Plan(operations.axes.count)
         self.draft = Plan(operations.axes.count)
         self.looping = False
-        self.first = 0  # of this pass: ping-pong turns
+        self.first = 0  # of this pass: ping-pong alternates
         self.step = 1
         self.begin_ms = 0
         self.end_ms = 0
-        # by motor, for the last pass: where it is at the end of the end frame, and where it comes
+        # for each motor, in the last pass: position at the end of the end frame, and where it comes
         # to rest
         self.lasts = array("i", [0] * operations.axes.count)
         self.rests = array("i", [0] * operations.axes.count)
 
     def prepare(self, fps_milli, start, end, pre_ms, post_ms, open_angle, close_angle):
-        """Check a run of scene frames start … end and send the motors to where it begins.
+        """Check a run of scene frames start … end, and move the motors to where it begins.
 
-        pre_ms, post_ms: 0 for the shortest that each motor can do. A code; only OK changes
-        anything. open_angle, close_angle: of the shutter, 0 … 360 degrees, for stills. The caller
-        has filled in the draft's loops, turns, video, stills, sync and bloop fields.
+        pre_ms, post_ms: 0 for the shortest that each motor can do. open_angle, close_angle: of the
+        shutter, 0 … 360 degrees, for stills. The caller has filled in the draft's loops, turns,
+        video, stills, sync and bloop fields. Return a code; nothing changes unless it is OK.
         """
         store = self.store
         player = self.player
@@ -135,7 +135,7 @@ class PreparedRun(Operation):
         plan.step = -1 if end < start else 1
         plan.frames = (end - start) * plan.step
         plan.fps_milli = fps_milli
-        if open_angle >= close_angle:  # field note 6.9: as if there were none
+        if open_angle >= close_angle:  # field note 6.9: as if the request had none
             open_angle = DEFAULT_OPEN
             close_angle = DEFAULT_CLOSE
         plan.open_angle = open_angle
@@ -158,7 +158,7 @@ class PreparedRun(Operation):
         return OK
 
     def _settle(self, plan):
-        """Check what a plan asks for and find where the motors begin and end. Returns a code."""
+        """Check a plan, and find where the motors begin and end. Return a code."""
         player = self.player
         fps_milli = plan.fps_milli
         player.set_frame_rate(fps_milli)
@@ -178,7 +178,7 @@ class PreparedRun(Operation):
         return code
 
     def _restore(self):
-        """The draft has been refused: set the registers for the plan again."""
+        """After a refusal of the draft, set the registers for the plan again."""
         if self.plan.fps_milli:
             self.player.set_frame_rate(self.plan.fps_milli)
             self.set_durations(self.plan.fps_milli)
@@ -233,7 +233,7 @@ class PreparedRun(Operation):
         )
 
     def _find_directions(self, plan, directions, index, step):
-        """directions[motor] = the direction in which it sets out, played from `index` in direction
+        """directions[motor] = the direction in which it sets out from the frame `index` in steps of
         `step`."""
         player = self.player
         r = player.numbers
@@ -289,8 +289,8 @@ class PreparedRun(Operation):
     def find_end(self, motor, index):
         """Find where a motor is at the end of the last frame, `index`, and where it comes to rest.
 
-        It keeps the velocity in SPEEDS through the frame's period and then takes ROLL_TICKS to
-        stop. False where that is past a limit or steeper than the motor can.
+        It keeps the velocity in SPEEDS for the frame's period, and then stops within ROLL_TICKS.
+        Return False if that exceeds a limit or the motor's acceleration.
         """
         player = self.player
         r = player.numbers
@@ -309,10 +309,10 @@ class PreparedRun(Operation):
         compute(0, 0, r, _FRAME_TICKS)
 
     def _roll_times(self, plan, index, ms, rolls):
-        """rolls = ticks for which each motor ramps between rest and its velocity at frame `index`.
+        """rolls = ticks of each motor's ramp between rest and its velocity at the frame `index`.
 
-        ms: for all motors; 0: as long as each needs with its acceleration (field note 6.2),
-        two at least. Returns the longest in whole ms.
+        ms: for all motors. 0: as many as each motor needs with its acceleration (field note 6.2),
+        at least two. Return the longest in whole ms.
         """
         player = self.player
         r = player.numbers

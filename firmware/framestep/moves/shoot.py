@@ -1,8 +1,8 @@
 """MSG_RT_SHOOT_FRAME and MSG_RT_SHOOT_FRAME2: go-motion, one frame exposed while the motors move.
 
-SHOOT_FRAME (field note 7.1): the window is the middle part, BLUR, of the way from POS A to POS B,
-and the shutter is open all through it. The motors wait a run-up before the window, cross it at
-constant speed, and come to rest a run-out behind it:
+SHOOT_FRAME (field note 7.1): the window is the middle part, BLUR, of the path from POS A to POS B,
+and the shutter is open throughout it. The motors wait a run-up before the window, cross it at
+constant velocity, and come to rest a run-out behind it:
 
     GO   run-up (1 s)                window                        run-out (1 s)
     rest ........ accelerating a ================= b decelerating ........ rest
@@ -10,13 +10,13 @@ constant speed, and come to rest a run-out behind it:
 
 SHOOT_FRAME2 (field note 7.3): the motors wait on A, start at GO and come to rest on B, 360 degrees
 later. The first and the last eighth are the ramps. The shutter opens and closes at given angles; if
-it opens before angle 0, the motors start that much later.
+it opens before angle 0, the motors start later by as much.
 
     0 deg   45                                     315      360
     A accelerating a ============================= b decelerating B
                 ^ OPEN, for example           ^ CLOSE
 
-Both are the same list of phases: wait, ramp, window, ramp.
+Both consist of the same phases: wait, ramp, window, ramp.
 """
 
 from array import array
@@ -37,12 +37,12 @@ from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.motors.motor import MAX_VELOCITY
+from framestep.moves.on_frame import find_blocking_switch
 from framestep.moves.operation import Operation
 from framestep.moves.path import path, registers
 from framestep.moves.path.move_check import HALF
 from framestep.moves.path.registers import OPENING, RAMP, SPEEDS, WAIT, WINDOW, ZERO, T, X, Y
 from framestep.moves.run_outputs import METER, SHUTTER
-from framestep.moves.standing import find_blocking_switch
 from framestep.moves.upload.store import READY as UPLOADED
 from framestep.pulse import stepper
 from framestep.pulse.engine import CUE_DELAY_US
@@ -50,7 +50,7 @@ from framestep.pulse.engine import CUE_DELAY_US
 RUN_UP_MS = const(1000)  # field note 7.1: fixed, so that Dragonframe can time its shutter
 LONGEST_MS = const(3600000)
 DEFAULT_MS = const(1000)  # for EXPOSURE 0 (field note 7.3)
-_FARTHEST = const(0x3FFFFFFF)  # steps from A to B: less
+_FARTHEST = const(0x3FFFFFFF)  # A and B are less than this many steps apart
 
 # An exposure of X ticks from angle T to angle T + Y.
 _FULL_TURN = formula(
@@ -61,7 +61,7 @@ _FULL_TURN = formula(
     OPENING = degree * T
     """,
 )
-# The shutter opens X ticks after GO, and what begins then comes Y microseconds later than pulses.
+# The shutter opens X ticks after GO. Cues come Y microseconds later than pulses of the same tick.
 _WAIT = formula(registers, "WAIT = X - OPENING - RAMP + Y / THOUSAND")
 # The ramps are the first and the last eighth of the 360 degrees, which end X ticks after GO.
 _RAMPS_WITHIN = formula(
@@ -72,13 +72,12 @@ _RAMPS_WITHIN = formula(
     WINDOW = WINDOW - RAMP - RAMP
     """,
 )
-# From A to B are X steps. With BLUR, of which Y thousandths are left out, the window begins so much
-# later and ends so much earlier; half a step more, to be rounded down.
+# From A to B are X steps. BLUR leaves out Y thousandths of them, half at either end. Half a step is
+# added so that floor() rounds.
 _LEFT_OUT = formula(registers, "X = X * Y / 2000 + 0.5")
-# The length of a ramp: half of what the window covers in that time.
+# The length of a ramp: half of the distance that the window covers in the same time.
 _RAMP_LENGTH = formula(registers, "X = X / (WINDOW + RAMP) * RAMP / 2 + 0.5")
-# X steps in the window are more than the top velocity Y allows, but for rounding; X becomes the
-# velocity.
+# X steps in the window exceed the top velocity Y, apart from rounding. X becomes the velocity.
 _TOO_FAST = formula(
     registers,
     """
@@ -90,22 +89,22 @@ _STEPS_PER_SECOND = formula(registers, "X = X * THOUSAND")
 
 
 class Shot:
-    """What a request asks for, and what has been found for it.
+    """A request, and what has been found for it.
 
-    There are two, so that a refusal changes nothing.
+    There are two shots, so that a refusal changes nothing.
     """
 
     def __init__(self, motors):
         self.bits = 0
         self.index = 0  # of the frame, from the upload's first
         self.exposure_ms = 0
-        self.blurs = True  # it is a SHOOT_FRAME, for which the blur flag counts
-        self.begin_ms = 0  # from GO to the shutter's opening
-        self.lasts_ms = 0  # from GO until all is over: RT_END
+        self.blurs = True  # it is a SHOOT_FRAME, to which the blur flag applies
+        self.begin_ms = 0  # from GO until the shutter opens
+        self.lasts_ms = 0  # from GO to RT_END
         self.wait = array("i", [0] * 2)  # real: ticks from GO to the first ramp
         self.ramp = array("i", [0] * 2)  # real: ticks of a ramp
-        self.window = array("i", [0] * 2)  # real: ticks of constant speed, from a to b
-        self.starts = array("i", [0] * motors)  # by motor: where it waits,
+        self.window = array("i", [0] * 2)  # real: ticks of constant velocity, from a to b
+        self.starts = array("i", [0] * motors)  # for each motor: where it waits,
         # and the direction in which it sets out: 1 up, -1 down, 0 not at all
         self.directions = array("i", [0] * motors)
         self.a = array("i", [0] * motors)
@@ -114,7 +113,7 @@ class Shot:
 
 
 class ShootFrame(Operation):
-    """The operation; see operation.Operation."""
+    """A SHOOT_FRAME or SHOOT_FRAME2; see operation.Operation."""
 
     def __init__(self, operations, run_outputs):
         Operation.__init__(self, operations)
@@ -130,12 +129,12 @@ class ShootFrame(Operation):
     # ---------------------------------------------------------------- the request
 
     def prepare_blur(self, frame, backward, exposure_ms, permille, listed):
-        """SHOOT_FRAME: check it, and send the motors to where it begins.
+        """Check a SHOOT_FRAME, and move the motors to where it begins.
 
-        frame: scene number. exposure_ms: 0 for DEFAULT_MS. permille: BLUR, 0 … 1000; 0 stands for
-        1000. listed: bits of the motors whose POS A and POS B are in the draft's `a` and `b`, the
-        other way round if `backward`; -1 for a list with a motor that there is not. A code; nothing
-        has changed unless it is OK.
+        frame: scene number. exposure_ms: 0 for DEFAULT_MS. permille: BLUR, 0 … 1000; 0 means 1000.
+        listed: bits of the motors whose POS A and POS B are in the draft's `a` and `b`, swapped if
+        `backward`; -1 if a listed motor does not exist. Return a code; nothing changes unless it is
+        OK.
         """
         if permille > 1000:
             return ERR_RANGE
@@ -144,7 +143,7 @@ class ShootFrame(Operation):
         )
 
     def prepare_angles(self, frame, exposure_ms, opened, closed, listed):
-        """SHOOT_FRAME2: as prepare_blur(). opened, closed: degrees, signed."""
+        """Check a SHOOT_FRAME2; like prepare_blur(). opened, closed: degrees, signed."""
         if closed <= opened:
             return ERR_RANGE
         return self._prepare(
@@ -153,7 +152,7 @@ class ShootFrame(Operation):
 
     def _prepare(self, frame, backward, exposure_ms, permille, opened, closed, listed, may, always):
         """permille: 0 for SHOOT_FRAME2. may: bits of the motors that move if they are listed.
-        always: of those that move along the path even if a list leaves them out."""
+        always: bits of the motors that move along the path even if a list leaves them out."""
         store = self.store
         player = self.player
         if store.state != UPLOADED:
@@ -173,7 +172,7 @@ class ShootFrame(Operation):
         shot.exposure_ms = exposure_ms
         shot.blurs = permille > 0
         shot.bits = listed & may & ~player.excluded
-        # With no list at all, SHOOT_FRAME as well takes the motors that blur from the path.
+        # Without a list, SHOOT_FRAME also takes the motors that blur from the path.
         from_path = (always if listed else self.blurred) & ~listed & player.motors()
         for motor in range(player.count):
             if (from_path >> motor) & 1 and not self._from_path(
@@ -196,9 +195,9 @@ class ShootFrame(Operation):
         return OK
 
     def _from_path(self, motor, index, backward, shot):
-        """A and B from the path, half a frame before and after (field note 7.2).
+        """Find A and B on the path, half a frame before and after (field note 7.2).
 
-        False where that is too far.
+        Return False if that is too far.
         """
         store = self.store
         player = self.player
@@ -207,7 +206,7 @@ class ShootFrame(Operation):
         following = player.slope(motor, min(index + 1, last), 1)
         here = player.slope(motor, index, 1)
         window = player.window
-        # beyond the ends of the upload the path goes straight on
+        # beyond the ends of the upload the path is a straight line
         if index > 0 and not path.near(window, 1) or index < last and not path.near(window, 3):
             return False
         early = path.midway(window, 1, before, here) if index > 0 else -here // 24
@@ -217,10 +216,11 @@ class ShootFrame(Operation):
         ) and reals.add_within(shot.a if backward else shot.b, motor, window, 2, late)
 
     def _times(self, shot, opened, closed, run_up_ms):
-        """Find how long the phases last; a code. run_up_ms: 0 for ramps within the 360 degrees.
+        """Find the durations of the phases; return a code. run_up_ms: 0 for ramps within the 360
+        degrees.
 
-        The shutter opens in a whole tick, and the motion is timed to suit. It is a little later
-        than that tick's pulses, by as much as cues come later than pulses.
+        The shutter opens in a whole tick, and the motion is timed to suit it. It opens a little
+        later than that tick's pulses come, because cues come later than pulses.
         """
         r = self.player.numbers
         reals.put(r, X, shot.exposure_ms, 0)
@@ -252,7 +252,7 @@ class ShootFrame(Operation):
     def _find_positions(self, shot, permille):
         """Find the ends of the window, and where the motors wait and come to rest.
 
-        Returns a code.
+        Return a code.
         """
         player = self.player
         r = player.numbers
@@ -290,7 +290,8 @@ class ShootFrame(Operation):
         return OK
 
     def _check_ramps(self, shot, motor):
-        """OK if a motor's ramps are not too steep, and their ends within its limits; a code."""
+        """Check a motor's ramps: their steepness, and their ends against its limits. Return a
+        code."""
         player = self.player
         axis = player.axes[motor]
         if player.too_steep(motor, SPEEDS + 2 * motor, RAMP):
@@ -306,7 +307,7 @@ class ShootFrame(Operation):
         return self.player.blame_roll(what, motor, shot.index, code, SPEEDS + 2 * motor, RAMP)
 
     def _too_fast(self, shot, motor):
-        """Find a motor's velocity in the window. Whether it is above its top velocity."""
+        """Find a motor's velocity in the window. Return whether it exceeds its top velocity."""
         player = self.player
         r = player.numbers
         reals.put_difference(r, X, shot.b, motor, shot.a, motor)
@@ -316,7 +317,7 @@ class ShootFrame(Operation):
         return too_fast
 
     def _blame_velocity(self, shot, motor):
-        """Keep by how much a motor is too fast, by the X of _too_fast(); the code."""
+        """Note the excess velocity of a motor, from the X of _too_fast(). Return the code."""
         player = self.player
         player.blame(EXCEEDED_VELOCITY, motor, shot.index, ERR_RANGE)
         compute(0, 0, player.numbers, _STEPS_PER_SECOND)

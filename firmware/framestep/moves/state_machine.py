@@ -1,4 +1,4 @@
-"""The state machine that every real-time operation goes through, whatever it plays.
+"""State machine of all real-time operations.
 
                  prepare()              all there        start()        queues filled
     IDLE --------------------> POSITIONING -------> READY ----> STARTING ----> RUNNING
@@ -9,40 +9,40 @@
      +------------------------------+---^                                           |
                                     +-------- another pass (a loop) ----------------+
 
-An operation (operation.py; run.py, shoot.py and jog.py are the kinds) says where the motors begin
-and in which direction each sets out, queues phases and cues, and says whether another pass follows.
-JOG_ALL has no GO and no RT_END: it begins as a further pass does.
+An operation (operation.py; its kinds are run.py, shoot.py and jog.py) defines where the motors
+begin and in which direction each sets out, queues phases and cues, and decides whether another pass
+follows. JOG_ALL has no GO and no RT_END: it begins like a further pass.
 
 When POSITIONING ends, each motor's backlash has been taken up for the direction in which it sets
-out (Axis.move_to), by a motion within the motor's limits. So no operation begins with a jump of a
-motor.
+out (Axis.move_to), by a motion within the motor's limits. So no operation begins with a sudden jump
+of a motor.
 
-All of it is one file because each state has to know what the others leave behind.
+All this is in one file because each state depends on what the others leave behind.
 
-What takes long for eight motors is done for one motor in each pass of the main loop, so that
+Work that takes long for eight motors is done for one motor in each pass of the main loop, so that
 requests are answered in between. The plan of STARTING is already made in READY, while all motors
-stand, so that GO only has to release them. Between two passes it is hidden
-(`stepper.hide_planned`): the motors count as at rest. A request that might invalidate the early
-plan discards it as a whole (discard_early_plan()), and it is made again once nothing moves.
+are at rest, so that GO only has to release them. Between two passes this early plan is hidden
+(`stepper.hide_planned`), so the motors count as at rest. A request that might invalidate it
+discards it as a whole (discard_early_plan()), and it is made again once nothing moves.
 """
 
 from framestep.base.clock import after, elapsed
 from framestep.base.native import const, micropython
 from framestep.base.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, OK
-from framestep.moves.operation import Operation
-from framestep.moves.path.player import UploadPlayer
-from framestep.moves.standing import (
+from framestep.moves.on_frame import (
+    all_at,
+    all_on_frame,
     find_positions,
     find_switch_ahead,
-    stand_at,
-    stand_on_frame,
 )
+from framestep.moves.operation import Operation
+from framestep.moves.path.player import UploadPlayer
 from framestep.moves.upload.store import READY as UPLOADED
 from framestep.pulse import stepper
 
 # States
 IDLE = const(0)
-# as IDLE, but motors have yet to set out for where they go next: see return_to_frame()
+# like IDLE, but motors have yet to set out for the end frame: see return_to_frame()
 LEAVING = const(1)
 POSITIONING = const(2)
 READY = const(3)
@@ -50,11 +50,11 @@ RUNNING = const(4)
 ENDING = const(5)  # ramping down
 STARTING = const(6)  # the first phases are planned, one motor after the other
 
-# How far the early plan is, in READY
-_NOT_YET = const(0)  # to be begun once nothing moves
+# State of the early plan, in READY
+_NOT_YET = const(0)  # it is to be made once nothing moves
 _BEGUN = const(1)
 _DONE = const(2)
-_IDLE = const(3)  # not to be begun: the motors are not where the operation begins
+_IDLE = const(3)  # it is not made: the motors are not where the operation begins
 
 # ticks after the last change of a setting before a prepared operation is checked again
 _QUIET = const(100)
@@ -79,37 +79,37 @@ class OperationRunner:
         self.store = store
         self.safety = safety
         self.player = UploadPlayer(axes, store)
-        self.exceeded = self.player.exceeded  # what the last move asked too much of
+        self.exceeded = self.player.exceeded  # the limit that the last move exceeded
         self.state = IDLE
         self.operation = Operation(self)
-        self.start_positions = None  # by motor: where the operation begins
-        # by motor: the direction in which it sets out, 1 up, -1 down, 0 unknown or not at all
+        self.start_positions = None  # for each motor: where the operation begins
+        # for each motor: direction in which it sets out, 1 up, -1 down, 0 unknown or not at all
         self.directions = None
-        self.waiting = 0  # bits of motors still to be sent there, or to get their first phases
+        self.waiting = 0  # bits of motors that have yet to be sent there, or to get first phases
         self.early_plan = _NOT_YET
-        self.hidden = 0  # bits of motors with more to come than the early plan has queued
-        # a setting has changed that the operation has to keep: see settings_changed()
+        self.hidden = 0  # bits of motors for which more is to be queued than the early plan has
+        # a setting that concerns the operation has changed: see settings_changed()
         self.changed = False
-        self.changed_at = 0  # when, in ticks
+        self.changed_at = 0  # tick of that
         self.move_time = 0  # MOVE TIME while no operation runs, thousandths of a scene frame
-        # index of the frame whose positions are reported, -1: those of the pins
+        # index of the frame whose positions are reported, -1: report those of the pins
         self.reported_frame = -1
         self.sent = 0  # bits of motors sent to a frame,
-        self.sent_frame = 0  # and which
+        self.sent_frame = 0  # and that frame
         self.rt_end_due = False
         self.starts_by_itself = False  # the next pass starts without a GO
-        self.host_gone = False  # the host that asked for the operation
+        self.host_gone = False  # the host that requested the operation
 
-    # ---------------------------------------------------------------- what the controller asks
+    # ---------------------------------------------------------------- for the controller
 
     @property
     def busy(self):
-        """Whether an operation is being prepared, waits or runs."""
+        """Whether an operation is prepared, waits or runs."""
         return self.state != IDLE
 
     @property
     def running(self):
-        """Whether an operation has begun and not yet ended."""
+        """Whether an operation has begun and has not ended."""
         return self.state >= RUNNING or self.starts_by_itself
 
     @property
@@ -125,18 +125,18 @@ class OperationRunner:
 
     @property
     def playing(self):
-        """Bits of the motors that follow phases, or stop from them; not on the way to the start."""
+        """Bits of the motors that follow phases, or stop from them, but not on their way there."""
         return self.operation.bits if self.state >= RUNNING else 0
 
     def takes(self, motor):
-        """Whether the motor takes part in the operation."""
+        """Return whether the motor belongs to the operation."""
         return (self.operation.bits >> motor) & 1
 
     def send_to_frame(self, frame, positions, among=-1):
-        """Send motors, of the bits `among`, to a scene frame (spec: MSG_RT_POSITION_FRAME). A code.
+        """Move motors, of the bits `among`, to a scene frame (spec: MSG_RT_POSITION_FRAME).
 
-        positions: scratch, an array('i') with a word for each motor. Nothing moves unless the code
-        is OK.
+        positions: scratch, an array('i') with a word for each motor. Return a code; nothing moves
+        unless it is OK.
         """
         code = self._note_target(frame, positions, among)
         if code == OK:
@@ -146,7 +146,7 @@ class OperationRunner:
         return code
 
     def return_to_frame(self, frame, positions, among):
-        """After the end of an operation: as send_to_frame(), but one motor in each pass.
+        """Move motors to a frame after an operation: like send_to_frame(), but one in each pass.
 
         The next request that concerns motors sends the rest at once: send_waiting().
         """
@@ -157,13 +157,13 @@ class OperationRunner:
             self.state = LEAVING
 
     def send_waiting(self):
-        """In LEAVING: send the motors that still wait, now."""
+        """In LEAVING: send the motors that still wait at once."""
         while self.waiting:
             self._next_motor()
         self.state = IDLE
 
     def _note_target(self, frame, positions, among):
-        """Note that motors go to a frame; as send_to_frame()."""
+        """Note to which frame the motors go; like send_to_frame()."""
         code = find_positions(self.player, self.safety, frame, among, positions)
         if code == OK:
             self.sent = self.player.motors() & among
@@ -171,18 +171,18 @@ class OperationRunner:
         return code
 
     def _note_arrival(self):
-        """If the motors sent to a frame have come to rest there, that frame is MOVE TIME."""
+        """Set MOVE TIME to the frame if the motors sent there have come to rest on it."""
         bits = self.sent
         if bits and not self.waiting and self.axes.moving_bits() & bits == 0:
             self.sent = 0
             store = self.store
             if store.state != UPLOADED or not store.start <= self.sent_frame <= store.end:
                 return
-            if stand_on_frame(self.player, bits, self.sent_frame - store.start):
+            if all_on_frame(self.player, bits, self.sent_frame - store.start):
                 self.move_time = self.sent_frame * 1000
 
     def sample_move_time(self, frame):
-        """MOVE TIME to report, with the positions in `axes.reported`.
+        """Return MOVE TIME to report together with the positions in `axes.reported`.
 
         frame: report the frame reached last.
         """
@@ -199,10 +199,10 @@ class OperationRunner:
         return self.move_time
 
     def prepare(self, operation, begins, directions, frame):
-        """Prepare an operation: send its motors to where it begins.
+        """Prepare an operation: move its motors to where it begins.
 
-        frame: scene frame to report as MOVE TIME. begins: positions by motor. directions: those
-        in which each sets out, 1 up, -1 down, 0 unknown or not at all.
+        frame: scene frame to report as MOVE TIME. begins: positions by motor. directions: in which
+        each motor sets out, 1 up, -1 down, 0 unknown or not at all.
         """
         self.operation = operation
         self.start_positions = begins
@@ -217,27 +217,30 @@ class OperationRunner:
         self.rt_end_due = False
 
     def may_go(self, virtual=0):
-        """OK if an operation waits and all motors stand where it begins; else the code that says
-        why not. virtual: bits of motors in a virtual motion, which are about to leave."""
+        """Return OK if an operation waits and all motors are where it begins; else the reason.
+
+        virtual: bits of motors in a virtual motion, which are about to leave.
+        """
         state = self.state
         if state != READY:
             if state == POSITIONING and not self.starts_by_itself:
                 return ERR_NOT_IN_POSITION
             return ERR_MOVING if self.running else ERR_GENERAL
         if self.operation.bits & self.player.excluded:
-            return ERR_GENERAL  # a motor has been disabled or put under live control meanwhile
+            return ERR_GENERAL  # a motor has since been disabled or put under live control
         code = self._recheck(True)
         if code == OK:
             code = find_switch_ahead(self.player, self.safety, self.operation)
         bits = self.operation.bits
         if code == OK and (
-            bits & virtual or not stand_at(self.axes, bits, self.start_positions, self.directions)
+            bits & virtual or not all_at(self.axes, bits, self.start_positions, self.directions)
         ):
             code = ERR_NOT_IN_POSITION
         return code
 
     def settings_changed(self):
-        """A speed, a limit, a motor's flags or its position has been set (field note 6.12).
+        """Note that a speed, a limit, a motor's flags or its position has been set (field note
+        6.12).
 
         A prepared operation is checked again before it begins, a loop before its next pass.
         """
@@ -254,7 +257,7 @@ class OperationRunner:
         return code
 
     def start(self):
-        """Start the operation that waits, after may_go() has answered OK."""
+        """Start the waiting operation, after may_go() has returned OK."""
         self.starts_by_itself = False
         if self.state == READY and (self.early_plan == _BEGUN or self.early_plan == _DONE):
             stepper.restore_planned(self.axes.kernel.state, self.hidden)
@@ -265,7 +268,7 @@ class OperationRunner:
     def approach(self, operation, begins, directions):
         """Start an operation without a GO as soon as its motors are where it begins.
 
-        Parameters as for prepare().
+        The parameters are those of prepare().
         """
         self.operation = operation
         self.start_positions = begins
@@ -296,18 +299,18 @@ class OperationRunner:
         return self.state == RUNNING and self.operation.stopping_on_frame()
 
     def stop(self, factor=1, land=False, everything=False, smooth=False, spared=0):
-        """Stop the operation's motors by ramps; RT_END follows once all stand.
+        """Stop the operation's motors by ramps; RT_END follows once all are at rest.
 
         factor: of the deceleration. land: an operation that can do so may come to rest on a frame
-        instead; returns the bits of the motors that do, which nobody else must stop then, otherwise
-        0. everything: by a STOP_ALL. smooth, or land: motors on their way to the start keep their
-        jerk limits. (In a run they do not: the path has none, and it may end at a soft limit.)
-        spared: bits of motors that a virtual motion has taken while the operation waited; that
-        stops them.
+        instead. Return the bits of the motors that do, which nobody else must stop then, or 0.
+        everything: for a STOP_ALL. smooth, or land: motors on their way to the start keep their
+        jerk limits. (In a run they do not: the path has no jerk limit, and it may end at a soft
+        limit.) spared: bits of motors that a virtual motion took while the operation waited, and
+        that it will stop.
         """
         if self.state == LEAVING:
             self.waiting = 0
-            self.state = IDLE  # the motors that have set out are stopped as any others
+            self.state = IDLE  # the motors that have set out are stopped like any others
         if self.state == IDLE:
             return 0
         self.operation.bits &= ~spared
@@ -325,22 +328,22 @@ class OperationRunner:
         return 0
 
     def host_lost(self, smooth, spared):
-        """The host has gone: as stop(), but without RT_END, of which the next host knows
-        nothing."""
+        """Stop after the host has gone: like stop(), but without RT_END, which would mean nothing
+        to the next host."""
         self.stop(1, False, False, smooth, spared)
         self.drop_prepared()
         self.host_gone = True
         self.rt_end_due = False
 
     def discard_early_plan(self):
-        """In READY: discard the early plan, which may no longer hold."""
+        """In READY: discard the early plan, as it may no longer be right."""
         if self.early_plan == _BEGUN or self.early_plan == _DONE:
             self.axes.discard(self.operation.bits)
             self.waiting = self.hidden = 0
         self.early_plan = _NOT_YET
 
     def drop_prepared(self):
-        """Drop an operation that has been prepared but has not begun."""
+        """Drop an operation that is prepared but has not begun."""
         if self.state == READY:
             self.discard_early_plan()
         if self.state == READY or self.state == POSITIONING:
@@ -348,13 +351,13 @@ class OperationRunner:
             self.starts_by_itself = False
 
     def reached(self):
-        """In each pass with an alarm: whether a frame to be reported has been reached."""
+        """Return whether a frame to be reported has been reached; in each pass with an alarm."""
         return self.operation.frame_reached(self.axes.kernel.state[stepper.TICKS])
 
     def poll(self):
-        """Every few milliseconds: plan ahead, and go on to the next state.
+        """Plan ahead, and go on to the next state. To be called every few milliseconds.
 
-        Returns whether it has planned, so that there may be more to plan at once.
+        Return whether it has planned, so that there may be more to plan at once.
         """
         state = self.state
         if state == IDLE:
@@ -393,7 +396,7 @@ class OperationRunner:
                     self.start()
                     return True
                 if self._recheck(False) == OK:
-                    # which may be elsewhere now
+                    # the beginning may be elsewhere now
                     self.approach(self.operation, self.start_positions, self.directions)
                     return True
             self._close()
@@ -403,14 +406,14 @@ class OperationRunner:
             return True
         return False
 
-    # ---------------------------------------------------------------- within
+    # ---------------------------------------------------------------- internal
 
     def moving(self):
-        """Whether a motor of the operation moves."""
+        """Return whether a motor of the operation moves."""
         return self.axes.moving_bits() & self.operation.bits != 0
 
     def _plan_early(self):
-        """In READY: do a piece of the planning of STARTING. Returns whether there may be more."""
+        """In READY: do a piece of the planning of STARTING. Return whether there may be more."""
         axes = self.axes
         if self.early_plan == _NOT_YET:
             if axes.moving:
@@ -435,7 +438,7 @@ class OperationRunner:
         return self.early_plan == _BEGUN
 
     def _next_motor(self):
-        """Send the next of the motors that wait, or plan its first phases."""
+        """Send the next waiting motor, or plan its first phases."""
         motor = 0
         while not (self.waiting >> motor) & 1:
             motor += 1
@@ -457,7 +460,7 @@ class OperationRunner:
         )
 
     def _close(self):
-        """The operation has come to its own end."""
+        """End an operation that has run to its end."""
         self.operation.ended()
         self._end()
         self.operation.leave_end()

@@ -1,6 +1,6 @@
-"""Whether motors can follow an uploaded move, and what it asks too much of (field note 5.5).
+"""Whether motors can follow an uploaded move, and which limit it exceeds (field note 5.5).
 
-Registers of real numbers live in `numbers` (registers.py). Nothing allocates after construction.
+Registers of real numbers are in `numbers` (registers.py). Nothing allocates after construction.
 """
 
 from array import array
@@ -18,23 +18,23 @@ from framestep.pulse import stepper
 
 FASTEST_FPS = const(200000)  # thousandths of a frame per second: a frame of 5 ms
 HALF = const(0x20000000)
-# steps/s²: a corner's cubics take up to six times that, the most that the kernel's numbers hold
+# steps/s²: a corner's cubics take up to six times this, the most that the kernel's numbers hold
 HARDEST = const(2500000)
 
-# bit of Stops.unreported, above its FAULT_ bits: to be reported on the REPL
+# bit of Stops.unreported above its FAULT_ bits: an exceeded limit to be reported on the REPL
 UNREPORTED = const(0x200)
 BATCH = const(32)  # frames checked in one call
 _FARTHEST = const(1 << 23)  # steps from frame to frame that bends() can work with
-# from this rate on limits are so small that they are counted in 256ths of a step
+# from this rate on, limits are so small that they are counted in 256ths of a step
 _FINE = const(3000)
-# times that a motor lowers the rate by just what it needs; after that by a 32nd at least
+# times that a motor may lower the rate by just what it needs; after that by at least a 32nd
 _EXACT = const(16)
 
 # 1 / (12 · ticks of a frame), from thousandths of a frame per second
 _SCALE = formula(registers, "SCALE = SCALE / 12000 / THOUSAND")
 
-# What a motor can do from frame to frame. The kernel's sum of a frame's changes goes a tick further
-# than the frame: by 2 / (its ticks).
+# Limits of a motor from frame to frame. The kernel's sum of a frame's changes goes a tick beyond
+# the frame: by 2 / (its ticks).
 _FROM_FRAME_TO_FRAME = formula(
     registers,
     """
@@ -56,10 +56,10 @@ _BENDS_ALLOWED = formula(
     """,
 )
 
-# Rates, in thousandths of a frame per second, at which a motor can follow what bends() has found.
+# Rates, in thousandths of a frame per second, at which a motor can follow what bends() has found
 _RATE_FOR_VELOCITY = formula(registers, "X = TOP_VELOCITY / STEPS * THOUSAND")
-# acceleration = BENT · rate² + GATHERED · RAMP_RATE, or half of rate² for the ramp where that is
-# less
+# acceleration = BENT · rate² + GATHERED · ramp, where ramp is RAMP_RATE or half of rate², whichever
+# is less
 _HALF_FOR_RAMP = formula(
     registers,
     """
@@ -71,7 +71,7 @@ _HALF_FOR_RAMP = formula(
 )
 _REST_FOR_BEND = formula(registers, "FPS_SQUARED = max(FPS_SQUARED, TOP_ACCELERATION / BENT)")
 _RATE_FOR_ACCELERATION = formula(registers, "X = sqrt(FPS_SQUARED) * THOUSAND")
-# less the size of X, to be rounded down; but an error of rounding does not count
+# Negate the size of X, so that floor() rounds it up, but not because of a rounding error.
 _ROUNDED_UP = formula(
     registers,
     """
@@ -82,34 +82,34 @@ _ROUNDED_UP = formula(
 
 
 class MoveCheck:
-    """Checks the path through the uploaded frames against what the motors are set to.
+    """Check of the path through the uploaded frames against the motors' settings.
 
-    `numbers`, `window`, `values` and `position` are scratch for all that run the move.
+    `numbers`, `window`, `values` and `position` are scratch for everything that plays the move.
     """
 
     def __init__(self, axes, store):
         self.axes = axes
         self.store = store
         self.count = axes.count
-        self.excluded = 0  # bits of motors that take no part: disabled, under live control
+        self.excluded = 0  # bits of motors left out: disabled, under live control
         self.numbers = array("i", [0] * registers.REGISTERS)
-        self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is that of a run, but for short
+        self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is a run's most of the time
         self.window[path.MOST] = path.MONOTONE
-        self.view = self.window  # of a run, and what makes its velocities: others where it
-        self.curve = path.velocity  # is smoothed
+        self.view = self.window  # window of a run, and the function for its velocities;
+        self.curve = path.velocity  # replaced if runs are smoothed
         self.words = array("i", [0] * path_check.CHECK_WORDS)
-        # at which the motors can follow the move checked last, thousandths of a frame per second
+        # rate at which the motors can follow the last move checked, thousandths of a frame/s
         self.rate = 0
         self.values = array("i", [0] * BATCH)
         self.position = array("i", [0])
         self.strict = False  # setting `strict_moves`
-        # what the last move checked asked too much of
+        # the limit that the last move checked exceeds
         self.exceeded = array("i", [0] * results.EXCEEDED_WORDS)
         reals.put(self.numbers, registers.THOUSAND, 1000, 0)
         reals.put(self.numbers, registers.ZERO, 0, 0)
 
     def motors(self):
-        """Bits of the motors that take part in this upload (field notes 3.1 and 5.4)."""
+        """Return the bits of the motors that this upload moves (field notes 3.1 and 5.4)."""
         bits = 0
         for motor in range(self.count):
             if self.store.has(motor) and not (self.excluded >> motor) & 1:
@@ -123,11 +123,11 @@ class MoveCheck:
         compute(0, 0, r, _SCALE)
 
     def first_direction(self, motor, index, step, count, always=False):
-        """The direction of the load's first motion in `count` frames from `index` on: 1 up, -1
-        down.
+        """Return the direction of the load's first motion in `count` frames from `index` on: 1 up,
+        -1 down.
 
-        step: 1 played forward, -1 backward. 0 if the load does not move, or if the motor has no
-        backlash, so that it does not matter; always: find it for such a motor, too.
+        step: 1 played forward, -1 backward. Return 0 if the load does not move, or if the motor has
+        no backlash, as the direction does not matter then. always: find it for such a motor, too.
         """
         if not always and not self.axes.axes[motor].backlash[BACKLASH]:
             return 0
@@ -146,15 +146,15 @@ class MoveCheck:
         """Check that motors can follow `count` frames from index `begin` on (field note 5.5).
 
         step: 1 played forward, -1 backward. directions: those for which the motors' backlash is
-        taken up at the first frame. OK; ERR_RANGE where a motor would need more than its velocity,
-        counting that for the backlash where the path turns, or more than the board can make; or the
-        code of a soft limit. More than its acceleration is refused only if `strict`. `exceeded`
-        says what was too much; of frames that are too fast, the fastest of that motor.
+        taken up at the first frame. Return OK; ERR_RANGE if a motor would need more than its
+        velocity, including the backlash where the path turns, or more than the board can make; or
+        the code of a soft limit. Too high an acceleration is refused only if `strict`. `exceeded`
+        says what was exceeded; of frames that are too fast, the fastest of that motor.
 
-        ramp: acceleration, in frames/s², used to reach that rate, from rest unless `going`. With a
-        ramp the check fails only where no lower rate will do either, on the curve between the
-        frames as well; `rate` is the rate at which all motors can follow, at most the one asked
-        for.
+        ramp: acceleration, in frames/s², with which that rate is reached, from rest unless `going`.
+        With a ramp the check fails only if no lower rate is possible either, including the curve
+        between the frames. Then `rate` is the rate at which all motors can follow, at most
+        fps_milli.
         """
         self.exceeded[results.WHAT] = results.EXCEEDED_NOTHING
         self.rate = fps_milli
@@ -180,7 +180,7 @@ class MoveCheck:
             words[path_check.TAKEN] = 0
             reals.copy_word(words, path_check.LOWEST, axis.bounds, LOWER)
             reals.copy_word(words, path_check.HIGHEST, axis.bounds, UPPER)
-            # without backlash the direction makes no difference, and forward is faster to read
+            # Without backlash the direction makes no difference, and forward reads faster.
             order = step if axis.backlash[BACKLASH] else 1
             at = begin if order == step else begin + step * (count - 1)
             first = at
@@ -244,11 +244,11 @@ class MoveCheck:
         return results.OK
 
     def _allow(self, axis, fps_milli):
-        """Put into `words` what a motor's limits allow from frame to frame, in steps.
+        """Put a motor's limits from frame to frame, in steps, into `words`.
 
         Leaves frames per second in FPS.
 
-        Positions have been rounded to steps, which alone makes differences of ±1 and changes of ±2.
+        Positions are rounded to steps, which alone causes differences of ±1 and changes of ±2.
         """
         r = self.numbers
         words = self.words
@@ -273,10 +273,10 @@ class MoveCheck:
         words[path_check.PULSED] = reals.floor(r, registers.TOP_PULSED, HALF) + 2
 
     def _slow_down(self, motor, begin, count, step, directions, ramp, going):
-        """Lower `rate` until a motor can follow the curve through frames that check() has let pass.
+        """Lower `rate` until a motor can follow the curve through the frames that check() accepted.
 
-        False if no rate will do. What fits at a rate fits at any lower one, so one pass over the
-        frames is enough.
+        Return False if no rate is low enough. What fits at a rate fits at any lower one, so one
+        pass over the frames is enough.
         """
         words = self.words
         axis = self.axes[motor]
@@ -328,7 +328,7 @@ class MoveCheck:
             count -= batch - 1
 
     def _allow_bends(self, axis, ramp):
-        """Put into `words` what bends() lets pass at `rate`."""
+        """Put the limits for bends() at `rate` into `words`."""
         r = self.numbers
         words = self.words
         fine = self.rate >= _FINE
@@ -340,11 +340,11 @@ class MoveCheck:
         compute(0, 0, r, _BENDS_ALLOWED)
         words[path_check.FASTEST] = reals.floor(r, registers.TOP_VELOCITY, HALF)
         words[path_check.STEEPEST] = reals.floor(r, registers.TOP_ACCELERATION, HALF)
-        # within a frame no more than the rate itself is gathered
+        # the rate changes by no more than itself within a frame
         words[path_check.RAMP] = reals.floor(r, registers.RAMP_RATE, 1 << (17 if fine else 14))
 
     def _lower(self, axis, ramp):
-        """The highest rate, or 0, at which the motor can follow what bends() has found."""
+        """Return the highest rate at which the motor can follow what bends() has found, or 0."""
         r = self.numbers
         words = self.words
         rate = self.rate
@@ -367,7 +367,8 @@ class MoveCheck:
         return min(rate, reals.floor(r, registers.X, HALF))
 
     def blame(self, what, motor, index, code):
-        """Keep for `exceeded` at which motor and frame something is refused; the code."""
+        """Note in `exceeded` the motor and frame for which something is refused. Return the
+        code."""
         exceeded = self.exceeded
         exceeded[results.WHAT] = what
         exceeded[results.MOTOR] = motor
@@ -376,7 +377,7 @@ class MoveCheck:
         return code
 
     def note_excess(self, limit):
-        """BY = what the size of X, steps/s or steps/s², has above a limit. X is lost."""
+        """BY = the excess of |X|, steps/s or steps/s², over a limit. Destroys X."""
         compute(0, 0, self.numbers, _ROUNDED_UP)
         self.exceeded[results.BY] = max(-reals.floor(self.numbers, registers.X, HALF) - limit, 1)
 

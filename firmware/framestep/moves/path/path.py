@@ -1,12 +1,12 @@
 """The smooth path through uploaded frames: the velocity at each frame.
 
 Between two frames a motor follows the cubic with the frames' positions and these velocities at its
-ends (motion/phases.py, AIM), so it passes each frame exactly and its velocity never jumps.
-Velocities are those of the fourth-order central difference, (8·(p₊₁ - p₋₁) - (p₊₂ - p₋₂))/12, which
-follows sampled motion more closely than a parabola, held within the range that keeps the cubic
-monotonic between monotonic frames (Fritsch and Carlson 1980: three times the lesser slope) and away
-from a halt in passing (half the lesser slope). They are held within the motor's velocity, too:
-velocity(). Where a motor holds still on either side the velocity is 0, so it never leaves a hold
+ends (motion/phases.py, AIM). So it passes each frame exactly, and its velocity never jumps.
+Velocities come from the fourth-order central difference, (8·(p₊₁ - p₋₁) - (p₊₂ - p₋₂))/12, which
+follows sampled motion more closely than a parabola. They are limited to the range that keeps the
+cubic monotonic between monotonic frames (Fritsch and Carlson 1980: three times the lesser slope),
+that avoids a halt on the way through a frame (half the lesser slope), and to the motor's velocity:
+velocity(). If a motor holds still on either side, the velocity is 0, so it never leaves a hold
 (field note 5.6).
 """
 
@@ -14,37 +14,37 @@ from framestep.base.native import const, micropython, ptr32
 from framestep.motion.reals import multiply, put
 from framestep.motors.bounds import LOWER, NO_OVERSHOOT, UPPER
 
-# Words of a window: five positions, frame -2 to frame 2, and twelfths of the lesser slope that are
-# the most
+# Words of a window: five positions, from frame -2 to frame 2, and the limit of a slope in twelfths
+# of the lesser one
 FRAMES = const(0)
 MOST = const(5)
 WINDOW_WORDS = const(6)
-# Words of the window of a run that is smoothed (smoothing.py): positions of frame -8 to frame 8 and
-# what is made of them; how far beyond its position the middle frame is passed, Q16 of a step
+# Words of the window of a run with smoothing (smoothing.py): positions from frame -8 to frame 8 and
+# what is computed from them; how far beyond its position the middle frame is passed, Q16 of a step
 BESIDE = const(8)
 PART = const(27)
 SMOOTH_WORDS = const(28)
 MONOTONE = const(36)  # at a constant rate
-# also where the motion starts or stops within a frame, which takes twice as long
+# valid also where the motion starts or stops within a frame, which takes twice as long
 FROM_REST = const(18)
 
 TWELFTHS = const(12)  # slopes are counted in twelfths of a step per frame
 
-# Steps from one frame to the next: a greater difference counts as this in a slope, so that slopes
+# Steps from one frame to the next: in a slope a greater difference counts as this, so that slopes
 # are small integers
 _FAR = const(0x1000000)
 
 
 @micropython.viper
 def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
-    """Velocity at the middle frame of the window, in 1/12 step per frame.
+    """Return the velocity at the middle frame of the window, in 1/12 step per frame.
 
-    before, after: how many frames of the move there are on either side; 2 are as good as more.
-    The positions may be any. bounds are the soft limits, or the ends of the range; a turning point
-    so close to one that the curve would pass it gets the velocity 0.
+    before, after: how many frames of the move there are on either side, at most 2 matter.
+    Positions may have any value. bounds: the soft limits, or the ends of the range. A turning point
+    gets the velocity 0 if the curve would pass a bound there.
     """
     here = window[2]
-    # Halves tell how far, since the difference of two words may need 33 bits.
+    # Halve both first, since the difference of two words may need 33 bits.
     back = (here >> 1) - (window[1] >> 1)
     if back > _FAR // 2 - 2:
         back = _FAR
@@ -78,7 +78,7 @@ def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
         else:
             last = window[4] - window[3]
     most = window[MOST]
-    least = 6  # twelfths of the lesser slope: it never halts on its way through a frame
+    least = 6  # twelfths of the lesser slope, so that it never halts on its way through a frame
     if before == 0:
         least = 0
         if after == 0:
@@ -116,13 +116,13 @@ def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
         if s < most * back:
             return most * back
         return s
-    # A turning point: the curve passes it by at most 4/27 of the slope.
+    # A turning point: the curve overshoots it by at most 4/27 of the slope.
     s = 6 * (back + ahead)
     past = s
     if past < 0:
         past = 0 - past
     past = (past * 4 + 323) // 324
-    # halves first: from one end of the range to the other is more than a word holds
+    # Halve both first, since a distance between two words may need 33 bits.
     if back > 0:
         room = (bounds[UPPER] >> 1) - (here >> 1)
         if room < 0x20000000 and room > -0x20000000:
@@ -138,10 +138,10 @@ def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
 
 @micropython.viper
 def velocity(r, to: int, window, bounds, before: int, after: int, scale: int, top: int):
-    """r[to] = slope() times the real number r[scale], but no more than r[top] either way.
+    """r[to] = slope() times the real number r[scale], limited to r[top] in either direction.
 
-    A slope may be steeper than both of its chords. The first and the last frame of a run are
-    followed at their slope for a whole frame, with a ramp to it and from it.
+    The limit is needed because a slope may be steeper than both of its chords, and a run goes on
+    with the slope of its first and its last frame: for a whole frame, and in the ramps.
     """
     put(r, to, int(slope(window, bounds, before, after)), 0)
     multiply(r, to, to, scale)
@@ -160,7 +160,7 @@ def velocity(r, to: int, window, bounds, before: int, after: int, scale: int, to
 
 @micropython.viper
 def reverse(window: ptr32, beside: int):
-    """Look at the frames of a window from the other side, for playing backward.
+    """Mirror the frames of a window, for playing backward.
 
     beside: frames on either side of the middle one.
     """
@@ -176,7 +176,7 @@ def reverse(window: ptr32, beside: int):
 
 @micropython.viper
 def near(window: ptr32, there: int) -> int:
-    """Whether the middle frame and another one are near enough for midway()."""
+    """Return whether another frame is near enough to the middle one for midway()."""
     half = (window[there + 0] >> 1) - (window[2] >> 1)
     if half > _FAR // 2 - 2 or half < 2 - _FAR // 2:
         return 0
@@ -185,10 +185,10 @@ def near(window: ptr32, there: int) -> int:
 
 @micropython.viper
 def midway(window: ptr32, there: int, slope_there: int, slope_here: int) -> int:
-    """Where the path is half-way between the middle frame and a neighbour: steps from the former.
+    """Return where the path is half-way to a neighbour frame, in steps from the middle frame.
 
-    there: 1 for the frame before, 3 for the one after; slopes in twelfths. A cubic with slopes a
-    and b at its ends passes (a - b)/8 beside the middle of its chord.
+    there: 1 for the frame before, 3 for the frame after; slopes in twelfths. A cubic with slopes a
+    and b at its ends is (a - b)/8 away from the middle of its chord.
     """
     chord = window[there + 0] - window[2]
     bow = slope_there - slope_here

@@ -1,37 +1,37 @@
-"""What a motor needs for the smooth path through uploaded frames (path.py): velocity, acceleration.
+"""What the path through uploaded frames (path.py) needs of a motor: velocity and acceleration.
 
-check() judges frames as they come, from position to position; bends() the cubics between them, for
-a motion that may be slowed down. A first frame, an index, `order` and backlash are as in
-move_check.py, which calls them with what a motor allows.
+check() judges frames one by one, from position to position. bends() judges the cubics between them,
+for a motion that may be slowed down. A first frame, an index, `order` and backlash are as in
+move_check.py, which calls both with the motor's limits.
 """
 
 from framestep.base.native import const, micropython, ptr32
 from framestep.motors.backlash_rules import turned
 from framestep.moves.path.path import slope
 
-# Words of a check: the frame before, how many there have been, and what the motor allows
+# Words of a check: the frame before, the number of frames so far, and the motor's limits
 BEFORE = const(0)  # the load's position there, and the motor's steps to it
 SEEN = const(2)
-FASTEST = const(3)  # steps from frame to frame; once a frame is too fast, the most of any so far
-STEEPEST = const(4)  # change of that
-LOWEST = const(5)  # how far the load may go
+FASTEST = const(3)  # steps from frame to frame; once a frame is too fast, the most so far
+STEEPEST = const(4)  # change of these steps
+LOWEST = const(5)  # lowest position of the load
 HIGHEST = const(6)
 BACKLASH = const(7)  # steps of backlash
-# the frame that is too fast and the fastest so far, counted from 0; 0 for none
+# index of the fastest frame so far that is too fast, counted from 0; 0: none
 FASTEST_AT = const(8)
 OFFSET = const(9)  # from the load's position to the motor's
 RAMP = const(10)  # see bends()
-# not 0: from the frame before the last one to the last one the motor has taken up its backlash
+# not 0: in the step to the last frame the motor has taken up its backlash
 TAKEN = const(11)
-# a change that the kernel's numbers still hold; STEEPEST where more than that is refused
+# greatest change that the kernel's numbers can hold; STEEPEST if more than that is refused
 HARDEST = const(12)
 PULSED = const(13)  # steps from frame to frame that the board can pulse
-# the greatest change above STEEPEST so far, and at which frame, counted from 0
+# the greatest change above STEEPEST so far, and its frame, counted from 0
 SHARPEST = const(14)
 SHARPEST_AT = const(15)
-FOUND = const(16)  # what has not been let pass, in steps or as a change of them
-BENT = const(17)  # of what bends() has found, steps per frame and frame: the path's own bend,
-GATHERED = const(18)  # and what comes on top while the rate itself changes
+FOUND = const(16)  # what was refused: steps, or a change of steps
+BENT = const(17)  # found by bends(), steps per frame and frame: the bend of the path,
+GATHERED = const(18)  # and the additional change while the rate changes
 FINE = const(19)
 CHECK_WORDS = const(20)
 
@@ -47,17 +47,17 @@ TOO_HARD = const(5)  # for the board
 def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
     """Check `count` more frames: FITS, TOO_FAST, TOO_HIGH, TOO_LOW, TOO_STEEP or TOO_HARD.
 
-    A frame that is too fast is noted in FASTEST_AT, with what it needs in FASTEST. From then on
-    only a faster one matters, and the check goes on to find it. TOO_FAST: nothing can be faster.
-    For TOO_HIGH and on, SEEN is the frame and FOUND what was too much there.
+    A frame that is too fast is noted in FASTEST_AT, with its need in FASTEST. From then on only a
+    faster one matters, and the check goes on to find it. TOO_FAST: nothing can be faster. For
+    TOO_HIGH and the following results, SEEN is the frame and FOUND what was too much there.
 
-    order: 1 where they are played from the first to the last, -1 the other way round. OFFSET is 0
-    at the first one, or -BACKLASH if it has been taken up for a motion down. Where its motion
-    turns, the motor takes it up.
+    order: 1 if they are played from the first to the last, -1 the other way round. At the first
+    frame OFFSET is 0, or -BACKLASH if the backlash has been taken up for a motion down. Where the
+    motion turns, the motor takes it up.
 
     The frame in which it does so begins or ends with next to no velocity. So its cubic is faster
-    than its mean: by up to half of that, and an eighth of a neighbour's mean where that goes the
-    other way. That has to be within FASTEST.
+    than its mean: by up to half of the mean, and by an eighth of a neighbour's mean if that goes
+    the other way. The sum has to be within FASTEST.
     """
     seen = words[SEEN]
     last = words[BEFORE]
@@ -87,7 +87,7 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
                 return TOO_LOW
         if seen:
             earlier = step
-            # halves first, since the difference of two words may need 33 bits
+            # Halve both first, since the difference of two words may need 33 bits.
             step = (p >> 1) - (last >> 1)
             if step > 0xFFFFFFF or step < -0xFFFFFFF:
                 words[FASTEST] = 0x1FFFFFFF
@@ -129,8 +129,8 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
                     if change > words[SHARPEST]:
                         words[SHARPEST] = change
                         words[SHARPEST_AT] = seen - 1
-                    # How fast the cubics on either side may be: their mean, and no more than that
-                    # or the change on top.
+                    # Peak velocity of the cubics on either side: their mean, plus at most as much
+                    # again or the change.
                     if beside > most:
                         most = beside
                     if change > most:
@@ -163,16 +163,16 @@ def bends(
     order: int,
     rests: int,
 ) -> int:
-    """How fast and how steep the cubics between frames are: 0 where the motor can follow all, or
-    the number of those looked at, the last of which is too fast or too steep: FOUND, BENT,
-    GATHERED. Call it again with that as `begin`.
+    """Judge how fast and how steep the cubics between frames are. Return 0 if the motor can follow
+    all of them, else the number of those judged: the last is too fast or too steep, see FOUND,
+    BENT, GATHERED. Call it again with that number as `begin`.
 
     values: `count` frames, in the upload's order, and two more on either side. index: of the first
-    one played, in an upload that ends with `last`. order, OFFSET: as for check(), which has let
-    them pass, with 2^23 as FASTEST. rests: 1 if it is at rest at the first frame of these, 2 if at
-    the last one, 3 for both. RAMP: change of the rate in a frame's time, as a part of it, Q15: at
-    most half. FINE, for three frames per second and more: that is Q18, and STEEPEST is in 256ths of
-    a step.
+    one played, in an upload that ends with `last`. order, OFFSET: as for check(), which must have
+    accepted the frames, with 2^23 as FASTEST. rests: 1 if the motor is at rest at the first of
+    these frames, 2 if at the last, 3 for both. RAMP: relative change of the rate in a frame's time,
+    Q15, at most a half. FINE, from three frames per second on: RAMP is Q18, and STEEPEST is in
+    256ths of a step.
     """
     own = ptr32(words)
     v = ptr32(values)
@@ -193,8 +193,8 @@ def bends(
             step -= own[OFFSET]
             own[OFFSET] = turned(own[OFFSET], backlash, earlier, p)
             step += own[OFFSET]
-        # A slope is no farther from a step beside it than one and a half times the most that steps
-        # change around it.
+        # A slope differs from the steps next to it by at most one and a half times the greatest
+        # change of steps around it.
         low = k
         if order > 0:
             low = k - 1
@@ -240,16 +240,15 @@ def bends(
                     before = here
                     here = order * int(slope(window, bounds, n, last - n))
                     i += 1
-                # At rest the slope does not matter: the one that asks for least is that at the
-                # other end.
+                # At rest the slope has no effect. The slope of the other end needs least.
                 if rests & 2 and begin == count:
                     here = before
                     if rests & 1 and begin == 2:
                         here = 0
                 if rests & 1 and begin == 2:
                     before = here
-                # Its velocity is a parabola with these control points: before, middle, here. Beyond
-                # both ends it turns before the middle one.
+                # Its velocity is a parabola with these control points: before, middle, here. If
+                # the middle one lies beyond both ends, the parabola does not quite reach it.
                 middle = 36 * step - before - here
                 if middle < before:
                     step = 0 - step
@@ -286,7 +285,7 @@ def bends(
                 if other > gathered:
                     gathered = other
                 most = most // 12
-                bend = bend // 12 - 6  # so much comes of positions rounded to steps
+                bend = bend // 12 - 6  # the rounding of positions to steps causes up to 6
                 if bend < 0:
                     bend = 0
                 gathered = gathered // 12
@@ -299,7 +298,7 @@ def bends(
                 else:
                     bend += ((gathered >> 14) * own[RAMP]) >> 1
             elif bend > 0x100000 or gathered > 0x100000:
-                bend = 0x3FFFFFFF  # no motor can
+                bend = 0x3FFFFFFF  # more than any motor can do
             elif gathered < 0x2000:
                 bend = (bend << 8) + ((gathered * own[RAMP]) >> 10)
             else:
@@ -314,7 +313,7 @@ def bends(
 
 @micropython.viper
 def first_direction(values: ptr32, count: int, order: int) -> int:
-    """The direction of the first change in `count` positions: 1 up, -1 down, 0 for no change.
+    """Return the direction of the first change in `count` positions: 1 up, -1 down, 0 for none.
 
     order: as for check().
     """

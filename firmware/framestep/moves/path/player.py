@@ -1,4 +1,4 @@
-"""What all operations on an uploaded move share: the path that the motors follow, as phases.
+"""The path that the motors follow, as phases; shared by all operations on an uploaded move.
 
 The checks are in move_check.py. Nothing allocates after construction.
 """
@@ -17,7 +17,7 @@ from framestep.moves.path.move_check import HALF, MoveCheck
 from framestep.moves.path.registers import SCALE, SPEEDS, TOPS, T, X, Y
 from framestep.pulse import stepper
 
-# A ramp between rest and X in Y ticks needs more than the acceleration T, but for rounding.
+# A ramp between rest and X in Y ticks exceeds the acceleration T, apart from rounding.
 _TOO_STEEP = formula(
     registers,
     """
@@ -27,7 +27,7 @@ _TOO_STEEP = formula(
 )
 _RAMP_NEEDS = formula(registers, "X = X / Y * THOUSAND * THOUSAND")  # steps/s²
 _RAMP_LENGTH = formula(registers, "X = X * Y / 2")
-# Half a step more, to be rounded down.
+# Half a step is added so that floor() rounds.
 _FORWARD = formula(registers, "X = X + 0.5")
 _BACKWARD = formula(registers, "X = 0.5 - X")
 
@@ -43,7 +43,7 @@ def _ahead(axes, bits: int) -> int:
 
 
 @micropython.viper
-def _hop(
+def _append_frame(
     axes,
     bits: int,
     store,
@@ -89,15 +89,15 @@ def _hop(
 
 
 class UploadPlayer(MoveCheck):
-    """Plays the path through the uploaded frames on the axes."""
+    """Player of the path through the uploaded frames on the axes."""
 
     def smooth(self, velocity):
-        """From now on runs have velocities of this function, smoothing.velocity(). Allocates."""
+        """Make runs use the velocities of this function, smoothing.velocity(). Allocates."""
         self.view = array("i", [0] * path.SMOOTH_WORDS)
         self.curve = velocity
 
     def slope(self, motor, index, step):
-        """The slope at a frame, in twelfths of a step per frame of travel in direction `step`.
+        """Return the slope at a frame, in twelfths of a step per frame, played in direction `step`.
 
         index: from 0 at the first frame of the upload. Leaves the frame's position in window[2].
         """
@@ -108,7 +108,7 @@ class UploadPlayer(MoveCheck):
         return path.slope(window, self.axes.axes[motor].bounds, index, after)
 
     def _fill(self, window, beside, motor, index, step):
-        """Fill a window around a frame, with so many frames on either side. Returns how many follow
+        """Fill a window around a frame, with `beside` frames on either side. Return how many follow
         it in the upload."""
         store = self.store
         store.positions(motor, index - beside, 2 * beside + 1, window, 0)
@@ -119,8 +119,8 @@ class UploadPlayer(MoveCheck):
     def velocity(self, to, motor, index, step):
         """numbers[to] = a run's velocity at a frame, at the rate of SCALE, in steps per tick.
 
-        index, step: as for slope(). No more than the motor's top velocity when check() last saw it.
-        Returns where the run passes the frame: Q16 of a step beyond its position.
+        index, step: as for slope(). It is at most the motor's top velocity at the last check().
+        Return how far beyond its position the run passes the frame, Q16 of a step.
         """
         window = self.view
         bounds = self.axes.axes[motor].bounds
@@ -137,7 +137,7 @@ class UploadPlayer(MoveCheck):
         """Move positions[motor] by the length of a ramp from or to rest (field note 6.2).
 
         velocity, ticks: registers; the length is half of their product, subtracted if `backward`.
-        False where that is past a soft limit or the range of positions, or needs more than the
+        Return False if that is outside a soft limit or the range of positions, or exceeds the
         motor's acceleration.
         """
         r = self.numbers
@@ -152,7 +152,7 @@ class UploadPlayer(MoveCheck):
         return self.shift_by_x(positions, motor, backward) and axis.beyond(positions, motor) == 0
 
     def too_steep(self, motor, velocity, ticks):
-        """Whether a ramp from rest to a velocity, both registers, needs more than its
+        """Return whether a ramp from rest to a velocity, both registers, exceeds the motor's
         acceleration."""
         r = self.numbers
         if not reals.sign(r, velocity):
@@ -163,7 +163,7 @@ class UploadPlayer(MoveCheck):
         return compute(0, 0, r, _TOO_STEEP)
 
     def blame_roll(self, what, motor, index, code, velocity, ticks):
-        """As blame(), of a ramp; BY is the acceleration in excess, 0 if a limit is in its way."""
+        """Note a refused ramp, like blame(). BY: excess acceleration, 0 if a limit is passed."""
         self.blame(what, motor, index, code)
         if self.too_steep(motor, velocity, ticks):
             compute(0, 0, self.numbers, _RAMP_NEEDS)
@@ -173,7 +173,7 @@ class UploadPlayer(MoveCheck):
     def shift_by_x(self, positions, motor, backward):
         """Add the number in X, rounded to a step, to positions[motor]; subtract it if `backward`.
 
-        False, and no change, where that is past the range of positions. X is lost.
+        Return False, without a change, if that leaves the range of positions. Destroys X.
         """
         r = self.numbers
         compute(0, 0, r, _BACKWARD if backward else _FORWARD)
@@ -191,27 +191,28 @@ class UploadPlayer(MoveCheck):
         axis.set_more_to_come(True)
 
     def end_phases(self, bits):
-        """No further phases follow: the motors come to rest where the last one ends."""
+        """Let the motors come to rest at the end of the last phase: no further ones follow."""
         for motor in range(self.count):
             if (bits >> motor) & 1:
                 self.axes[motor].set_more_to_come(False)
 
     def phases_ahead(self, bits):
-        """How many phases wait for the first of these motors; the others have about as many."""
+        """Return how many phases wait for the first of these motors; the others have about as
+        many."""
         return _ahead(self.axes.axes, bits)
 
     def append_frame(self, bits, index, step, duration, scale, window, velocity):
         """Append the cubic to frame `index` for each motor of these bits; step: 1 or -1 (backward).
 
-        window, velocity: view and curve, or `window` and path.velocity for a path
-        through the positions themselves.
+        window, velocity: view and curve, or `window` and path.velocity for a path through the
+        positions themselves.
 
-        duration: register, in ticks. The cubic begins with the motor's velocity in SPEEDS and
-        ends with that at the frame, at the rate of the register `scale`, which then is
-        the one in SPEEDS.
+        duration: register, in ticks. The cubic begins with the motor's velocity in SPEEDS and ends
+        with the frame's velocity, at the rate of the register `scale`. That one is then kept in
+        SPEEDS.
         """
         store = self.store
-        _hop(
+        _append_frame(
             self.axes.axes,
             bits,
             store,

@@ -1,22 +1,23 @@
-"""The path of a run, with the unrest of rounding taken out of the uploaded positions.
+"""The path of a run with `smoothing`: without the ripple that comes from rounding to whole steps.
 
-An upload has whole steps, so the velocity through them trembles by up to a step per frame. But the
-kernel makes a step when the path has gone a whole one from where the motor stands: on its way up a
-motor stands on a position from where the path passes it until just before the next one. So at a
-frame the path may lie anywhere in that step, and the motor still makes the uploaded steps.
+An upload has whole steps, so the velocity through them varies by up to a step per frame. But the
+kernel makes a step once the path has gone a whole step from the motor's position. Going up, a motor
+stays on a position from where the path passes it until just before the next one. So at a frame the
+path may be anywhere within that step, and the motor still makes the uploaded steps.
 
-Here it lies in the middle of it, and beside that by what smoothing says, up to _CLOSEST. Positions
-are smoothed by the middle row of penalized least squares over thirteen of them, third differences
-weighted by 10 (Whittaker 1923; Eilers 2003); parabolas and cubics pass it unchanged. The velocities
-are those of path.py, from smoothed positions, held so that the path goes on between two frames as
-it goes from one to the other: no step is made that has not been uploaded.
+Here the path is in the middle of the step, plus what smoothing adds, at most _CLOSEST. Positions
+are smoothed by the middle row of penalized least squares over thirteen of them, with third
+differences weighted by 10 (Whittaker 1923; Eilers 2003), which leaves parabolas and cubics
+unchanged. The velocities are computed as in path.py, from smoothed positions. They are limited so
+that between two frames the path keeps going in one direction: it makes no step that was not
+uploaded.
 
-In a hold, where a motor has a position for more than _HOLD frames, the path lies on the position,
-but for its first and last frames. Where the motor turns, the path goes from the step's one side to
-the other, since the motor needs a whole step to come back. A single frame at the turn lies on the
-side of the frame before or after it, whichever it does not turn beside.
+In a hold, where a motor keeps its position for more than _HOLD frames, the path is on the position,
+except in the first and last frames of the hold. Where the motor turns, the path goes from one side
+of the step to the other, since the motor needs a whole step to come back. A single frame at the
+turn is on the side of that neighbour frame next to which the path does not turn.
 
-Played backward it is the mirror image: the same steps at the same times, but for those beside a
+Played backward the path is the mirror image: the same steps at the same times, except next to a
 turn or a hold. Only positions up to eight frames away count, so each frame is passed in the same
 way wherever a run begins.
 """
@@ -27,36 +28,37 @@ from framestep.motors.bounds import LOWER, NO_OVERSHOOT, UPPER
 from framestep.moves.path.path import BESIDE, PART
 
 # Words of a window
-SPAN = const(17)  # positions of frame -8 to frame 8; slope() counts them from the middle one on
-SMOOTHED = const(17)  # frame -2 to frame 2; these in parts of a step: see BITS
-_HERE = const(22)  # the position of the middle frame
-BITS = const(23)  # _Q; 0 where positions are so far apart that smoothing makes no difference
-# Of the frame that place() has seen last:
+SPAN = const(17)  # positions from frame -8 to frame 8; slope() counts them from the middle one
+SMOOTHED = const(17)  # frame -2 to frame 2, in parts of a step: see BITS
+_HERE = const(22)  # position of the middle frame
+BITS = const(23)  # _Q; 0 if positions are so far apart that smoothing makes no difference
+# Of the last frame of place():
 _KIND = const(24)
-_WAY = const(25)  # in which direction it is passed: 1 up, -1 down
+_WAY = const(25)  # direction in which it is passed: 1 up, -1 down
 _ADDED = const(26)  # what smoothing adds to its position
 # PART, behind these: how far beyond its position the middle frame is passed, Q16 of a step
 
 _Q = const(8)
 _HALF = const(128)  # half a step
-_CLOSEST = const(122)  # from there; a fortieth of a step remains to the step before and the next
+_CLOSEST = const(122)  # limit of what smoothing adds; a fortieth of a step remains on either side
 _FAR = const(0x20000)  # a position farther from the middle one counts as this far
-_FARTHEST = const(0x1000000)  # with BITS 0
+_FARTHEST = const(0x1000000)  # the same if BITS is 0
 _HOLD = const(6)
-_FADE = const(4)  # frames in which the path comes onto the position of a hold, or leaves it
-_WORKABLE = const(0x8000)  # steps around a turn within a frame: farther ones are not looked at
+_FADE = const(4)  # frames in which the path approaches the position of a hold, or leaves it
+_WORKABLE = const(0x8000)  # steps around a turn within a frame; with more it is left as it is
 
 _STILL = const(0)
 _ONWARD = const(1)
 _BEYOND = const(2)  # the first or the last frame of several at a turn
 _TURNS = const(3)  # a single frame at a turn
-_CORNER = const(4)  # the same, on its position: as path.py has it
+_CORNER = const(4)  # the same, passed on its position, as in path.py
 
 
 @micropython.viper
 def smooth(w: ptr32, before: int, after: int):
-    """Positions from the middle one on, SMOOTHED and BITS; before, after: as for slope()."""
-    # halves first, since the difference of two words may need 33 bits
+    """Make the positions relative to the middle one, and set SMOOTHED and BITS. before, after: as
+    for slope()."""
+    # Halve both first, since the difference of two words may need 33 bits.
     here = w[BESIDE]
     w[_HERE] = here
     bits = _Q
@@ -80,7 +82,7 @@ def smooth(w: ptr32, before: int, after: int):
             d = w[k + 0] - here
         w[k + 0] = d
         k += 1
-    # Beyond an end of the upload it goes on as before, turned round about the end.
+    # Beyond an end of the upload the motion continues point-symmetrically.
     first = 0
     if before < BESIDE:
         first = BESIDE - before
@@ -121,11 +123,11 @@ def smooth(w: ptr32, before: int, after: int):
 
 @micropython.viper
 def room(w: ptr32, bounds: ptr32, k: int, way: int) -> int:
-    """Steps from frame k's position to the bound in that direction, up to 2^28."""
+    """Return the steps from frame k's position to the bound in that direction, at most 2^28."""
     end = bounds[UPPER] if way > 0 else bounds[LOWER]
-    # halves first: from one end of the range to the other is more than a word holds
+    # Halve all first, since a distance between two words may need 33 bits.
     d = (end >> 1) - (w[_HERE] >> 1) - (w[k + 0] >> 1)
-    if d > 0x8000000 or d < -0x8000000:  # what does not fit a small integer would be allocated
+    if d > 0x8000000 or d < -0x8000000:  # beyond a small integer it would be allocated
         return 0x10000000
     d = end - w[_HERE] - w[k + 0]
     return d if way > 0 else 0 - d
@@ -133,9 +135,9 @@ def room(w: ptr32, bounds: ptr32, k: int, way: int) -> int:
 
 @micropython.viper
 def place(w, bounds, k: int) -> int:
-    """How far beyond frame k of the window, smoothed, the path passes it: up to half a step.
+    """Return how far beyond frame k of the window, smoothed, the path passes it: up to half a step.
 
-    Backward it is passed so far on the other side. _KIND, _WAY and _ADDED tell the rest.
+    Backward the path passes it as far on the other side. Sets _KIND, _WAY and _ADDED.
     """
     f = ptr32(w)
     p = f[k + 0]
@@ -191,7 +193,7 @@ def place(w, bounds, k: int) -> int:
     f[_KIND] = _CORNER
     if bits == 0 or ptr32(bounds)[NO_OVERSHOOT]:
         return 0
-    # How far it comes, and goes; on its way in the frames beside this one, too?
+    # Distance on the way to the turn, and back. Do the frames next to this one move on as well?
     d = (p - f[k - 1]) * come
     rise = (p - f[k + 1]) * come
     if d > _WORKABLE or rise > _WORKABLE:
@@ -199,17 +201,17 @@ def place(w, bounds, k: int) -> int:
     if (f[k - 1] - f[k - 2]) * come <= 0 or (f[k + 2] - f[k + 1]) * go <= 0:
         return 0
     rise = (f[at + 1] - f[at - 1]) * come  # half of its slope
-    # It passes the frame by 4/27 of the slope.
+    # The path overshoots the frame by 4/27 of the slope.
     past = rise
     if rise < 0:
         past = 0 - rise
     past = (past * 2 // 27 + _HALF + smoothed * come) >> bits
     if int(room(w, bounds, k, come)) < past:
         return 0
-    # Where it turns in the frame before, it comes back to half a step below the position. That is
-    # enough only if it has been on it before, which the cubic from half a step above the frame
-    # before shows at an eighth, a fourth or half of the way back, whatever its velocity there. The
-    # same, backward, where it turns in the frame after.
+    # If the path turns in the frame before, it comes back to half a step below the position. That
+    # is enough only if it has reached the position before. The cubic from half a step above the
+    # frame before shows that at an eighth, a fourth or half of the way back, whatever its velocity
+    # there. If it turns in the frame after, the same holds backward.
     beside = k - 1
     if rise >= 0:
         beside = k + 1
@@ -237,11 +239,11 @@ def place(w, bounds, k: int) -> int:
 
 @micropython.viper
 def slope(window, bounds, before: int, after: int) -> int:
-    """Velocity at the middle frame, in 1/12 step per frame and parts of it as BITS tells; sets
-    PART.
+    """Return the velocity at the middle frame, in 1/12 step per frame, with BITS binary digits.
+    Sets PART.
 
-    before, after: how many frames of the upload there are on either side; 8 are as good as more.
-    bounds: as for path.slope(). The positions in the window are changed.
+    before, after: how many frames of the upload there are on either side, at most 8 matter.
+    bounds: as for path.slope(). Changes the positions in the window.
     """
     w = ptr32(window)
     smooth(window, before, after)
@@ -253,7 +255,7 @@ def slope(window, bounds, before: int, after: int) -> int:
     here = int(place(window, bounds, BESIDE))
     kind = w[_KIND]
     way = w[_WAY]
-    # How far the path goes on either side, this way or backward, whichever is less
+    # How far the path goes on either side, forward or backward, whichever is less
     past -= here
     if past > 0:
         past = 0 - past
@@ -274,7 +276,7 @@ def slope(window, bounds, before: int, after: int) -> int:
             return 0
     if kind == _STILL:
         return 0
-    # and smoothed positions
+    # The same of smoothed positions
     first = w[SMOOTHED + 2] - w[SMOOTHED + 1]
     last = w[SMOOTHED + 3] - w[SMOOTHED + 2]
     s = 6 * (first + last)
@@ -299,7 +301,7 @@ def slope(window, bounds, before: int, after: int) -> int:
             past = onward
     elif kind == _BEYOND:
         back = here if here > 0 else 0 - here
-        if w[BESIDE + 1]:  # the last of them
+        if w[BESIDE + 1]:  # it is the last of them
             past = onward
         else:
             back = 256 - back
@@ -320,7 +322,7 @@ def slope(window, bounds, before: int, after: int) -> int:
             past = 0 - onward
     s = s * way
     if bits == 0:
-        past -= 1  # the frames beside it may lie a step farther
+        past -= 1  # the frames next to it may be a step farther
     if past < 0:
         past = 0
     if s < least:
@@ -332,7 +334,7 @@ def slope(window, bounds, before: int, after: int) -> int:
 
 @micropython.viper
 def velocity(r, to: int, window, bounds, before: int, after: int, scale: int, top: int):
-    """As path.velocity(), of slope()."""
+    """Set r[to] like path.velocity(), but from this module's slope()."""
     put(r, to, int(slope(window, bounds, before, after)), 0 - ptr32(window)[BITS])
     multiply(r, to, to, scale)
     w = ptr32(r)

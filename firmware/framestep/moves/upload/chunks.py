@@ -1,29 +1,29 @@
-"""The memory of an upload store: chunks and units, and how a position is read.
+"""The memory of an upload store, chunks and units, and how positions are read from it.
 
-A motor's frames lie in a region, a row of chunks of 128 frames:
+A motor's frames are in a region, a row of chunks of 128 frames:
 
     base, two half words | velocity, two half words | link | 64 half words, a byte for each frame
 
-A frame's code is the change of the steps per frame at that frame: code by code it is added to the
+A frame's code is the change of the steps per frame at that frame. Code by code it is added to the
 velocity, and the velocity to the position, beginning with the chunk's velocity and base. The low
-eight bits of a code lie in the chunk. If eight bits are too few for some code, the chunk gets
-units, each adding two bits to every code:
+eight bits of a code are in the chunk. If eight bits are too few for a code, the chunk gets units,
+each of which adds two bits to every code:
 
     link | 16 half words, two bits for each frame
 
-Units come from a pool that grows down from the end of the memory. Links, 0 at the end, chain the
-units of a chunk. With twelve units a code has 32 bits and is the position itself; chunks that leave
-± 2^29 steps, or that fit no fewer bits, are kept so. The lowest code of a width stands for a frame
-that has not been sent, and leaves velocity and position alone. A chunk's velocity is that from its
-first to its second frame sent, so its units depend on its positions only.
+Units come from a pool that grows down from the end of the memory. Links, ending with 0, chain the
+units of a chunk. With twelve units a code has 32 bits and is the position itself. Chunks that leave
+± 2^29 steps, or that would not fit fewer bits, are kept in this form. The lowest code of a width
+marks a frame that has not been sent; it does not change velocity and position. A chunk's velocity
+is the step from its first to its second frame sent, so its units depend only on its positions.
 
-The kernels here work on two blocks: `memory`, half words, has the chunks and units; `words`
+The kernels here work on two blocks. `memory`, half words, has the chunks and units. `words`
 (array('i')) has the counters below, two buffers and a record for each motor. `motor` is the index
-of that record in `words`. A kernel that is to try first (TRYING) writes nothing and only counts
-the units that it would take: NEEDED, and the PEAK of it.
+of that record in `words`. If TRYING is set, a kernel writes nothing and only counts the units that
+it would take: NEEDED, and its PEAK.
 
-(Parameters `i`, `bits`, `code` and the like that come first and are passed as 0 are locals: viper
-keeps a kernel's first two parameters in registers on ARM.)
+(Parameters `i`, `bits`, `code` and the like that come first and are passed as 0 are locals, because
+viper keeps a kernel's first two parameters in registers on ARM.)
 """
 
 from framestep.base.native import const, micropython, ptr8, ptr16, ptr32
@@ -34,37 +34,37 @@ VELOCITY = const(2)
 LINK = const(4)
 CODES = const(5)
 CHUNK = const(69)
-UNIT = const(17)  # half words of a unit: its link, its bits
+UNIT = const(17)  # half words of a unit: link and bits
 MOST_UNITS = const(12)  # of a chunk
 NOT_SENT = const(0x8080)  # two codes of a chunk without units
 
-MOST_POSITIONS = const(257)  # of a section: what the largest frame of the protocol holds
+MOST_POSITIONS = const(257)  # in a section: as many as the protocol's largest frame holds
 
-# The block `words`. What has a constant place lies below 256: MicroPython 1.26 for Xtensa loads a
+# The block `words`. Constant indexes are below 256: MicroPython 1.26 for Xtensa loads a word at a
 # word from a constant place beyond that with a wrong address.
 SIZE = const(0)  # half words of the memory
-BOTTOM = const(1)  # those that regions take
-FREE = const(2)  # first free unit of those that have been in use, the others hang on it; 0: none
+BOTTOM = const(1)  # half words that regions take
+FREE = const(2)  # first of a chain of free units that have been in use; 0: none
 FREE_COUNT = const(3)
-# units that are or have been in use: number u lies u units before the end of the memory
+# units that are or have been in use; number u is u units before the end of the memory
 USED = const(4)
-TRYING = const(5)  # 1: nothing is written, only NEEDED is counted
-NEEDED = const(6)  # units that the changes so far would have taken, and
+TRYING = const(5)  # 1: write nothing, only count NEEDED
+NEEDED = const(6)  # units that the changes so far would have taken
 FRAMES = const(7)  # of the upload
 MOTORS = const(8)
 STATE = const(9)  # of the store
-PEAK = const(10)  # the most that they would have taken at once
-ASKED = const(11)  # bytes that were asked for in vain, 0: none were
+PEAK = const(10)  # the highest value of NEEDED
+ASKED = const(11)  # bytes needed by what did not fit, 0: it did
 LEFT = const(12)  # bytes that were free then
 VALUES = const(13)  # positions of a chunk
 SECTION = const(143)  # positions of a section, behind the two before them
 RECORDS = const(400)  # a record for each motor:
-REGION = const(0)  # where its chunks begin, half words; -1: no data
+REGION = const(0)  # index of its first chunk, half words; -1: no data
 UNBROKEN = const(1)  # frames sent without a gap, from the first on
-SENT_END = const(2)  # the frame after the last one sent; what lies behind has no content yet
+SENT_END = const(2)  # the frame after the last one sent; beyond it nothing has been written
 BEFORE_LAST = const(3)  # position of the frame before the last one sent
 LAST = const(4)  # and of the last one sent
-CURSOR = const(5)  # a frame read before, -1: none
+CURSOR = const(5)  # a frame that was read, -1: none
 _CURSOR_POSITION = const(6)
 _CURSOR_VELOCITY = const(7)
 RECORD_WORDS = const(8)
@@ -72,13 +72,13 @@ RECORD_WORDS = const(8)
 
 @micropython.viper
 def room(words: ptr32) -> int:
-    """Units that the pool can still give."""
+    """Return how many units the pool can still give."""
     return words[FREE_COUNT] + (words[SIZE] - words[BOTTOM]) // UNIT - words[USED]
 
 
 @micropython.viper
 def fits(words, units: int) -> int:
-    """Whether the pool can give `units` units; if not, it is noted in ASKED and LEFT."""
+    """Return whether the pool can give `units` units. If not, set ASKED and LEFT."""
     word = ptr32(words)
     left = int(room(words))
     if units <= left:
@@ -90,7 +90,7 @@ def fits(words, units: int) -> int:
 
 @micropython.viper
 def set_units(memory, words, chunk: int, units: int):
-    """Give a chunk `units` units, some of which it may have. The pool must have them."""
+    """Give a chunk `units` units in all. The pool must have enough of them."""
     half = ptr16(memory)
     word = ptr32(words)
     top = word[SIZE]
@@ -132,10 +132,10 @@ def set_units(memory, words, chunk: int, units: int):
 def pack(
     i: int, bits: int, memory: ptr16, words: ptr32, chunk: int, at: int, start: int, count: int
 ):
-    """Put the high bits of `count` codes, words[start] and on, into the chunk's units at frame
+    """Put the high bits of `count` codes, from words[start] on, into the chunk's units at frame
     `at`.
 
-    What the units have for later frames is lost.
+    Destroys what the units have for later frames.
     """
     end = start + count
     shift = 0
@@ -175,7 +175,7 @@ def pack(
 
 @micropython.viper
 def fill(memory, words, chunk: int, position: int, codes: int):
-    """Set all frames of the chunk to words[position], or with NOT_SENT as `codes` to not sent."""
+    """Set all frames of the chunk to words[position], or to not sent if `codes` is NOT_SENT."""
     half = ptr16(memory)
     word = ptr32(words)
     set_units(memory, words, chunk, 0)
@@ -209,10 +209,9 @@ def read(
 ):
     """Read the positions of `count` frames from `index` on into out[at], out[at + 1], ...
 
-    -2^31 stands for a frame not sent.
-
-    A frame outside the upload reads as the nearest one inside. The cursor is left where the next
-    call begins if it asks for a window of five frames, one further on.
+    A frame not sent reads as -2^31, a frame outside the upload as the nearest one inside. The
+    cursor is left where the next call begins if that reads a window of five frames, one frame
+    further on.
     """
     plane = ptr8(memory)
     top = words[SIZE]
@@ -257,7 +256,7 @@ def read(
                     more = (more ^ 2) - 2  # the sign
                 code |= more << bits
                 bits += 2
-            if back and bits == 32:  # no way back: once more from the chunk's start
+            if back and bits == 32:  # no way back: start again from the chunk's beginning
                 frame = (want & -128) - 1
             elif back:
                 value -= velocity

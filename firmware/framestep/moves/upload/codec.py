@@ -1,4 +1,4 @@
-"""How positions are written into the memory of an upload store, whose form is in chunks.py.
+"""Writing positions into the memory of an upload store, whose layout is in chunks.py.
 
 Positions become changes of the steps per frame, in as few bits as a chunk allows. The kernels work
 on the same two blocks, and have the same parameters, as those of chunks.py.
@@ -11,9 +11,9 @@ from framestep.moves.upload.chunks import fill, pack, set_units, unpack
 if CPYTHON:
 
     def _changes(words, i, memory, to, count):
-        """Write the codes of `count` positions, words[i] and on, to the bytes from `to` on.
+        """Write the codes of `count` positions, from words[i] on, to the bytes from `to` on.
 
-        0 if all codes are within -64 to 63.
+        Return 0 if all codes are within -64 to 63.
         """
         plane = ptr8(memory)
         wide = 0
@@ -27,8 +27,7 @@ else:
 
     @micropython.viper
     def _changes(words: ptr32, i: int, memory: ptr8, to: int, count: int) -> int:
-        # Of the two registers that viper has for locals on ARM `words` holds the place, `i` the
-        # code.
+        # On ARM, viper keeps two locals in registers: here `words` is the address, `i` the code.
         words = ptr32(int(words) + ((i - 2) << 2))
         memory = ptr8(int(memory) + to)
         wide = 0
@@ -60,9 +59,9 @@ else:
 
 @micropython.viper
 def append(i: int, end: int, memory, words, motor: int, at: int, stop: int) -> int:
-    """Write SECTION to frames `at` to `stop`, behind frames without a gap, if no units are needed.
+    """Write SECTION to frames `at` to `stop`, which follow frames without a gap, without units.
 
-    0, and nothing has changed, if they need some, or might.
+    Return 0, with nothing changed, if units are needed, or might be.
     """
     half = ptr16(memory)
     word = ptr32(words)
@@ -80,14 +79,14 @@ def append(i: int, end: int, memory, words, motor: int, at: int, stop: int) -> i
             value = word[i - 1]
             velocity = value - word[i - 2]  # wraps
         else:
-            # The chunk's velocity is that from its first frame to its second: the codes of both are
-            # 0.
+            # The chunk's velocity is the step from its first frame to its second, so the codes of
+            # both are 0.
             i -= within
             value = word[i + 0]
             velocity = 0
             if i + 1 < end:
                 velocity = word[i + 1] - value  # wraps
-        # From here no way in small changes to 2^29: all of what follows fits a word.
+        # Small changes cannot reach 2^29 from here, so everything below fits a word.
         if ((value ^ (value >> 31)) >> 28) | ((velocity ^ (velocity >> 31)) >> 20):
             return 0
         if within < 2:
@@ -113,7 +112,7 @@ def append(i: int, end: int, memory, words, motor: int, at: int, stop: int) -> i
 
 @micropython.viper
 def _encode(i: int, code: int, memory, words, chunk: int):
-    """Encode VALUES, which are lost, into the chunk; 0 if TRYING and the pool has too few units."""
+    """Encode VALUES into the chunk; destroys them. TRYING: only count the units."""
     half = ptr16(memory)
     word = ptr32(words)
     unsent = -1
@@ -181,7 +180,7 @@ def _encode(i: int, code: int, memory, words, chunk: int):
 
 @micropython.viper
 def write(i: int, to: int, memory, words, motor: int, index: int, count: int, end: int):
-    """Store the `count` positions of SECTION from `index` on, the last one up to `end`."""
+    """Store the `count` positions of SECTION from `index` on, the last one in all up to `end`."""
     word = ptr32(words)
     stop = index + count
     last = chunks.SECTION + count - 1
@@ -192,7 +191,7 @@ def write(i: int, to: int, memory, words, motor: int, index: int, count: int, en
         behind = at + chunks.CHUNK_FRAMES
         if at >= past:
             ptr16(memory)[chunk + chunks.LINK] = 0
-        if at >= stop:  # from here on the motor is still
+        if at >= stop:  # from here on the motor keeps its position
             fill(memory, words, chunk, last, 0)
         elif at >= past and behind <= index:
             fill(memory, words, chunk, last, chunks.NOT_SENT)
@@ -223,7 +222,7 @@ def write(i: int, to: int, memory, words, motor: int, index: int, count: int, en
 
 @micropython.viper
 def has_lowest(i: int, lowest: int, words: ptr32, count: int) -> int:
-    """Whether -2^31, which stands for a frame not sent, is in SECTION."""
+    """Return whether -2^31, which marks a frame not sent, is in SECTION."""
     lowest = -1
     lowest <<= 31
     i = chunks.SECTION + count
@@ -236,7 +235,7 @@ def has_lowest(i: int, lowest: int, words: ptr32, count: int) -> int:
 
 @micropython.viper
 def fill_gaps(memory, words, motor: int):
-    """Give frames not sent the position before them, leading ones the first."""
+    """Give frames not sent the position before them, and leading ones the first position."""
     word = ptr32(words)
     unsent = -1
     unsent <<= 31
@@ -265,7 +264,7 @@ def fill_gaps(memory, words, motor: int):
             gaps = 0
             end = (
                 chunks.VALUES + chunks.CHUNK_FRAMES
-            )  # or that of the upload: what lies behind takes no units
+            )  # or the end of the upload: frames beyond it need no units
             if word[chunks.FRAMES] - at < chunks.CHUNK_FRAMES:
                 end = chunks.VALUES + word[chunks.FRAMES] - at
             i = chunks.VALUES

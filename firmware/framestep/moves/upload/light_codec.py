@@ -1,4 +1,4 @@
-"""How the light levels of a channel are kept in units of an upload store's pool (chunks.py).
+"""Light levels of a channel in units of an upload store's pool (chunks.py).
 
 A channel is a chain of units, sorted by frame. A unit, 17 half words:
 
@@ -7,32 +7,32 @@ A channel is a chain of units, sorted by frame. A unit, 17 half words:
 The shape is a kind and, for runs and plain levels, a number. A unit has a level for each frame of a
 stretch, in the form that covers the most frames:
 
-    runs    up to 7 of any length: level | frames << 8, two half words each. What is still, or
-            changes rarely
-    steps   level by level the change from frame to frame, less the smallest: 192 changes of 1 bit,
+    runs    up to 7 runs of any length: level | frames << 8, two half words each. For levels that
+            are constant or change rarely
+    steps   the change from each frame to the next, minus the smallest change: 192 changes of 1 bit,
             96 of 2 or 48 of 4. The first two bytes are the number of frames and the first level,
-            the third the smallest change. A straight fade, rounded in whatever way, has changes
-            of two sizes next to each other
+            the third is the smallest change. A straight fade, however it is rounded, has changes of
+            two neighboring sizes
     plain   28 levels as they are
 
-Levels count modulo 256, so a change from 255 to 0 is one of 1. A frame behind a unit's stretch
-and before the next unit has not been sent: it has the level before it. A unit holds no more than
-what the next one leaves it: what lies behind the next one's first frame is void.
+Levels count modulo 256, so a change from 255 to 0 is a change of 1. A frame after a unit's stretch
+and before the next unit has not been sent: it has the level before it. A unit is valid only up to
+the next unit's first frame; the rest of it is void.
 
-`words` and `memory` are those of chunks.py; the levels of a section are bytes of `words`
-from SCRATCH on, `own` is the block of LightLevels.
+`words` and `memory` are those of chunks.py. The levels of a section are bytes of `words` from
+SCRATCH on. `own` is the block of LightLevels.
 """
 
 from framestep.base.native import const, micropython, ptr8, ptr16, ptr32
 from framestep.moves.upload.chunks import FREE, FREE_COUNT, SIZE, UNIT, USED, VALUES
 
 SCRATCH = const(VALUES * 4)  # bytes: up to 193 levels, a section, up to 193 levels
-SHORT = const(193)  # frames of steps at most
+SHORT = const(193)  # most frames of steps
 _STEPS = const(192)  # changes of 1 bit that a unit has
 _MOST_RUNS = const(7)
 _PLAIN = const(28)
 
-# Kinds; steps of 1 << kind - 1 bits between them
+# Kinds; with kind k = 1 to 3, steps have changes of 1 << (k - 1) bits
 _KIND_RUNS = const(0)
 _KIND_PLAIN = const(4)
 # A unit's half words
@@ -42,20 +42,20 @@ BODY = const(3)
 _CODES = const(5)
 
 # Words of `own` that the codec uses
-KIND = const(0)  # of the unit that choose() chose
+KIND = const(0)  # of the unit chosen by choose()
 COUNT = const(1)  # its frames
 LOW = const(2)  # its smallest change
 
 
 @micropython.viper
 def locate(words: ptr32, unit: int) -> int:
-    """Where unit `unit` lies, in half words."""
+    """Return the index of unit `unit`, in half words."""
     return words[SIZE] - unit * UNIT
 
 
 @micropython.viper
 def take(memory: ptr16, words: ptr32) -> int:
-    """Take a unit from the pool, which must have one (upload_chunks.room)."""
+    """Take a unit from the pool, which must have one (chunks.room)."""
     unit = words[FREE]
     if unit:
         words[FREE] = memory[words[SIZE] - unit * UNIT]
@@ -77,13 +77,13 @@ def forget(memory: ptr16, words: ptr32, unit: int):
 
 @micropython.viper
 def first(memory: ptr16, at: int) -> int:
-    """The first frame of the unit at memory[at]."""
+    """Return the first frame of the unit at memory[at]."""
     return memory[at + START] | ((memory[at + SHAPE] & 0xFF) << 16)
 
 
 @micropython.viper
 def length(i: int, span: int, memory: ptr16, at: int) -> int:
-    """How many frames the unit at memory[at] has levels for."""
+    """Return for how many frames the unit at memory[at] has levels."""
     shape = memory[at + SHAPE] >> 8
     if shape >> 5 == _KIND_PLAIN:
         return shape & 31
@@ -99,8 +99,8 @@ def length(i: int, span: int, memory: ptr16, at: int) -> int:
 
 @micropython.viper
 def level_of(i: int, n: int, memory, at: int) -> int:
-    """The level of frame `n` of the unit at memory[at], counted from its first; behind its last one
-    that of the last."""
+    """Return the level of frame `n` of the unit at memory[at], counted from its first frame. A
+    frame after its last one has the level of the last."""
     half = ptr16(memory)
     shape = half[at + SHAPE] >> 8
     kind = shape >> 5
@@ -125,7 +125,7 @@ def level_of(i: int, n: int, memory, at: int) -> int:
     i = at + _CODES
     n <<= kind - 1
     while n > 0:
-        # the sum of the codes, all at once
+        # the sum of all the codes of a half word at once
         bits = half[i + 0]
         if n < 16:
             bits &= (1 << n) - 1
@@ -142,8 +142,8 @@ def level_of(i: int, n: int, memory, at: int) -> int:
 
 @micropython.viper
 def choose(i: int, end: int, words, own: ptr32, at: int):
-    """Choose the unit that covers the most of the levels `at` to `end` of `words`, and set KIND,
-    COUNT and LOW."""
+    """Choose the unit that covers the most of the levels `at` to `end` of `words`. Sets KIND, COUNT
+    and LOW."""
     levels = ptr8(words)
     last = levels[at]
     runs = 1
@@ -190,8 +190,8 @@ def choose(i: int, end: int, words, own: ptr32, at: int):
 
 @micropython.viper
 def put(i: int, end: int, memory, words, own: ptr32, to: int, start: int, at: int):
-    """Write the unit that choose() chose for the levels from `at` on to memory[to], as from frame
-    `start` on."""
+    """Write the unit that choose() chose, for the levels from `at` on, to memory[to]; `start` is
+    its first frame."""
     half = ptr16(memory)
     levels = ptr8(words)
     kind = own[KIND]
@@ -244,7 +244,7 @@ def put(i: int, end: int, memory, words, own: ptr32, to: int, start: int, at: in
 
 @micropython.viper
 def put_run(memory: ptr16, to: int, start: int, level: int, length: int):
-    """Write a unit of one run to memory[to]."""
+    """Write a unit of a single run to memory[to]."""
     memory[to + START] = start & 0xFFFF
     memory[to + SHAPE] = (start >> 16) | 0x100
     memory[to + BODY] = level | ((length & 0xFF) << 8)
@@ -253,8 +253,8 @@ def put_run(memory: ptr16, to: int, start: int, level: int, length: int):
 
 @micropython.viper
 def cut_runs(i: int, before: int, memory: ptr16, at: int, inside: int, length: int):
-    """The run with the last of the first `inside` frames of the unit of runs at memory[at] is its
-    last one now, and goes on so that the unit has `length` frames."""
+    """Cut the unit of runs at memory[at] after its first `inside` frames, and extend its last run
+    so that the unit has `length` frames."""
     before = 0
     i = at + BODY
     while True:
@@ -272,8 +272,8 @@ def cut_runs(i: int, before: int, memory: ptr16, at: int, inside: int, length: i
 
 @micropython.viper
 def behead_runs(i: int, by: int, memory: ptr16, at: int, start: int):
-    """Take the first `by` frames off the unit of runs at memory[at], which has more; it begins at
-    frame `start` now."""
+    """Take the first `by` frames off the unit of runs at memory[at], which has more. `start` is its
+    new first frame."""
     runs = memory[at + SHAPE] >> 8
     i = at + BODY
     while True:

@@ -1,8 +1,8 @@
 """The uploaded light levels of a move.
 
-Each channel is a chain of units (light_codec.py) from the pool that an upload's positions take
-theirs from, so what a move leaves free is there for lights. A frame of a channel costs next to
-nothing where it is still or in a straight fade, and 1.21 bytes at most where it changes at random.
+Each channel is a chain of units (light_codec.py) from the pool that positions use as well, so
+lights can have all the memory that positions leave free. A frame of a channel takes next to nothing
+if its level is constant or in a straight fade, and at most 1.21 bytes if it changes at random.
 Frames that have not been sent take nothing.
 
 Nothing but the constructor and allocate() allocates. Frame indexes, channels (1 to 512) and levels
@@ -44,22 +44,22 @@ LOADING = const(1)
 READY = const(2)
 
 _MARK = const(2)  # io.lights.MARK
-_LONGEST = const(1030)  # levels of a section: what the largest frame of the protocol holds
-_SAVED = const(380)  # words: a unit that is to be written again, behind the longest SCRATCH
+_LONGEST = const(1030)  # levels in a section: as many as the protocol's largest frame holds
+_SAVED = const(380)  # index of the copy of a unit that is to be written again, after SCRATCH
 
-# Words of the block, behind those of the codec
+# Words of the block, after those of the codec
 _STATE = const(3)
 _FRAMES = const(4)  # of the range
 _IN_USE = const(5)  # channels that have data
-_HOLD = const(6)  # frames behind a section that get its final level
+_HOLD = const(6)  # frames after a section that get its final level
 _WORDS = const(7)
 
 
 @micropython.viper
 def _decode(i: int, to: int, memory, words, at: int, end: int) -> int:
-    """Write the levels of frames `i` to `end` of the unit at memory[at] to byte `to` and on.
+    """Write the levels of frames `i` to `end` of the unit at memory[at] to bytes from `to` on.
 
-    Returns the byte behind.
+    Return the index of the byte after them.
     """
     levels = ptr8(words)
     while i < end:
@@ -71,7 +71,7 @@ def _decode(i: int, to: int, memory, words, at: int, end: int) -> int:
 
 @micropython.viper
 def _needed(at: int, end: int, words, own) -> int:
-    """Units that the levels `at` to `end` and the frames that hold the last of them take."""
+    """Return how many units the levels `at` to `end`, and the frames that hold the last, take."""
     word = ptr32(own)
     units = 0
     word[KIND] = 0
@@ -86,8 +86,8 @@ def _needed(at: int, end: int, words, own) -> int:
 
 @micropython.viper
 def _hang(memory: ptr16, heads: ptr16, link: int, unit: int):
-    """Have a chain go on with `unit`: link is the place of the unit before it, or minus the channel
-    whose first one it is."""
+    """Continue a chain with `unit`. link: index of the unit before it, or minus the channel if it
+    is the channel's first."""
     if link < 0:
         heads[0 - link] = unit
     else:
@@ -98,8 +98,8 @@ def _hang(memory: ptr16, heads: ptr16, link: int, unit: int):
 def _play(unit: int, index: int, memory, words, block, cursors, levels, marks) -> int:
     """levels[channel] = the level at frame `index` of each channel that has data.
 
-    Channels whose level was another get the bit MARK in `marks`. Returns the first of them << 16 |
-    the last, 0 if there is none.
+    Channels whose level has changed get the bit MARK in `marks`. Return the first of them << 16 |
+    the last, or 0 if there is none.
     """
     half = ptr16(memory)
     heads = ptr16(block)
@@ -119,7 +119,7 @@ def _play(unit: int, index: int, memory, words, block, cursors, levels, marks) -
         unit = heads[channel]
         if unit == 0:
             continue
-        # calls take long here: this goes through all units at worst
+        # inlined, as calls take long here: in the worst case this goes through all units
         if cursor[channel]:
             at = top - cursor[channel] * UNIT
             if index >= half[at + START] | ((half[at + SHAPE] & 0xFF) << 16):
@@ -137,7 +137,7 @@ def _play(unit: int, index: int, memory, words, block, cursors, levels, marks) -
             unit = after
             after = half[at]
         cursor[channel] = unit
-        if half[at + SHAPE] >> 8 == 1:  # still
+        if half[at + SHAPE] >> 8 == 1:  # constant
             now = half[at + BODY] & 0xFF
         else:
             now = int(level_of(0, index - start, memory, at))
@@ -152,10 +152,10 @@ def _play(unit: int, index: int, memory, words, block, cursors, levels, marks) -
 
 @micropython.viper
 def _write(at: int, end: int, memory, words, own, heads, link: int, start: int) -> int:
-    """Write the levels `at` to `end`, and the frames that hold the last of them, as units that hang
-    on `link`, as in _hang().
+    """Write the levels `at` to `end`, and the frames that hold the last of them, as units after
+    `link`, as in _hang().
 
-    Returns the last unit's link, `link` if there is none.
+    Return the last unit's link, or `link` if there is none.
     """
     word = ptr32(own)
     hold = word[_HOLD]
@@ -181,18 +181,18 @@ def _write(at: int, end: int, memory, words, own, heads, link: int, start: int) 
 
 
 class LightLevels:
-    """Stores the light levels of an uploaded move and plays them.
+    """Store and player of the light levels of an uploaded move.
 
     `ready`: whether a finished upload has levels; until finish() nothing is played.
     """
 
     def __init__(self, store=None):
-        """store: as for allocate(), None: not yet."""
-        # by channel: its first unit, and the one that was played last, 0 if there is none
+        """store: as for allocate(), None: allocate later."""
+        # for each channel: its first unit, and the one played last, 0 if there is none
         blank = bytes(2 * CHANNELS + 2)
         self._heads = array("H", blank) if CPYTHON else bytearray(blank)
         self._cursors = array("H", blank) if CPYTHON else bytearray(blank)
-        self._levels = bytearray(CHANNELS + 1)  # by channel: what it was set to last
+        self._levels = bytearray(CHANNELS + 1)  # for each channel: the level set last
         self._marks = bytearray(CHANNELS + 1)
         self._own = array("i", [0] * _WORDS)
         self._memory = self._words = None
@@ -201,9 +201,9 @@ class LightLevels:
             self.allocate(store)
 
     def allocate(self, store):
-        """Share the memory of an UploadStore, which has been allocated.
+        """Share the memory of an UploadStore, which must be allocated.
 
-        Whatever empties the store, this must be emptied with it, by begin() or clear().
+        Whenever the store is emptied, this must be emptied as well, by begin() or clear().
         """
         self._memory = store.memory
         self._words = store.words
@@ -215,7 +215,7 @@ class LightLevels:
 
     @micropython.viper
     def clear(self):
-        """Forget the upload."""
+        """Drop the upload."""
         own = ptr32(self._own)
         own[_STATE] = EMPTY
         own[_FRAMES] = 0
@@ -228,7 +228,7 @@ class LightLevels:
         self.ready = False
 
     def begin(self, frames):
-        """Begin the upload of a range of `frames` frames; the old one is gone.
+        """Begin the upload of a range of `frames` frames; drops the old one.
 
         Nothing is stored beyond frame 2^20, some twelve hours of film.
         """
@@ -240,13 +240,13 @@ class LightLevels:
     def store(self, channel: int, index: int, last: int, source, at: int, count: int) -> int:
         """Store `count` levels of a channel from frame `index` on (spec: MSG_RT_UPLOAD_MOVE_DMX).
 
-        The levels are the bytes from source[at] on; those past the end of the range are ignored
+        The levels are the bytes from source[at] on; those beyond the end of the range are ignored
         (field note 5.3). If `last`, the final one also goes to every frame after it, sent before or
-        not. Sections may come in any order and again: the latest counts. A frame that is never sent
-        holds the level before it, and frames before the first one sent hold the level of that.
-        ERR_GENERAL unless an upload has begun. ERR_RANGE for a section that begins outside the
-        range, for channels other than 1 to 512, for a `last` section without a level, and where it
-        needs more memory than there is. A refused section changes nothing.
+        not. Sections may come in any order and repeatedly; the latest counts. A frame that is never
+        sent keeps the level before it; frames before the first one sent have its level. ERR_GENERAL
+        unless an upload has begun. ERR_RANGE for a section that begins outside the range, for
+        channels other than 1 to 512, for a `last` section without a level, and if it needs more
+        memory than there is. A refused section changes nothing.
         """
         own = self._own
         word = ptr32(own)
@@ -277,7 +277,7 @@ class LightLevels:
             before = front
             front = unit
             unit = half[int(locate(words, unit))]
-        # from here to `behind` the units go; `tail` may hold levels for the frames behind
+        # The units from here to `behind` are removed; `tail` may hold levels for frames after them.
         gone = unit
         tail = front
         freed = 0
@@ -286,17 +286,17 @@ class LightLevels:
             freed += 1
             unit = half[int(locate(words, unit))]
         behind = unit
-        # What was stored just before is written anew together with the section, if it is short;
-        # if it is long it is runs, and the last of them may go on.
+        # If the unit just before is short, it is written again together with the section. If it is
+        # long, it consists of runs, and the last run may be extended.
         to = SCRATCH
         start = index
-        inside = 0  # frames that stay of a long unit before
+        inside = 0  # frames that remain of a long unit before
         opened = 0
         if front:
             unit = int(locate(words, front))
             inside = index - int(first(memory, unit))
             if int(length(0, 0, memory, unit)) < inside:
-                inside = 0  # a gap lies between
+                inside = 0  # there is a gap between
             elif inside <= SHORT:
                 to = int(_decode(0, to, memory, words, unit, inside))
                 start -= inside
@@ -310,7 +310,7 @@ class LightLevels:
             to += 1
             at += 1
             count -= 1
-        # what lies behind, alike
+        # the unit after the section, similarly
         cut = 0
         if last == 0 and tail:
             unit = int(locate(words, tail))
@@ -373,7 +373,7 @@ class LightLevels:
         return int(OK)
 
     def finish(self):
-        """End the upload, if one has begun: from now on it can be played."""
+        """End the upload, if one has begun: it can then be played."""
         own = self._own
         if own[_STATE] == LOADING:
             own[_STATE] = READY
@@ -383,7 +383,7 @@ class LightLevels:
     def seek(self, index: int, lights):
         """Set every channel that has data to its level at frame `index` (lights: io.lights.Lights).
 
-        Frames before the first have the level of the first, frames beyond the last that of the
+        Frames before the first have the level of the first, frames beyond the last the level of the
         last.
         """
         if ptr32(self._own)[_STATE] != READY:
@@ -404,8 +404,8 @@ class LightLevels:
 
     @micropython.viper
     def step(self, index: int, lights):
-        """Go to frame `index` from another: set the channels whose level is not what this store set
-        last."""
+        """Go from another frame to frame `index`: set only the channels whose level differs from
+        what this store set last."""
         if ptr32(self._own)[_STATE] != READY:
             return
         levels = self._levels

@@ -1,12 +1,13 @@
 """The uploaded move: a position for every frame of every motor, in one block of memory.
 
-A motor gets a region of that memory when its first section comes; motors without data take none.
-How positions are kept in a region: chunks.py; how they are written: codec.py.
+A motor gets a region of that memory with its first section; motors without data take none.
+chunks.py describes how positions are kept in a region, codec.py writes them.
 
-What fits. A frame costs 1.08 bytes a motor while the steps per frame change by at most 127 from one
-frame to the next, and 1.34 up to 511. All frames of capacity_frames() fit if no motor's steps per
-frame change by more than 511 from one frame to the next, which at 24 frames/s is 294 000 steps/s².
-Where they change by less, there is memory for greater changes elsewhere, of any size.
+What fits. A frame takes 1.08 bytes for each motor while the steps per frame change by at most 127
+from one frame to the next, and 1.34 bytes up to 511. All frames of capacity_frames() fit if no
+motor's steps per frame change by more than 511 from one frame to the next, which at 24 frames/s is
+294 000 steps/s². If they change by less, there is memory for greater changes elsewhere, of any
+size.
 
 Nothing but the constructor and allocate() allocates. Positions go through arrays, since they need
 not fit a small integer; frame numbers and indexes are small integers. An index counts from 0 at the
@@ -27,26 +28,26 @@ EMPTY = const(0)  # no upload
 LOADING = const(1)  # begun, not finished
 READY = const(2)
 
-# ± (field note 5.3): MOVE TIME, a thousand times it, is a small integer
+# ± (field note 5.3): MOVE TIME, a thousand times this, is still a small integer
 FARTHEST_FRAME = const(1000000)
-# half words that the capacity counts for a chunk: its own and a unit
+# half words that the capacity counts for a chunk: the chunk's own and a unit
 _PER_CHUNK = const(chunks.CHUNK + chunks.UNIT)
 
 
 def bytes_for(motors, frames):
-    """The memory that makes UploadStore.capacity_frames(motors) at least `frames`."""
+    """Return the memory that makes UploadStore.capacity_frames(motors) at least `frames`."""
     return 2 * motors * _PER_CHUNK * ((frames + chunks.CHUNK_FRAMES - 1) // chunks.CHUNK_FRAMES)
 
 
 class UploadStore:
-    """Stores an uploaded move and reads its positions.
+    """Store of an uploaded move.
 
     `state` is EMPTY, LOADING or READY, `start` and `end` are the first and the last scene frame. A
     refused request changes nothing (field note 5.3). Motors are counted from 0.
     """
 
     def __init__(self, motors, memory_bytes=0):
-        """For `motors` motors; `memory_bytes` as for allocate(), 0: not yet."""
+        """motors: their number. memory_bytes: as for allocate(), 0: allocate later."""
         self.motors = motors
         self._limit = 0
         self._memory = None
@@ -57,7 +58,7 @@ class UploadStore:
             self.allocate(memory_bytes)
 
     def allocate(self, memory_bytes):
-        """Allocate that many bytes for good; ValueError if not a chunk for each motor fits.
+        """Allocate the memory, for good. Raises ValueError if not even a chunk for each motor fits.
 
         Allocates one block.
         """
@@ -68,7 +69,7 @@ class UploadStore:
                 "an upload of %d motors needs %d bytes or more, not %d"
                 % (self.motors, bytes_for(self.motors, 1), memory_bytes)
             )
-        # On the board a bytearray is what the heap gives without a copy.
+        # On the board only a bytearray gets its memory from the heap without a copy.
         self._memory = (
             array("H", bytes(memory_bytes // 2 * 2))
             if CPYTHON
@@ -77,11 +78,12 @@ class UploadStore:
         self.clear()
 
     def capacity_frames(self, motors):
-        """Frames that fit for this many motors if no steps per frame change by more than 511."""
+        """Return how many frames fit for this many motors if no steps per frame change by more than
+        511."""
         return self._words[chunks.SIZE] // (motors * _PER_CHUNK) * chunks.CHUNK_FRAMES
 
     def clear(self):
-        """Forget the upload."""
+        """Drop the upload."""
         self.state = EMPTY
         self.start = 0
         self.end = 0
@@ -110,10 +112,8 @@ class UploadStore:
     def begin(self, start, end):
         """Begin the upload of scene frames `start` to `end` (spec: MSG_RT_UPLOAD_MOVE_BEGIN).
 
-        The old upload is gone.
-
-        Frame numbers are small integers and may be negative. ERR_RANGE for more frames than fit, an
-        end before the start, and frames beyond ± FARTHEST_FRAME.
+        Drops the old upload. Frame numbers are small integers and may be negative. ERR_RANGE for
+        more frames than fit, an end before the start, and frames beyond ± FARTHEST_FRAME.
         """
         if not (-FARTHEST_FRAME <= start <= end <= FARTHEST_FRAME) or end - start >= self._limit:
             return ERR_RANGE
@@ -129,12 +129,12 @@ class UploadStore:
     def section(self, motor: int, index: int, last: int, buffer, at: int, count: int) -> int:
         """Store `count` positions of a motor from frame `index` on (spec: MSG_RT_UPLOAD_MOVE_AXIS).
 
-        The positions are the DWORDs from buffer[at] on; those past the end of the range are ignored
-        (field note 5.3). If `last`, the final one also goes to every frame after it, sent before or
-        not. Sections may come in any order and again: the latest counts. ERR_GENERAL unless an
-        upload has begun. ERR_RANGE for a section that begins outside the range, for a `last`
-        section without a position, for the position -2^31, and where the changes from frame to
-        frame need more memory than there is: how much is in `words`, ASKED and LEFT.
+        The positions are the DWORDs from buffer[at] on; those beyond the end of the range are
+        ignored (field note 5.3). If `last`, the final one also goes to every frame after it, sent
+        before or not. Sections may come in any order and repeatedly; the latest counts. ERR_GENERAL
+        unless an upload has begun. ERR_RANGE for a section that begins outside the range, for a
+        `last` section without a position, for the position -2^31, and if the changes from frame to
+        frame need more memory than there is: ASKED and LEFT of `words` say how much.
         """
         memory = self._memory
         words = self._words
@@ -204,8 +204,8 @@ class UploadStore:
     def finish(self):
         """End the upload (spec: MSG_RT_UPLOAD_MOVE_END).
 
-        A frame that has not been sent holds the position of the frame before it, and before the
-        first frame sent, of that one. ERR_GENERAL unless an upload has begun; ERR_RANGE when that
+        A frame that has not been sent keeps the position of the frame before it. Frames before the
+        first one sent get its position. ERR_GENERAL unless an upload has begun; ERR_RANGE if this
         needs more memory than there is.
         """
         if self.state == EMPTY:
@@ -232,7 +232,7 @@ class UploadStore:
         return OK
 
     def has(self, motor):
-        """Whether the motor has uploaded positions."""
+        """Return whether the motor has uploaded positions."""
         return self._words[chunks.RECORDS + motor * chunks.RECORD_WORDS + chunks.REGION] >= 0
 
     def position(self, motor, index, words, at):
@@ -243,8 +243,9 @@ class UploadStore:
     def positions(self, motor: int, index: int, count: int, words, at: int) -> bool:
         """Put the positions of `count` frames from `index` on into words[at], ..., an array('i').
 
-        Frames before the first have the position of the first, frames beyond the last that of the
-        last. False, and nothing is written, unless the upload is READY and the motor has data.
+        Frames before the first have the position of the first, frames beyond the last the position
+        of the last. Return False, and write nothing, unless the upload is READY and the motor has
+        data.
         """
         own = self._words
         word = ptr32(own)

@@ -1,16 +1,16 @@
 """The uploaded triggers of a move: which outputs are on at which frame.
 
-Triggers are bits, in units of the pool that an upload's positions take theirs from
-(chunks.py): for each bit of VALUES a unit has 224 frames, or none where it is off in all of
-them. So a trigger on every frame costs 0.15 bytes a frame for each output. A unit, 17 half words:
+Triggers are bits, in units of the pool that positions use as well (chunks.py). For each bit of
+VALUES a unit has 224 frames; if the bit is off in all of them, there is no unit. So a trigger on
+every frame takes 0.15 bytes a frame for each output. A unit, 17 half words:
 
     link | block, of 224 frames | number of the bit | 14 half words, the first frame lowest
 
-The units are one chain, sorted by block.
+The units form one chain, sorted by block.
 
-Nothing but the constructor and allocate() allocates. Frame indexes are small integers; MASK and
-VALUES go through arrays, since they need not be. An index counts from 0 at the first frame of the
-range (field note 5.1).
+Nothing but the constructor and allocate() allocates. Frame indexes are small integers. MASK and
+VALUES go through arrays, since they need not be small. An index counts from 0 at the first frame of
+the range (field note 5.1).
 """
 
 from array import array
@@ -25,10 +25,10 @@ from framestep.moves.upload.light_levels import EMPTY, LOADING, MOST_FRAMES, REA
 _STATE = const(0)
 _FRAMES = const(1)  # of the range
 _HEAD = const(2)  # the first unit, 0: none
-_CURSOR = const(3)  # a unit that was before the block used last, 0: none
+_CURSOR = const(3)  # a unit before the block used last, 0: none
 _SENT = const(4)  # whether a message has come
 _MASK = const(5)
-_VALUE = const(6)  # of the frame that is being stored: it need not be a small integer
+_VALUE = const(6)  # of the frame being stored; it need not be a small integer
 _WORDS = const(7)
 
 _BLOCK_FRAMES = const(224)
@@ -39,7 +39,7 @@ _BITS = const(3)
 
 @micropython.viper
 def _inside(sent: ptr8, i: int, frames: int) -> int:
-    """Whether the frame at sent[i] is one of the range's `frames`; it is not negative."""
+    """Return whether the frame at sent[i], at least 0, is one of the range's `frames`."""
     if sent[i + 3]:
         return 0
     frame = sent[i] | (sent[i + 1] << 8) | (sent[i + 2] << 16)
@@ -48,7 +48,7 @@ def _inside(sent: ptr8, i: int, frames: int) -> int:
 
 @micropython.viper
 def _before(words, memory, own, block: int) -> int:
-    """The last unit of the blocks before `block`, 0 if there is none."""
+    """Return the last unit of the blocks before `block`, 0 if there is none."""
     half = ptr16(memory)
     word = ptr32(own)
     unit = word[_CURSOR]
@@ -67,7 +67,7 @@ def _before(words, memory, own, block: int) -> int:
 
 @micropython.viper
 def _insert(words, memory, own, before: int, block: int, bit: int):
-    """Take a unit for a bit of a block, all frames off, behind the unit `before`."""
+    """Take a unit for a bit of a block, off in all frames, and insert it after `before`."""
     half = ptr16(memory)
     word = ptr32(own)
     unit = int(take(memory, words))
@@ -89,7 +89,7 @@ def _insert(words, memory, own, before: int, block: int, bit: int):
 
 @micropython.viper
 def _reserve(words, memory, own, frame: int) -> int:
-    """Have a unit for each bit of _VALUE at this frame; 0 if there is no memory for one."""
+    """Get a unit for each bit of _VALUE at this frame. Return 0 if there is no memory for one."""
     half = ptr16(memory)
     block = frame // _BLOCK_FRAMES
     before = int(_before(words, memory, own, block))
@@ -99,7 +99,7 @@ def _reserve(words, memory, own, frame: int) -> int:
         at = int(locate(words, unit))
         if half[at + _BLOCK] != block:
             break
-        # -1 << 31 where 1 << 31 would leave 32 bits
+        # -1 << 31, as 1 << 31 would exceed 32 bits
         bit = half[at + _BIT]
         has |= (-1 if bit == 31 else 1) << bit
         unit = half[at]
@@ -116,7 +116,7 @@ def _reserve(words, memory, own, frame: int) -> int:
 
 @micropython.viper
 def _write(words, memory, own, frame: int):
-    """Set the bits of a frame to those of _VALUE, for which there are units."""
+    """Set the bits of a frame to those of _VALUE, which have units."""
     half = ptr16(memory)
     block = frame // _BLOCK_FRAMES
     unit = int(_before(words, memory, own, block))
@@ -139,7 +139,7 @@ def _write(words, memory, own, frame: int):
 
 @micropython.viper
 def _sweep(words, memory, own):
-    """Give back the units that are off in all frames."""
+    """Give back the units whose bit is off in all frames."""
     half = ptr16(memory)
     word = ptr32(own)
     word[_CURSOR] = 0
@@ -165,13 +165,13 @@ def _sweep(words, memory, own):
 
 
 class Triggers:
-    """Stores the triggers of an uploaded move and reads them.
+    """Store of the triggers of an uploaded move.
 
     `ready`: whether a finished upload has triggers; until finish() none are read.
     """
 
     def __init__(self, store=None):
-        """store: as for allocate(), None: not yet."""
+        """store: as for allocate(), None: allocate later."""
         self._own = array("i", [0] * _WORDS)
         self._memory = self._words = None
         self.clear()
@@ -179,15 +179,15 @@ class Triggers:
             self.allocate(store)
 
     def allocate(self, store):
-        """Share the memory of an UploadStore, which has been allocated.
+        """Share the memory of an UploadStore, which must be allocated.
 
-        Whatever empties the store, this must be emptied with it, by begin() or clear().
+        Whenever the store is emptied, this must be emptied as well, by begin() or clear().
         """
         self._memory = store.memory
         self._words = store.words
 
     def clear(self):
-        """Forget the upload."""
+        """Drop the upload."""
         own = self._own
         for i in range(_WORDS):
             own[i] = 0
@@ -195,7 +195,7 @@ class Triggers:
         self.ready = False
 
     def begin(self, frames):
-        """Begin the upload of a range of `frames` frames; the old one is gone."""
+        """Begin the upload of a range of `frames` frames; drops the old one."""
         self.clear()
         self._own[_FRAMES] = min(frames, MOST_FRAMES)
         self._own[_STATE] = LOADING
@@ -204,11 +204,11 @@ class Triggers:
     def store(self, mask, source, at: int, count: int) -> int:
         """Store the values of `count` frames (spec: MSG_RT_UPLOAD_MOVE_TRIGGERS).
 
-        mask: an array('i') with MASK in its first word. The pairs of FRAME and VALUES, DWORDs, lie
-        from source[at] on. Frames that are not sent have no trigger on; for a frame sent again, and
-        for MASK, the latest counts. ERR_GENERAL unless an upload has begun. ERR_RANGE if the first
-        frame lies past the range, if any lies before it, and where they need more memory than there
-        is. A refused message changes nothing.
+        mask: an array('i') with MASK in its first word. The pairs of FRAME and VALUES are DWORDs
+        from source[at] on. Frames that are not sent have no trigger on. For a frame sent again, and
+        for MASK, the latest message counts. ERR_GENERAL unless an upload has begun. ERR_RANGE if
+        the first frame is beyond the range, if any frame is before it, and if they need more memory
+        than there is. A refused message changes nothing.
         """
         own = self._own
         words = self._words
@@ -227,7 +227,7 @@ class Triggers:
             if i == at and int(_inside(source, i, word[_FRAMES])) == 0:
                 return int(ERR_RANGE)
             i += 8
-        # twice: first only to have memory for all of them
+        # twice: the first time only to get memory for all of them
         writing = 0
         while writing < 2:
             i = at
@@ -244,7 +244,7 @@ class Triggers:
                         _write(words, memory, own, frame)
                     elif int(_reserve(words, memory, own, frame)) == 0:
                         _sweep(words, memory, own)
-                        fits(words, int(room(words)) + 1)  # that much at least
+                        fits(words, int(room(words)) + 1)  # notes a need of at least that much
                         return int(ERR_RANGE)
                 i += 8
             writing += 1
@@ -253,7 +253,7 @@ class Triggers:
         return int(OK)
 
     def finish(self):
-        """End the upload, if one has begun: from now on it can be played."""
+        """End the upload, if one has begun: it can then be played."""
         own = self._own
         if own[_STATE] == LOADING:
             own[_STATE] = READY
@@ -261,14 +261,14 @@ class Triggers:
 
     @micropython.viper
     def mask_to(self, words, at: int):
-        """Put the MASK of the triggers into the array('i') words[at]; 0 where there are none."""
+        """Put the MASK of the triggers into the array('i') words[at]; 0 if there are none."""
         word = ptr32(self._own)
         to = ptr32(words)
         to[at] = word[_MASK] if word[_STATE] == READY else 0
 
     @micropython.viper
     def values_to(self, index: int, words, at: int):
-        """words[at] = the VALUES of frame `index` as they were sent, 0 if there are none."""
+        """Put the VALUES of frame `index` as sent into words[at]; 0 if there are none."""
         own = self._own
         memory = self._memory
         shared = self._words

@@ -1,6 +1,6 @@
-"""On which frame of the uploaded move motors stand, and what keeps them from going elsewhere.
+"""On which frame of the uploaded move the motors are, and what keeps them from going elsewhere.
 
-Nothing here moves a motor. Nothing allocates.
+Nothing here moves a motor, and nothing allocates.
 """
 
 from framestep.base.results import (
@@ -16,16 +16,18 @@ from framestep.moves.path.move_check import BATCH
 from framestep.moves.upload.store import READY as UPLOADED
 
 
-def stand_at(axes, bits, positions, directions):
-    """Whether motors stand on positions[motor], with backlash taken up for directions[motor]."""
+def all_at(axes, bits, positions, directions):
+    """Return whether all motors of these bits are at rest on positions[motor], with their backlash
+    taken up for directions[motor]."""
     for motor in range(axes.count):
         if (bits >> motor) & 1 and not axes[motor].rests_on(positions, motor, directions[motor]):
             return False
     return True
 
 
-def stand_on_frame(player, bits, index):
-    """Whether motors stand on the frame `index`; those without uploaded positions do."""
+def all_on_frame(player, bits, index):
+    """Return whether all motors of these bits that have uploaded positions are at rest on the
+    frame `index`."""
     store = player.store
     position = player.position
     for motor in range(player.count):
@@ -37,12 +39,12 @@ def stand_on_frame(player, bits, index):
 
 
 def find_frame(player, bits, near):
-    """Index of a frame on which all motors stand, -1 if there is none; `near` is tried first."""
+    """Return the index of a frame on which all motors are, or -1. `near` is tried first."""
     store = player.store
     if not bits:
         return -1
     last = store.end - store.start
-    if 0 <= near <= last and stand_on_frame(player, bits, near):
+    if 0 <= near <= last and all_on_frame(player, bits, near):
         return near
     motor = 0
     while not (bits >> motor) & 1:
@@ -54,16 +56,16 @@ def find_frame(player, bits, near):
         count = min(last + 1 - index, BATCH)
         store.positions(motor, index, count, values, 0)
         for i in range(count):
-            if axis.rests_on(values, i) and stand_on_frame(player, bits, index + i):
+            if axis.rests_on(values, i) and all_on_frame(player, bits, index + i):
                 return index + i
         index += count
     return -1
 
 
 def find_positions(player, safety, frame, among, positions):
-    """positions[motor] = where motors, of the bits `among`, are at a scene frame.
+    """positions[motor] = position at a scene frame, for the motors of the bits `among`.
 
-    OK, or why they cannot go there.
+    Return OK, or why they cannot go there.
     """
     store = player.store
     if store.state != UPLOADED:
@@ -81,7 +83,7 @@ def find_positions(player, safety, frame, among, positions):
 
 
 def find_blocking_switch(player, safety, bits, positions):
-    """OK, or the code of a limit switch in the way of a motor to positions[motor]."""
+    """Return OK, or the code of a limit switch that blocks a motor's way to positions[motor]."""
     for motor in range(player.count):
         if (bits >> motor) & 1:
             code = safety.limit_blocking(motor, positions, motor)
@@ -91,7 +93,7 @@ def find_blocking_switch(player, safety, bits, positions):
 
 
 def find_switch_on_path(player, safety, bits, at, to, positions):
-    """OK, or the code of a limit switch in the way of a motor from index `at` to index `to`.
+    """Return OK, or the code of a limit switch that blocks a motor's way from index `at` to `to`.
 
     positions: scratch, a word for each motor.
     """
@@ -104,7 +106,7 @@ def find_switch_on_path(player, safety, bits, at, to, positions):
                 index += step
                 player.store.position(motor, index, positions, motor)
                 if not axis.rests_on(positions, motor):
-                    # the first frame that lies elsewhere tells which way it goes
+                    # the first frame with another position shows in which direction it goes
                     code = safety.limit_blocking(motor, positions, motor)
                     if code != OK:
                         return code
@@ -113,7 +115,7 @@ def find_switch_on_path(player, safety, bits, at, to, positions):
 
 
 def find_switch_ahead(player, safety, operation):
-    """OK, or the code of a limit switch in which a motor stands and would drive on."""
+    """Return OK, or the code of an active limit switch toward which a motor would set out."""
     if safety.active:
         for motor in range(player.count):
             if (operation.bits >> motor) & 1:
