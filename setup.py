@@ -17,7 +17,7 @@ TOOLS = "framestep_tools"
 ONLY_IN_A_CHECKOUT = "framestep_emulator"  # it needs node, and a MicroPython that has been built
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "firmware")]
 
-from framestep_tools.paths import version  # noqa: E402
+from framestep_tools.paths import repository, version  # noqa: E402
 
 
 class BuildPackage(build_py):
@@ -58,8 +58,22 @@ def packages(name: str, folder: str) -> list[str]:
     return [name, *(f"{name}.{inner}" for inner in find_packages(folder))]
 
 
+def project_urls() -> dict[str, str]:
+    """Links to the repository that builds the package. A fork's package leads to the fork."""
+    url = repository()
+    if url is None:
+        return {}
+    return {
+        "Source": url,
+        "Documentation": f"{url}/tree/v{version()}/docs",
+        "Issues": f"{url}/issues",
+        "Changelog": f"{url}/blob/v{version()}/CHANGELOG.md",
+    }
+
+
 setup(
     version=version(),
+    project_urls=project_urls(),
     packages=[
         *packages("framestep", "firmware/framestep"),
         *packages(TOOLS, "tools/framestep_tools"),

@@ -94,6 +94,7 @@ def installed(tmp_path_factory):
             made,
         ],
         cwd=ROOT,
+        env={**os.environ, "GITHUB_REPOSITORY": "somebody/framestep"},
         capture_output=True,
         text=True,
     )
@@ -113,6 +114,13 @@ def test_it_is_this_package_that_runs_and_no_other(installed):
     assert [os.path.commonpath([path, installed.folder]) for path in where] == [
         str(installed.folder)
     ] * 2
+
+
+def test_its_links_lead_to_the_repository_that_has_built_it(installed):
+    (metadata,) = installed.folder.glob("framestep-*.dist-info/METADATA")
+    text = metadata.read_text(encoding="utf-8")
+    assert "\nProject-URL: Source, https://github.com/somebody/framestep\n" in text
+    assert "\nProject-URL: Issues, https://github.com/somebody/framestep/issues\n" in text
 
 
 def test_what_is_blocked_cannot_be_imported(installed):

@@ -1,8 +1,8 @@
-"""Where framestep's own files lie: in a checkout of its sources, or inside the package that a user
-has installed.
+"""Paths of framestep's own files: in a checkout of its sources, or in the package that a user has
+installed.
 
-setup.py puts into the package what a user needs without the sources: `data/boards` with each
-board's board.json and rig.json, and `data/images/<board>.uf2`.
+setup.py adds to the package what a user needs without the sources: `data/boards` with each board's
+board.json and rig.json, and `data/images/<board>.uf2`.
 """
 
 import os
@@ -22,11 +22,22 @@ CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or ROOT / ".cache").absolute()
 
 @cache
 def version() -> str:
-    """framestep's version, which the firmware tells a host: 0.1.0. Importing the controller for it
-    would take long."""
+    """Return framestep's version, such as 0.1.0, as the firmware reports it to a host.
+
+    Read from the source, because importing the controller would take long.
+    """
     import framestep
 
     text = Path(framestep.__file__).with_name("reports.py").read_text()
     found = re.search(r"^VERSION = \((\d+), (\d+), (\d+)\)", text, re.MULTILINE)
     assert found, "framestep/reports.py has no VERSION"
     return ".".join(found.groups())
+
+
+def repository() -> str | None:
+    """Return the repository's address on the web, without a slash at its end.
+
+    Only a workflow of GitHub knows it; elsewhere None.
+    """
+    name = os.environ.get("GITHUB_REPOSITORY")
+    return name and f"{os.environ.get('GITHUB_SERVER_URL', 'https://github.com')}/{name}"

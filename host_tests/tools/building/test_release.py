@@ -6,6 +6,7 @@ import zipfile
 import pytest
 
 from framestep_tools.building import release
+from framestep_tools.building.board_files import board_data, board_names
 from framestep_tools.building.images import BuildError
 
 
@@ -47,16 +48,36 @@ First.
 """
 
 
-def test_notes_are_those_of_the_version():
-    assert (
-        release.notes(CHANGELOG.format(""), "0.2.0")
-        == "# framestep 0.2.0\n\nSecond.\n\n### Fixed\n\n* A fault.\n"
+def changes(changelog, version):
+    """The last part of the notes."""
+    return release.notes(changelog, version).partition("## What has changed\n\n")[2]
+
+
+def test_notes_have_the_changes_of_the_version():
+    assert changes(CHANGELOG.format(""), "0.2.0") == "Second.\n\n### Fixed\n\n* A fault.\n"
+    assert changes(CHANGELOG.format(""), "0.1.0") == "First.\n"
+    assert changes(CHANGELOG.format("* New.\n"), "0.3.0") == "* New.\n"
+    assert changes(CHANGELOG.format("* New.\n"), "0.1.0") == "* New.\n\nFirst.\n", (
+        "what is unreleased is in the files as well"
     )
-    assert release.notes(CHANGELOG.format(""), "0.1.0") == "# framestep 0.1.0\n\nFirst.\n"
-    assert release.notes(CHANGELOG.format("* New.\n"), "0.3.0") == "# framestep 0.3.0\n\n* New.\n"
-    assert (
-        release.notes(CHANGELOG.format("* New.\n"), "0.1.0")
-        == "# framestep 0.1.0\n\n## Since the first 0.1.0\n\n* New.\n\n## 0.1.0\n\nFirst.\n"
-    ), "what is unreleased is in the files as well"
     with pytest.raises(BuildError, match=r"CHANGELOG\.md says nothing of 0\.3\.0"):
         release.notes(CHANGELOG.format(""), "0.3.0")
+
+
+def test_notes_say_which_file_to_take():
+    text = release.notes(CHANGELOG.format(""), "0.2.0")
+    assert text.startswith("# framestep 0.2.0\n")
+    for board in board_names():
+        name = board_data(board)["name"]
+        assert f"\n| {name} | `{release.image_name(board, '0.2.0')}` |\n" in text
+    assert "`pipx install ./framestep-0.2.0-py3-none-any.whl`" in text
+
+
+def test_links_of_the_notes_lead_to_the_repository(monkeypatch):
+    changelog = CHANGELOG.format("* [Moves](docs/use/moves.md), [a page](https://a.example/).\n")
+    monkeypatch.setenv("GITHUB_REPOSITORY", "somebody/framestep")
+    monkeypatch.delenv("GITHUB_SERVER_URL", raising=False)
+    assert changes(changelog, "0.3.0") == (
+        "* [Moves](https://github.com/somebody/framestep/blob/v0.3.0/docs/use/moves.md), "
+        "[a page](https://a.example/).\n"
+    )

@@ -1,11 +1,11 @@
-"""`make release`: everything that a release has, in build/release, the same bytes each time.
+"""`make release`: build everything that a release contains, in build/release.
 
 framestep-VERSION-py3-none-any.whl   the package, for pipx install
 framestep-BOARD-VERSION.uf2          the image of each board
-SHA256SUMS, NOTES.md                 sums of all of these, and what CHANGELOG.md says of this
-                                     version
+SHA256SUMS, NOTES.md                 sums of all of these; which file to take, and this version's
+                                     changes
 
-Times inside the files are that of the commit, or SOURCE_DATE_EPOCH.
+Each build makes the same bytes: times inside the files are the commit's, or SOURCE_DATE_EPOCH.
 """
 
 import hashlib
@@ -27,39 +27,72 @@ from .board_files import board_data, board_names
 from .images import BuildError, frozen
 
 RELEASE = ROOT / "build" / "release"
-_FIRST = 315532800  # 1980, the first that a zip file can tell
+_FIRST = 315532800  # 1980, the earliest time in a zip file
 
 app = Command("release")
 
 
 def epoch() -> int:
-    """The time that files of the release have."""
+    """Return the time that the release's files carry."""
     if given := os.environ.get("SOURCE_DATE_EPOCH"):
         return int(given)
-    told = subprocess.run(
+    asked = subprocess.run(
         ["git", "log", "-1", "--format=%ct"], cwd=ROOT, capture_output=True, text=True
     )
-    return int(told.stdout) if told.returncode == 0 and told.stdout.strip() else _FIRST
+    return int(asked.stdout) if asked.returncode == 0 and asked.stdout.strip() else _FIRST
+
+
+# What a user does with the files; {version}, {rows} and {changes} are filled in
+_NOTES = """\
+# framestep {version}
+
+## Which file to take
+
+| you have | take |
+|---|---|
+{rows}
+| a computer with Linux, macOS or Windows and Python 3.10 or newer | `framestep-{version}-py3-none-any.whl` |
+
+## What to do
+
+1. Install the package: `pipx install ./framestep-{version}-py3-none-any.whl`. It contains the images of all boards.
+2. Put framestep on the board: `framestep install --board pico`, with your board's name. It says which button to press. Without the
+   package, plug the board in with BOOTSEL held, and drop its `.uf2` onto the drive that appears.
+3. `framestep status` must answer. Your `rig.json` and your other files stay on the board.
+
+`SHA256SUMS` has the sum of each file: `sha256sum -c --ignore-missing SHA256SUMS`.
+
+## What has changed
+
+{changes}
+"""  # noqa: E501
 
 
 def notes(changelog: str, wanted: str) -> str:
-    """What CHANGELOG.md says of a version, and before it of what is unreleased: that is in the
-    files, too."""
+    """Return the release notes: which file to take, what to do, and the version's changes.
+
+    The files also contain the unreleased changes, so these come first.
+    """
     parts = dict(re.findall(r"^## (\S+).*\n((?:(?!## ).*\n?)*)", changelog, re.MULTILINE))
-    new, said = parts.get("Unreleased", "").strip(), parts.get(wanted, "").strip()
-    if not new and not said:
+    changes = [text for key in ("Unreleased", wanted) if (text := parts.get(key, "").strip())]
+    if not changes:
         raise BuildError(f"CHANGELOG.md says nothing of {wanted}")
-    if new and said:
-        new = f"## Since the first {wanted}\n\n{new}\n\n## {wanted}\n"
-    return (
-        f"# framestep {wanted}\n\n"
-        + "\n\n".join(part.strip() for part in (new, said) if part)
-        + "\n"
+    if url := paths.repository():  # a relative link would lead nowhere from a release's page
+        changes = [re.sub(r"\]\((?!\w+:)", f"]({url}/blob/v{wanted}/", text) for text in changes]
+    rows = "\n".join(
+        f"| {board_data(board)['name']} | `{image_name(board, wanted)}` |"
+        for board in board_names()
     )
+    return _NOTES.format(version=wanted, rows=rows, changes="\n\n".join(changes))
+
+
+def image_name(board: str, wanted: str) -> str:
+    """Return the name of a board's image in a release."""
+    return f"framestep-{board}-{wanted}.uf2"
 
 
 def zipped(files: Mapping[str, bytes], when: int) -> bytes:
-    """A zip file of these, the same for the same."""
+    """Return a zip file of these files; equal files give equal bytes."""
     out = io.BytesIO()
     stamp = time.gmtime(max(when, _FIRST))[:6]
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
@@ -72,7 +105,7 @@ def zipped(files: Mapping[str, bytes], when: int) -> bytes:
 
 
 def same_each_time(wheel: bytes, when: int) -> bytes:
-    """A wheel in an order, with times and permissions that do not depend on where it was built."""
+    """Rewrite a wheel so that its bytes do not depend on where or when it was built."""
     with zipfile.ZipFile(io.BytesIO(wheel)) as archive:
         return zipped(
             {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")},
@@ -81,7 +114,7 @@ def same_each_time(wheel: bytes, when: int) -> bytes:
 
 
 def wheel(folder: Path, when: int) -> Path:
-    """Build the package into a folder, with the images that are ready."""
+    """Build the package, with the images that are ready, into a folder. Return its path."""
     scratch = folder / "scratch"
     result = subprocess.run(
         [sys.executable, "setup.py", "-q", "build", "-b", scratch, "bdist_wheel", "-d", scratch],
@@ -100,7 +133,7 @@ def wheel(folder: Path, when: int) -> Path:
 
 
 def make(folder: Path) -> list[Path]:
-    """Make the release in a folder; what was there before goes."""
+    """Make the release in a folder, which is emptied first. Return its files."""
     if folder.exists():
         shutil.rmtree(folder)
     folder.mkdir(parents=True)
@@ -110,7 +143,7 @@ def make(folder: Path) -> list[Path]:
         print(f"the image for the {board_data(board)['name']}", flush=True)
         shutil.copyfile(
             frozen(board, show=True).with_suffix(".uf2"),
-            folder / f"framestep-{board}-{version()}.uf2",
+            folder / image_name(board, version()),
         )
     print("the package for pip", flush=True)
     wheel(folder, when)
