@@ -11,6 +11,7 @@ import pytest
 from hypothesis.internal.conjecture import providers
 
 from framestep.base import native_cpython
+from framestep_emulator import Emulator, Pool
 from framestep_tools.building import images
 from framestep_tools.building.board_files import CACHE, FIRMWARE, ROOT, compiled_tree
 from host_tests.covering import by_test, parameters, spare
@@ -98,8 +99,11 @@ def pytest_collection_modifyitems(config, items):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
-    """In CI nothing may be skipped, by whatever means."""
+    """In CI nothing may be skipped, by whatever means. After a failure no emulated board that there
+    is now is used again."""
     report = yield
+    if report.failed and Emulator.pool:
+        Emulator.pool.fail()
     if _IN_CI and report.skipped and not hasattr(report, "wasxfail"):
         report.outcome = "failed"
         report.longrepr = f"{item.nodeid} was skipped, which CI does not allow: {report.longrepr}"
@@ -146,12 +150,19 @@ def unix32f(tmp_path_factory) -> Runtime:
     return Runtime("x86", tmp_path_factory.mktemp("unix32f"))
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _boards():
+    """Emulated boards use the processes of those before them."""
+    Emulator.pool = Pool()
+    yield
+    Emulator.pool.close()
+    Emulator.pool = None
+
+
 @pytest.fixture
 def emulator():
     """emulator(**options) starts an emulated board (see framestep_emulator.Emulator), closed when
     the test ends."""
-    from framestep_emulator import Emulator
-
     with contextlib.ExitStack() as running:
         yield lambda **options: running.enter_context(Emulator(**options))
 

@@ -1,6 +1,7 @@
 """Real MicroPython firmware on an emulated RP2040, driven from Python. README.md is the manual."""
 
 from .emulator import Emulator, EmulatorError, device_file
+from .node import Pool
 from .ports import PtyBridge, Serial
 from .profile import Profile
 from .repl import Repl, ReplError
@@ -10,6 +11,7 @@ __all__ = [
     "TRACE_RECORD",
     "Emulator",
     "EmulatorError",
+    "Pool",
     "Profile",
     "PtyBridge",
     "Repl",

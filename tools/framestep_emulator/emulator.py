@@ -12,15 +12,11 @@
 Times are the board's own (virtual) unless a name says otherwise.
 """
 
-import atexit
 import base64
 import contextlib
-import json
+import hashlib
 import os
-import socket
-import subprocess
 import tempfile
-import threading
 import time
 from pathlib import Path
 
@@ -28,6 +24,7 @@ from framestep_tools.building import images
 
 from . import image
 from .errors import EmulatorError
+from .node import Node
 from .ports import PtyBridge, Serial
 from .repl import Repl
 from .trace import edges_from
@@ -60,6 +57,8 @@ class Emulator:
     args        further arguments for emu.mjs, e.g. ["--xip-miss", "0"]
     """
 
+    pool = None  # a Pool, for many boards in lockstep one after the other
+
     def __init__(
         self,
         firmware=None,
@@ -83,10 +82,11 @@ class Emulator:
         self.speed = speed
         self.tcp_ports = tuple(tcp)
         self.args = list(args)
-        self.process = None
+        self._node = None
+        self._pool = None  # that the process came from or goes to
+        self._state = ""  # what the board is, in a pool
+        self._as_kept = False  # nobody has done anything with it since it was in that state
         self._temp = None
-        self._ctl = None
-        self._lock = threading.Lock()
 
     # ------------------------------------------------------------ process
 
@@ -110,82 +110,87 @@ class Emulator:
 
     def start(self):
         firmware = self.firmware or images.emulator_ready()
-        command = [
-            "node",
-            HERE / "board" / "emu.mjs",
-            "--firmware",
-            firmware,
-            "--ctl",
-            "0",
-            "--exit-with-stdin",
-        ]
-        command += ["--tcp", str(self.tcp_ports[0]), "--tcp2", str(self.tcp_ports[1]), *self.args]
+        arguments = [*self.args]
         if self.lockstep:
-            command.append("--lockstep")
+            arguments.append("--lockstep")
         if self.speed is not None:
-            command += ["--speed", str(self.speed)]
+            arguments += ["--speed", str(self.speed)]
         if self.flash:
-            command += ["--flash", self.flash]
-        if fs_image := self._image(firmware):
-            command += ["--fs", fs_image]
-        # closing its standard input ends the emulator even if this process is killed
-        self.process = subprocess.Popen(
-            list(map(os.fspath, command)), stdin=subprocess.PIPE, stdout=subprocess.PIPE
-        )
-        atexit.register(self.close)
+            arguments += ["--flash", self.flash]
+        elif self.lockstep and self.tcp_ports == (0, 0):
+            self._pool = Emulator.pool
+            self._failures = self._pool.failures if self._pool else 0
+        arguments += ["--tcp", str(self.tcp_ports[0]), "--tcp2", str(self.tcp_ports[1])]
+        self._arguments = arguments
+        if self._pool:
+            self._state = self._fingerprint(firmware)
+            self._node = self._pool.take(arguments, self._state)
         try:
-            line = self.process.stdout.readline()
-            if not line:
-                raise EmulatorError(
-                    f"the emulator did not start (exit status {self.process.wait()})"
-                )
-            ready = json.loads(line)
-            self.tcp_ports = (ready["tcp"], ready["tcp2"])
-            self._ctl = socket.create_connection(("127.0.0.1", ready["ctl"]))
-            self._ctl.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._ctl_file = self._ctl.makefile("rwb")
-            if self.boot and self.lockstep:
-                self.wait_usb()
+            if not (self._node and self._node.rewind(self._state)):
+                self._load(firmware)
+                if self.boot and self.lockstep:
+                    self.wait_usb()
+                    if self._pool:
+                        self._node.keep(self._state)
+            self.tcp_ports = self._node.tcp_ports
+            self._as_kept = True
         except BaseException:
+            self._pool = None
             self.close()
             raise
         return self
 
-    def close(self):
-        atexit.unregister(self.close)
-        process, self.process = self.process, None
-        if process is None:
+    def _load(self, firmware):
+        """A board that has not begun, in the process there is or in one of its own."""
+        fs_image = self._image(firmware)
+        if self._node:
+            self._node.cmd(
+                "renew", firmware=os.fspath(firmware), fs=fs_image and os.fspath(fs_image)
+            )
+        else:
+            more = ["--fs", fs_image] if fs_image else []
+            self._node = Node("--firmware", firmware, *self._arguments, *more)
+
+    def _fingerprint(self, firmware):
+        """What boards that boot alike have in common."""
+        files = {**image.collect(self.put or {}), **(self.files or {})}
+        digest = hashlib.sha256(Path(firmware).read_bytes())
+        digest.update(repr((self.boot, self.files is None, sorted(files.items()))).encode())
+        if self.fs_image:
+            digest.update(Path(self.fs_image).read_bytes())
+        return digest.hexdigest()
+
+    def once(self, name, action):
+        """Do what is to be done first with a board that has just started; it is named, so that a
+        pool need not do it again for the next board of the kind."""
+        if not self._pool:
+            action()
             return
-        with contextlib.suppress(Exception):
-            if self._ctl:
-                self._ctl.settimeout(5)
-                self.cmd("quit")
-        with contextlib.suppress(Exception):
-            process.stdin.close()
-        try:
-            process.wait(5)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        process.stdout.close()
-        if self._ctl:
-            self._ctl_file.close()
-            self._ctl.close()
+        if not self._as_kept:
+            raise ValueError(f"{name}: something else has been done with the board before")
+        self._state += f" {name}"
+        if not self._node.rewind(self._state):
+            action()
+            self._node.keep(self._state)
+        self._as_kept = True
+
+    def close(self):
+        node, self._node = self._node, None
+        if node is None:
+            return
+        if self._pool and node.process.poll() is None:
+            self._pool.give(self._arguments, node, self._failures)
+        else:
+            node.close()
         if self._temp:
             self._temp.close()
 
-    def cmd(self, name, **arguments):
+    def cmd(self, name, /, **arguments):
         """Send a control command and return its answer."""
-        with self._lock:
-            self._ctl_file.write(json.dumps({"cmd": name, **arguments}).encode() + b"\n")
-            self._ctl_file.flush()
-            line = self._ctl_file.readline()
-        if not line:
-            raise EmulatorError("the emulator has gone")
-        answer = json.loads(line)
-        if not answer.pop("ok"):
-            raise EmulatorError(f"{name}: {answer['error']}")
-        return answer
+        if self._node is None:
+            raise EmulatorError("the emulator has been closed")
+        self._as_kept = False
+        return self._node.cmd(name, **arguments)
 
     # ------------------------------------------------------------ time
 
@@ -236,6 +241,8 @@ class Emulator:
     def set_lockstep(self, on, speed=None):
         """Switch between lockstep and free running."""
         self.lockstep = on
+        if not on:
+            self._pool = None  # a client may stay connected
         self.cmd("mode", lockstep=on, **({} if speed is None else {"speed": speed}))
 
     @contextlib.contextmanager

@@ -96,14 +96,10 @@ function makeBoard(args) {
       if (args.verbose || event.type === 'halt' || event.type === 'core1') console.error('emu:', JSON.stringify(event));
     },
   });
-  const { offset, size } = board.files;
+  const { offset } = board.files;
   if (flashFile) board.flash.set(flashFile.subarray(offset, FLASH_SIZE), offset);
   const image = args.fs ? fs.readFileSync(args.fs) : args.put.length ? imageWith(args.firmware, args.put) : null;
-  if (image) {
-    if (image.length > size) throw new Error(`${args.fs}: larger than the file system of ${args.firmware}, ${size} bytes`);
-    board.flash.fill(0xff, offset);
-    board.flash.set(image, offset);
-  }
+  if (image) board.putFiles(image);
   return board;
 }
 

@@ -250,18 +250,9 @@ class EmulatedBoard:
                 i for i, motor in enumerate(rig.get("motors", []), 1) if _is_inverted(motor)
             ]
             self._decoder = PinDecoder(self.pins, inverted)
-            if trace:
-                self.emulator.trace_start(self.pins.pins)
             self._tracing = trace
-            if single:
-                # Nothing tells that the controller is up but its greeting, which waits for whoever
-                # reads it.
-                self.emulator.cmd("open", port=0, on=True)
-                self.emulator.cmd(
-                    "run_until_ns", ns=self.emulator.ns + _BOOT_LIMIT_MS * 1_000_000, until_rx=0
-                )
-            else:
-                self.emulator.wait_usb(_BOOT_LIMIT_MS, ports=2)
+            self._single = single
+            self.emulator.once(f"ready {single} {trace and self.pins.pins}", self._come_up)
             self._now = self.emulator.ns
         except BaseException:
             self.emulator.close()
@@ -269,6 +260,19 @@ class EmulatedBoard:
         self._rig, self._data = rig, board_data(board)
         self.protocol: Channel = _EmulatedPort(self.emulator, 0 if single else 1)
         self.repl: Channel | None = None if single else _EmulatedPort(self.emulator, 0)
+
+    def _come_up(self) -> None:
+        if self._tracing:
+            self.emulator.trace_start(self.pins.pins)
+        if self._single:
+            # Nothing tells that the controller is up but its greeting, which waits for whoever
+            # reads it.
+            self.emulator.cmd("open", port=0, on=True)
+            self.emulator.cmd(
+                "run_until_ns", ns=self.emulator.ns + _BOOT_LIMIT_MS * 1_000_000, until_rx=0
+            )
+        else:
+            self.emulator.wait_usb(_BOOT_LIMIT_MS, ports=2)
 
     def wire_switches(self) -> None:
         """Connect the stop switches that the rig has; nobody touches them. A rig file with a
