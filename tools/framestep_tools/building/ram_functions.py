@@ -47,8 +47,11 @@ def symbols(modules: Mapping[str, bytes]) -> list[str]:
     KeyError: one of them is not there.
     """
     found = {}
+    named = {source for source, _, _ in RAM_FUNCTIONS}
     for module, text in modules.items():
         source = module.removesuffix(".mpy").removesuffix(".py") + ".py"
+        if source not in named:
+            continue
         plain = source.removesuffix(".py").replace("/", "_")
         file = source.replace("/", "_slash_").replace(".", "_dot_")
         numbers: dict[str, int] = {}
