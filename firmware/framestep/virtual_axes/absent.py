@@ -1,8 +1,8 @@
-"""What there is of virtual axes where the rig file wants none."""
+"""Null object for virtual axes, if the rig file wants none."""
 
 
 class NoVirtuals:
-    """Stands for requests.Virtuals where the rig file wants no virtual axes."""
+    """Stand-in for requests.Virtuals."""
 
     capabilities = 0
     engaged = 0

@@ -1,7 +1,7 @@
 """Jogs: of virtual axes, along the camera's own axes, of a motor that carries an aimed camera.
 
-A jog that is asked for again goes on. Another one has that under way come to rest first, and sets
-out then (field note 4.2). Nothing allocates after construction.
+A request for the present jog keeps it going. A request for another one first brings the present jog
+to rest (field note 4.2). Nothing allocates after construction.
 """
 
 from array import array
@@ -19,31 +19,31 @@ from framestep.virtual_axes.registers import BASE, CAMERA_AXIS, DIRECTION, SAMPL
 NONE = const(0)
 AXIS = const(1)  # a virtual axis, from 1, toward a step of its main motor
 CAMERA = const(2)  # an axis of the camera, from 0
-MOTOR = const(3)  # an axis of the rig, from 0, whose motor pan and tilt follow to the aim point
+MOTOR = const(3)  # an axis of the rig, from 0; pan and tilt keep the camera aimed
 
 _LINE_AXES = b"\x02\x03\x01\x04\x05"  # the virtual axis whose VIRT_STOP ends it (field note 9.6)
 
 
 class Jog:
-    """A jog that has been asked for."""
+    """A requested jog."""
 
     def __init__(self):
         self.kind = NONE
         self.number = 0
         self.direction = 0  # -1 or 1
-        self.speed = 0  # ten-thousandths of what the motors can do; 0 once it is to end
-        self.asked = -1  # when last, ms; -1 where it goes on without being asked for again
+        self.speed = 0  # ten-thousandths of the motors' limits; 0 once it is to end
+        self.asked = -1  # time of the last request, ms; -1 if it goes on without further requests
         self.end = array("i", [0])  # a step of its motor
 
     def axis(self):
-        """The virtual axis that it moves, or 0."""
+        """Return the virtual axis that it moves, or 0."""
         if self.kind == AXIS:
             return self.number
         return _LINE_AXES[self.number] if self.kind == CAMERA else 0
 
 
 class Jogs:
-    """The jog under way and the next one. virtuals: for the line, and what is shared with moves."""
+    """The present jog and the next one. virtuals: for the line, and what jogs share with moves."""
 
     def __init__(self, virtuals):
         self.virtuals = virtuals
@@ -51,14 +51,15 @@ class Jogs:
         self.move = virtuals.move
         self.ahead = LookAhead(self.line, virtuals.survey)
         self.r = self.line.r
-        self.jog = Jog()  # under way; its kind is NONE where a move is
+        self.jog = Jog()  # the present one; its kind is NONE during a move
         self.next = Jog()
         self.now = 0
 
     def poll(self, now, limit):
-        """One pass; now, limit: ms, after which a jog ends that is not asked for again, or 0.
+        """Do one pass of the main loop. now: ms. limit: ms after which a jog that is not requested
+        again ends, or 0.
 
-        Whether there may be more to plan at once.
+        Return whether there may be more to plan at once.
         """
         self.now = now
         if not self.move.state:
@@ -73,29 +74,29 @@ class Jogs:
         return planned
 
     def forget(self):
-        """The jog under way ends: the same one, asked for again, is another."""
+        """End the present jog; an identical request starts a new one."""
         self.jog.asked = -1
         self.jog.speed = 0
 
     def none(self):
-        """What sets out now is no jog."""
+        """Note that what sets out now is no jog."""
         self.jog.kind = NONE
         self.jog.asked = -1
 
     def stop(self):
-        """Nothing is to follow; whoever calls it stops the move."""
+        """Let nothing follow; the caller stops the move."""
         self.forget()
         self.next.kind = NONE
 
     def stop_axis(self, number):
-        """VIRT_STOP of a virtual axis: it drops the next jog if that is of the axis."""
+        """On a VIRT_STOP of a virtual axis, drop the next jog if it is of that axis."""
         if self.next.axis() == number:
             self.next.kind = NONE
 
-    # ---------------------------------------------------------------- the one under way
+    # ---------------------------------------------------------------- the present jog
 
     def _goes_on(self, kind, number, direction, speed):
-        """Whether the jog under way is this one; then it has been asked for again."""
+        """Return whether this is the present jog. If so, note the repeated request."""
         jog = self.jog
         if self.next.kind or jog.kind != kind or jog.number != number:
             return False
@@ -106,10 +107,9 @@ class Jogs:
         return True
 
     def _follow(self, kind, number, direction, speed):
-        """Set out on a jog along the line that has been begun. A code.
+        """Set out on a jog along the line that has been begun. Return a code.
 
-        Where a soft limit or the rig's reach leaves no way to go nothing moves, as with a motor's
-        jog.
+        If a soft limit or the rig's reach leaves no room, nothing moves, as in a motor's jog.
         """
         code = self.ahead.begin(speed)
         if code == results.ERR_SOFT_LOW or code == results.ERR_SOFT_UP:
@@ -125,10 +125,10 @@ class Jogs:
         self.virtuals.set_out(jog.axis(), self.ahead)
         return results.OK
 
-    # ---------------------------------------------------------------- the next one
+    # ---------------------------------------------------------------- the next jog
 
     def _ask_next(self, kind, number, direction, speed, target, i):
-        """Another jog than the one under way is asked for: that one comes to rest first. A code.
+        """Keep a request for another jog until the present one has come to rest. Return a code.
 
         target[i]: the step to which it goes, if it goes to one.
         """
@@ -145,7 +145,7 @@ class Jogs:
         return results.OK
 
     def _begin_next(self, limit):
-        """Now it has: set out on that other one, unless it is long since it was asked for."""
+        """Set out on the next jog, unless the request is too old."""
         jog = self.next
         kind = jog.kind
         jog.kind = NONE
@@ -162,13 +162,13 @@ class Jogs:
     # ---------------------------------------------------------------- virtual axes
 
     def jog_axis(self, number, speed, target):
-        """Jog a virtual axis toward the step target[0] of its main motor. A code."""
+        """Jog a virtual axis toward the step target[0] of its main motor. Return a code."""
         main = self.line.rig.main[number] - 1
         if not self.line.motor[main]:
             return results.ERR_RANGE
         if not self.move.state:
             return self._begin_axis(number, speed, target)
-        # the side on which the destination lies as seen from the start tells which way it is to go
+        # on which side of the line's start the destination lies shows the direction
         if self._goes_on(AXIS, number, self.line.side(main, target, 0), speed):
             return results.OK
         return self._ask_next(AXIS, number, 0, speed, target, 0)
@@ -186,8 +186,8 @@ class Jogs:
         return self._follow(AXIS, number, direction, speed)
 
     def _sense(self, main, number):
-        """1 or -1: whether the motor of axis `main` goes up or down where the virtual axis goes
-        up."""
+        """Return 1 or -1: whether the motor of axis `main` goes up or down while the virtual axis
+        goes up."""
         r = self.r
         for direction in range(1, -2, -2):
             reals.put(r, DIRECTION + 2 * (number - 1), direction, 0)
@@ -199,7 +199,8 @@ class Jogs:
     # ---------------------------------------------------------------- the camera's axes
 
     def jog_camera(self, axis, direction, speed):
-        """Jog the camera along one of its axes (protocol: LINE_), or pan or tilt it. A code."""
+        """Jog the camera along one of its axes (protocol: LINE_), or pan or tilt it. Return a
+        code."""
         if not self.line.rig.main[_LINE_AXES[axis]]:
             return results.ERR_RANGE
         if not self.move.state:
@@ -214,7 +215,7 @@ class Jogs:
         if code:
             return code
         r = self.r
-        if axis < CAMERA_AXES:  # else pan or tilt
+        if axis < CAMERA_AXES:  # otherwise pan or tilt
             # the angles as the host counts them
             for k in range(0, 6, 2):
                 line.rig.host_offset(X, (V_PAN + k) >> 1)
@@ -229,14 +230,14 @@ class Jogs:
             reals.put(r, DIRECTION + 2 * (_LINE_AXES[axis] - 1), direction, 0)
         return self._follow(CAMERA, axis, direction, speed)
 
-    # ---------------------------------------------------------------- motors under an aim point
+    # ---------------------------------------------------------------- motors with an aim point
 
     def jog_motor(self, axis, target, i, speed):
-        """Jog such a motor toward the step target[i] while something moves. A code."""
+        """Jog such a motor toward the step target[i] while something moves. Return a code."""
         if self._goes_on(MOTOR, axis, self.line.side(axis, target, i), speed):
             return results.OK
         return self._ask_next(MOTOR, axis, 0, speed, target, i)
 
     def begin_motor(self, axis, direction, speed):
-        """Set out on a jog of such a motor along the line that has been begun. A code."""
+        """Set out on a jog of such a motor along the line that has been begun. Return a code."""
         return self._follow(MOTOR, axis, direction, speed)

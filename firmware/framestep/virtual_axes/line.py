@@ -1,8 +1,8 @@
-"""A line in virtual space: what it is, where the motors stand on it, what they may not pass.
+"""A line in virtual space: its definition, the motors' positions on it, and their bounds.
 
-It is POSE = BASE + s·DIRECTION, s from 0 on. Where a single motor is asked for with an aim point
-on, it is JOINT = BASE + s·DIRECTION. While an aim point is on, pan and tilt are those toward it and
-an offset, to which DIRECTION adds. Nothing allocates after construction.
+It is POSE = BASE + s·DIRECTION, for s from 0 on. If a single motor moves while an aim point is on,
+it is JOINT = BASE + s·DIRECTION. While an aim point is on, pan and tilt are its direction plus an
+offset, to which DIRECTION adds. Nothing allocates after construction.
 """
 
 from array import array
@@ -16,18 +16,19 @@ from framestep.motion.reals import combine, multiply, order_words
 from framestep.virtual_axes import registers
 from framestep.virtual_axes.kinematics import aim
 
-ROW = const(12)  # words of `rows` with the positions of all motors: step and Q16 fraction of each
-SURVEY = const(192)  # the first of three rows of the survey, after those of 16 knots
+ROW = const(12)  # words of `rows` with all motors' positions: step and Q16 fraction of each
+SURVEY = const(192)  # index of the first of the survey's three rows, after those of 16 knots
 
 # Words per motor of `bounds`
 LOW = const(0)
 HIGH = const(1)
-CODE_LOW = const(2)  # and from bit 8 on: how far (Q16) the line begins past the bound, by rounding
+CODE_LOW = const(2)  # from bit 8 on: how far (Q16) the line begins beyond the bound, by rounding
 CODE_HIGH = const(3)
 
-_TURNS = const(20)  # of pan and tilt until they are as the aim point asks
+_TURNS = const(20)  # most iterations until pan and tilt are aimed
 
-# Pan and tilt keep what they have beside the direction of the aim point, but for rounding to steps.
+# Keep the offsets of pan and tilt from the direction of the aim point, unless they change by more
+# than rounding to steps.
 _KEEP_PAN = formula(
     registers,
     """
@@ -84,7 +85,7 @@ _TURN_JOINTS = formula(
 
 @micropython.viper
 def along(r, to: int, base: int, direction: int, s: int, spare: int):
-    """Six numbers: r[to] = r[base] + r[way]·r[s]"""
+    """Six numbers: r[to] = r[base] + r[direction]·r[s]"""
     k = 0
     while k < 12:
         multiply(r, spare, direction + k, s)
@@ -94,7 +95,7 @@ def along(r, to: int, base: int, direction: int, s: int, spare: int):
 
 @micropython.viper
 def _allow_start(bounds: ptr32, rows: ptr32, a: int, motor: ptr32):
-    """Note in `bounds` how far positions of a row, within a step of the motors, lie past them."""
+    """Note in `bounds` by how much positions of a row, within a step of the bounds, exceed them."""
     k = 0
     i = 0
     while i < registers.AXES:
@@ -114,7 +115,7 @@ def _allow_start(bounds: ptr32, rows: ptr32, a: int, motor: ptr32):
 
 @micropython.viper
 def _clip(bounds: ptr32, k: int, present: ptr32, motor: int, target, j: int) -> int:
-    """Narrow a motor's bounds to the step target[j]; -1, 0 or 1: on which side of it that lies."""
+    """Narrow a motor's bounds to the step target[j]. Return on which side that lies: -1, 0 or 1."""
     t = ptr32(target)[j + 0]
     if t > present[motor + 0]:
         if t < bounds[k + HIGH]:
@@ -129,7 +130,7 @@ def _clip(bounds: ptr32, k: int, present: ptr32, motor: int, target, j: int) -> 
 
 @micropython.viper
 def _within_a_step(rows: ptr32, k: int, present: ptr32, motor: int) -> int:
-    """Whether the position in rows[k] is within a step of where the motor is."""
+    """Return whether the position in rows[k] is within a step of the motor's."""
     d = (rows[k + 0] >> 2) - (present[motor + 0] >> 2)
     if d > 1 or d < -1:
         return 0
@@ -140,7 +141,7 @@ def _within_a_step(rows: ptr32, k: int, present: ptr32, motor: int) -> int:
 
 
 class Line:
-    """One line at a time. r: the array of registers, which the rig's kinematics share."""
+    """One line at a time. r: the array of registers, shared with the rig's kinematics."""
 
     def __init__(self, axes, safety, r):
         self.axes = axes
@@ -151,14 +152,14 @@ class Line:
         self.motor = array("i", [0] * registers.AXES)  # of each axis of the rig, from 1; 0 for none
         self.rows = array("i", [0] * (SURVEY + 3 * ROW))
         self.bounds = array("i", [0] * (4 * registers.AXES))
-        self.present = array("i", [0] * axes.count)  # steps of all motors where the line begins
-        self.rest = array("i", [0] * registers.AXES)  # steps in which the last line has ended
+        self.present = array("i", [0] * axes.count)  # steps of all motors at the line's beginning
+        self.rest = array("i", [0] * registers.AXES)  # steps of the rig's motors at the last end
         self.rested = False
         self.aiming = False  # pan and tilt follow the aim point
         self.by_joint = False  # the line is one of JOINTs
 
     def adopt(self, rig):
-        """Make a configured Kinematics the rig, or None. At rest."""
+        """Make a configured Kinematics the rig, or None. Only at rest."""
         self.rig = rig
         self.rested = False
         self.aiming = False
@@ -168,17 +169,17 @@ class Line:
             if self.motor[i]:
                 self.bits |= 1 << (self.motor[i] - 1)
 
-    # ---------------------------------------------------------------- where it begins
+    # ---------------------------------------------------------------- its beginning
 
     def locate(self):
-        """POSE and JOINT of where the motors are. A code."""
+        """Set POSE and JOINT to where the motors are. Return a code."""
         for i in range(self.axes.count):
             self.axes[i].position_to(self.present, i)
         return self.rig.locate(self.present)
 
     def begin_line(self, by_joint=False):
-        """Begin a line where the rig stands: BASE is its pose, or its axes; DIRECTION is 0, to
-        be set. A code."""
+        """Begin a line where the rig is. BASE becomes its pose, or its axes; DIRECTION becomes 0,
+        to be set by the caller. Return a code."""
         code = self.locate()
         if not code and self.aiming:
             code = self._take_aim()
@@ -195,7 +196,7 @@ class Line:
             reals.copy(r, registers.BASE + k, base + k)
             reals.put(r, registers.DIRECTION + k, 0, 0)
         self._set_bounds()
-        # what the rig says of this pose must be where it stands: there may be two ways to take it
+        # The inverse of this pose must be where the rig is: there may be two solutions.
         code = self.positions_at(registers.ZERO, SURVEY)
         if code:
             return code
@@ -207,7 +208,7 @@ class Line:
         return 0
 
     def take_aim(self):
-        """Take the aim point as seen from here: pan and tilt keep what they have beside it. A
+        """Take the aim point as seen from here; pan and tilt keep their offsets from it. Return a
         code."""
         code = self.locate()
         if code:
@@ -217,7 +218,7 @@ class Line:
         return self._take_aim()
 
     def _take_aim(self):
-        """AIMED_PAN and AIMED_TILT for the pose located, and the offsets from there. A code."""
+        """Set AIMED_PAN, AIMED_TILT and the offsets for the pose located. Return a code."""
         r = self.r
         reals.copy(r, registers.NEAR_PAN, registers.V_PAN)
         code = aim.direction(r)
@@ -234,7 +235,7 @@ class Line:
         return 0
 
     def remember_end(self):
-        """Remember the pose at S, where the line has ended."""
+        """Keep the pose at S, where the line has ended."""
         if self.aiming or self.by_joint:
             return
         along(
@@ -251,11 +252,11 @@ class Line:
         self.rested = True
 
     def forget_end(self):
-        """The motors set out."""
+        """Drop the kept pose, as the motors set out."""
         self.rested = False
 
     def _is_where_line_ended(self):
-        """Whether the motors present are where the last line has left them."""
+        """Return whether the motors present are where the last line ended."""
         if self.aiming or not self.rested:
             return False
         for i in range(registers.AXES):
@@ -264,10 +265,10 @@ class Line:
                 return False
         return True
 
-    # ---------------------------------------------------------------- what no motor may pass
+    # ---------------------------------------------------------------- bounds
 
     def _set_bounds(self):
-        """A motor may not pass its soft limits, nor go on where it stands in a limit switch."""
+        """Set the bounds: soft limits, and no motion into an active limit switch."""
         bounds = self.bounds
         for i in range(registers.AXES):
             motor = self.motor[i] - 1
@@ -278,7 +279,7 @@ class Line:
             k = 4 * i
             bounds[k + CODE_LOW] = results.ERR_HARD_LOW if ends & 2 else results.ERR_SOFT_LOW
             bounds[k + CODE_HIGH] = results.ERR_HARD_UP if ends & 1 else results.ERR_SOFT_UP
-            # a motor that is past a limit may come back (field note 4.3)
+            # a motor beyond a limit may come back (field note 4.3)
             if ends & 2 or order_words(self.present, motor, axis.bounds, 0) < 0:
                 reals.copy_word(bounds, k + LOW, self.present, motor)
             else:
@@ -289,7 +290,7 @@ class Line:
                 reals.copy_word(bounds, k + HIGH, axis.bounds, 1)
 
     def limits_narrowed(self, motor):
-        """Whether soft limits of a motor (from 0) now leave less room than the line counts on."""
+        """Return whether soft limits of a motor (from 0) now leave less room than the line uses."""
         bounds = self.axes[motor].bounds
         for i in range(registers.AXES):
             if self.motor[i] == motor + 1:
@@ -299,23 +300,22 @@ class Line:
         return False
 
     def clip_end(self, i, target, j):
-        """Let axis i go no farther than the step target[j]; -1, 0 or 1: on which side that lies."""
+        """Limit axis i to the step target[j]. Return on which side that lies: -1, 0 or 1."""
         return _clip(self.bounds, 4 * i, self.present, self.motor[i] - 1, target, j)
 
     def side(self, i, target, j):
-        """On which side of where axis i was at the start of the line the step target[j] lies: -1, 0
-        or 1."""
+        """Return on which side of axis i's position at the line's beginning the step target[j]
+        lies: -1, 0 or 1."""
         return order_words(target, j, self.present, self.motor[i] - 1)
 
     def direction(self, i, a, b):
-        """Which way the motor of axis i goes from the positions in row a to those in row b: -1 or
-        1."""
+        """Return in which direction the motor of axis i goes from row a to row b: -1 or 1."""
         return order_words(self.rows, b + 2 * i, self.rows, a + 2 * i) or 1
 
-    # ---------------------------------------------------------------- positions on it
+    # ---------------------------------------------------------------- positions
 
     def positions_at(self, s, row):
-        """Put the positions of the motors at r[s] into rows[row …]. A code."""
+        """Put the motors' positions at r[s] into rows[row …]. Return a code."""
         rig = self.rig
         r = self.r
         if self.by_joint:
@@ -331,14 +331,14 @@ class Line:
         return rig.motor_steps(self.rows, row)
 
     def _aim_pose(self):
-        """Turn the angles of POSE to the aim point, from its position. A code."""
+        """Turn the angles of POSE to the aim point, from its position. Return a code."""
         code = aim.direction(self.r)
         compute(0, 0, self.r, _FOLLOW_POINT)
         return code
 
     def _aim_joints(self):
-        """Turn pan and tilt of JOINT to the aim point. With a nodal offset that moves the camera. A
-        code."""
+        """Turn pan and tilt of JOINT to the aim point, by iteration, because with a nodal offset
+        that moves the camera. Return a code."""
         r = self.r
         for _ in range(_TURNS):
             code = self.rig.forward()

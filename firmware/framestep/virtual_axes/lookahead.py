@@ -1,9 +1,9 @@
-"""Surveys the line of a jog some cells ahead of the point that moves along it.
+"""Survey of a jog's line, some cells ahead of the point that moves along it.
 
-Each cell has a velocity and an acceleration that are within its motors' limits, and the velocity
-with which it may be left, so that what follows can be entered, and the end of the survey reached at
-rest. Where a motor would pass a limit, or the rig cannot reach, or the way bends too much, cells
-get half as long until they cannot be halved: there it ends.
+Each cell has a velocity and an acceleration within its motors' limits. It also has the velocity
+with which it may be left, so that the next cell can be entered, and the end of the survey reached
+at rest. If a motor would pass a limit, or the rig cannot reach, or the path bends too much, cells
+are halved until they are as short as possible: the jog ends there.
 """
 
 from array import array
@@ -19,9 +19,9 @@ from framestep.virtual_axes.line import ROW, SURVEY
 from framestep.virtual_axes.survey import SMOOTH
 
 CELLS = const(8)  # ahead of the point
-_RING = const(32)  # with those behind it: a stop takes it back to a knot that has been planned
+_RING = const(32)  # including cells behind: a stop goes back to a knot that has been planned
 _CELL = const(11)  # words: five reals and the span
-_END = const(0)  # s there
+_END = const(0)  # s at its end
 _V = const(2)
 _A = const(4)
 _LENGTH = const(6)
@@ -31,13 +31,12 @@ _SPAN = const(10)
 _HALVINGS = const(12)
 _LARGE = const(0x8000000)
 
-# What is the next step of the survey
-_PROBE = const(0)  # a cell is measured
-_RATE = const(1)  # it gets its velocity and acceleration
-_LEAVE = const(2)  # how fast each cell may be left is computed anew
+# Next step of the survey
+_PROBE = const(0)  # measure a cell
+_RATE = const(1)  # compute its velocity and acceleration
+_LEAVE = const(2)  # compute again how fast each cell may be left
 
-# The length of a cell: what takes 64 ms at MAX_V or more, and a quarter of the distance in which it
-# stops.
+# The length of a cell: at least 64 ms at MAX_V, and at least a quarter of the stopping distance.
 _LENGTHEN = formula(
     registers,
     """
@@ -45,7 +44,7 @@ _LENGTHEN = formula(
     CELL_LENGTH = max(CELL_LENGTH, MAX_V * MAX_V / MAX_A / 8)
     """,
 )
-# At first at least 16 steps of the motor that is fastest there, in sixteenths of a step.
+# At first at least 16 steps of the fastest motor there (FASTEST: sixteenths of a step).
 _FIRST_LENGTH = formula(registers, "CELL_LENGTH = 256 / FASTEST * HALF_CELL")
 _FIRST_HALF_CELL = formula(registers, "HALF_CELL = CELL_LENGTH / 2")
 _DOUBLE_CELL = formula(
@@ -55,7 +54,7 @@ _DOUBLE_CELL = formula(
     HALF_CELL = 2 * HALF_CELL
     """,
 )
-# From the last cell back: how fast a cell may be left, and so entered.
+# From the last cell backward: how fast a cell may be left, and so entered.
 _LEAVE_CELL = formula(
     registers,
     """
@@ -63,7 +62,7 @@ _LEAVE_CELL = formula(
     ENTRY_V2 = min(EXIT_V2 + 2 * (CELL_A * CELL_LENGTH), CELL_V * CELL_V)
     """,
 )
-# A cell that the next knot, a span of 32 ticks on at most, may lie in.
+# A cell in which the next knot, at most a span of 32 ticks ahead, may be.
 _LIMIT = formula(
     registers,
     """
@@ -72,7 +71,7 @@ _LIMIT = formula(
     LEFT = min(LEFT, EXIT_V2 / MAX_A / 2 + CELL_END - S)
     """,
 )
-# As in survey.py.
+# Like that in survey.py.
 _NO_LIMIT = formula(
     registers,
     """
@@ -82,7 +81,7 @@ _NO_LIMIT = formula(
     """,
 )
 _IS_WITHIN = formula(registers, "assert CELL_END - CELL_LENGTH <= S")
-# Where the cell after END ends, and how long that makes it: s is rounded.
+# The end of the cell after END, and the length that results, as s is rounded.
 _CELL_ENDS = formula(
     registers,
     """
@@ -94,7 +93,7 @@ _REACH = formula(registers, "REACH_S = (MAX_A * 16 + V) * 32 + S")
 
 
 class LookAhead:
-    """Of one jog at a time."""
+    """Look-ahead of one jog at a time."""
 
     def __init__(self, line, survey):
         self.line = line
@@ -102,19 +101,19 @@ class LookAhead:
         self.r = line.r
         self.cells = array("i", [0] * (_RING * _CELL))
         self.head = 0  # the cell of the point
-        self.count = 0  # from there on
-        self.behind = 0  # before that
+        self.count = 0  # cells from there on
+        self.behind = 0  # cells before it
         self.level = 0
         self.step = _PROBE
-        self.short = False  # the cell probed last is so short that its half is of no use
+        self.short = False  # the cell probed last is so short that halving it is useless
         self.share = 0
         self.closed = True
         self.rows = array("i", [SURVEY, SURVEY + ROW, SURVEY + 2 * ROW])
 
     def begin(self, share):
-        """Start at s = 0 of a line, with ten-thousandths of what the motors can do.
+        """Start at s = 0 of a line, with `share` ten-thousandths of the motors' limits.
 
-        0, or the code of what is in the way at once.
+        Return 0, or the code of what is in the way at once.
         """
         survey = self.survey
         r = self.r
@@ -129,7 +128,7 @@ class LookAhead:
         self.step = _PROBE
         self.closed = False
         survey.clear_greatest()
-        # how fast the motors go here, from a first cell of a 16th of a unit
+        # how fast the motors go here, measured in a first cell of a 16th of a unit
         reals.put(r, registers.END, 0, 0)
         reals.put(r, registers.HALF_CELL, 1, -5)
         self.level = 0
@@ -155,14 +154,14 @@ class LookAhead:
         return 0
 
     def _sample(self, halves, row):
-        """SAMPLE, and the positions of the motors there: 1 or 2 half cells beyond END. A code."""
+        """Set SAMPLE to 1 or 2 half cells beyond END, and find the motors there. Return a code."""
         r = self.r
         reals.double(r, registers.SAMPLE, registers.HALF_CELL, halves - 1 - self.level)
         reals.add(r, registers.SAMPLE, registers.END, registers.SAMPLE)
         return self.line.positions_at(registers.SAMPLE, row)
 
     def _probe(self):
-        """Measure the cell after END. 0 or a code."""
+        """Measure the cell after END. Return 0 or a code."""
         survey = self.survey
         rows = self.rows
         self.short = self.level == _HALVINGS
@@ -180,8 +179,8 @@ class LookAhead:
         return survey.passed_bound(rows[0], rows[1], rows[2])
 
     def extend(self):
-        """Survey a cell more, a step at a time, or find that it must be shorter. False: nothing to
-        do."""
+        """Survey another cell, a step at a time, or find that it must be shorter. Return False if
+        there is nothing to do."""
         if self.step == _PROBE:
             if self.closed or self.count >= CELLS:
                 return False
@@ -201,7 +200,7 @@ class LookAhead:
         return True
 
     def _append(self):
-        """Take the cell that has been probed: from END to SAMPLE."""
+        """Add the cell that has been probed, from END to SAMPLE."""
         survey = self.survey
         r = self.r
         survey.set_point_limits(self.share)
@@ -221,15 +220,15 @@ class LookAhead:
         if self.level:
             self.level -= 1
             return
-        # away from where it is slow cells get longer
+        # away from slow parts cells get longer
         compute(0, 0, r, _LENGTHEN)
         if compute(0, 0, r, _DOUBLE_CELL):
             for i in range(registers.AXES):
                 survey.greatest[i] = min(survey.greatest[i], _LARGE) * 2
 
     def _compute_exits(self):
-        """How fast each cell may be left, so that the point comes to rest at the end of the
-        survey."""
+        """Compute how fast each cell may be left, so that the point can come to rest at the end of
+        the survey."""
         r = self.r
         cells = self.cells
         reals.put(r, registers.ENTRY_V2, 0, 0)
@@ -244,7 +243,7 @@ class LookAhead:
             i -= 1
 
     def back(self):
-        """The point has been taken back to S. False where its cell is not remembered any more."""
+        """Go back to the cell of S. Return False if it is not kept any more."""
         r = self.r
         cells = self.cells
         self.closed = True
@@ -256,14 +255,14 @@ class LookAhead:
             self.head = (self.head - 1) % _RING
             self.count += 1
             self.behind -= 1
-        # the first of those remembered
+        # the first cell kept
         k = _CELL * self.head
         reals.fetch(r, registers.CELL_END, cells, k + _END)
         reals.fetch(r, registers.CELL_LENGTH, cells, k + _LENGTH)
         return bool(compute(0, 0, r, _IS_WITHIN))
 
     def load_limits(self):
-        """Set MAX_V, MAX_A and LEFT for where the point is. False where nothing is surveyed."""
+        """Set MAX_V, MAX_A and LEFT for the point. Return False if nothing is surveyed there."""
         r = self.r
         cells = self.cells
         if not self.count:

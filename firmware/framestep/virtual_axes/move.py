@@ -1,11 +1,11 @@
-"""A move or jog along a line: all motors of a rig at once, as one point that runs along it.
+"""A move or jog along a line: all motors of a rig follow one point that moves along it.
 
-Every `span` ticks is a knot. Between two knots every motor follows a cubic (AIM phases,
-motion/phases.py) with the exact positions at both ends; its velocity there is the point's velocity
+Every `span` ticks there is a knot. Between two knots every motor follows a cubic (AIM phases,
+motion/phases.py) with the exact positions at both ends. Its velocity there is the point's velocity
 times the slope of the motor's step over s, from the knots on either side.
 
-Knots lie on whole ticks and a span is one segment, so the queues of all motors can be cut at the
-same knot and planned anew from there: that is how a point in motion is stopped on its line.
+Knots are on whole ticks and a span is one segment. So the queues of all motors can be cut at the
+same knot and planned again from there: that is how a point in motion is stopped on its line.
 
 Time in ticks, positions of motors in steps. Nothing allocates after construction.
 """
@@ -37,17 +37,17 @@ IDLE = const(0)
 STARTING = const(1)  # the first knots are being planned
 MOVING = const(2)
 HALTED = const(3)  # the motors ramp down by themselves
-TAKING_UP = const(4)  # backlash is taken up for the direction in which each motor is to start
+TAKING_UP = const(4)  # motors take up backlash for the direction in which they start
 SETTLING = const(5)  # at the end of the line: motors that have turned take up their backlash
 
 _BEGIN_TICKS = const(128)  # queued before anything moves
-_AHEAD_TICKS = const(256)  # to plan ahead
-_SCARCE_TICKS = const(128)  # with less than this a knot comes before a survey
-_KNOTS = const(16)  # remembered
+_AHEAD_TICKS = const(256)  # planned ahead
+_SCARCE_TICKS = const(128)  # with fewer, a knot takes precedence over a survey
+_KNOTS = const(16)  # kept
 _CUT_TICKS = const(ALL_SPLICE_TICKS - 4)  # some may pass until the queues are cut
 
-# The point's velocity · the slope at S_HERE of the parabola through the three: what a motor's steps
-# before and after that knot count for its velocity there.
+# The point's velocity times the slope at S_HERE of the parabola through the three knots: factors of
+# a motor's steps before and after that knot for its velocity there.
 _RATES = formula(
     registers,
     """
@@ -65,7 +65,7 @@ _RATES = formula(
 
 
 class LinearMove:
-    """Runs along one line at a time, which has been laid and surveyed."""
+    """Mover along one line at a time, which has been begun and surveyed."""
 
     def __init__(self, line, survey):
         self.line = line
@@ -74,19 +74,19 @@ class LinearMove:
         self.r = line.r
         self.motor = line.motor
         self.rows = line.rows
-        self.ahead = None  # of a jog: the LookAhead that surveys the line ahead of the point
+        self.ahead = None  # of a jog: the LookAhead that surveys its line
         self.state = IDLE
-        self.speeds = array("i", [0] * (ROW * _KNOTS))  # of the motors at each knot: reals
-        # s and velocity of the point at each knot: reals
+        self.speeds = array("i", [0] * (ROW * _KNOTS))  # reals: velocities of the motors at knots
+        # reals: s and velocity of the point at each knot
         self.marks = array("i", [0] * (4 * _KNOTS))
         self.times = array("i", [0] * _KNOTS)  # ticks from the start of the motion to each knot
-        # of each motor's path at the last knot queued (point.py)
+        # advance of each motor's path at the last knot queued (point.py)
         self.advances = array("i", [0] * registers.AXES)
         self.word = array("i", [0] * 2)
         self.knot = 0  # the last knot at which the motors' positions are known
-        self.queued = 0  # the last one that a phase leads to
-        self.tick = 0  # in which the motion has begun
-        self.closed = True  # no further knots come
+        self.queued = 0  # the last knot to which a phase leads
+        self.tick = 0  # tick in which the motion began
+        self.closed = True  # no further knots follow
         self.stopping = False
 
     @property
@@ -97,7 +97,7 @@ class LinearMove:
     # ---------------------------------------------------------------- start and end
 
     def begin(self, ahead=None):
-        """Start along the line, for a jog with its LookAhead: first backlash is taken up."""
+        """Start along the line, first by taking up backlash. ahead: LookAhead of a jog."""
         line = self.line
         line.forget_end()
         self.ahead = ahead
@@ -109,7 +109,7 @@ class LinearMove:
                 self.axes[motor].move_to(self.axes.hal, line.present, motor, 10000, directions[i])
 
     def _set_out(self):
-        """Begin to plan, all motors being at rest where the line begins."""
+        """Begin to plan. All motors must be at rest where the line begins."""
         hal = self.axes.hal
         line = self.line
         r = self.r
@@ -134,14 +134,14 @@ class LinearMove:
         self.state = STARTING
 
     def _release(self):
-        """All motors start in the same tick."""
+        """Start all motors in the same tick."""
         self.tick = self.axes.release(self.line.bits)
         self.state = MOVING
 
     def _settle(self):
-        """At the end of the line: the load of a motor that has turned on the way has stayed behind.
+        """At the end of the line, let the loads of motors that have turned on it follow.
 
-        It follows now. Whether there was such a motor.
+        Return whether there was such a motor.
         """
         row = ROW * (self.knot % _KNOTS)
         for i in range(registers.AXES):
@@ -167,7 +167,7 @@ class LinearMove:
                 self.halt()
 
     def halt(self, factor=1):
-        """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
+        """Let each motor ramp down by itself, with `factor` times its acceleration."""
         if self.state:
             for i in range(registers.AXES):
                 if self.motor[i]:
@@ -176,9 +176,9 @@ class LinearMove:
             self.closed = True
 
     def slow_down(self):
-        """Motors may be slower now than the motion under way has counted on.
+        """Adapt to motors that may now be slower than the present motion assumes.
 
-        A move keeps to that from its next knot on, a jog where it has not been surveyed yet.
+        A move does so from its next knot on, a jog where it has not been surveyed yet.
         """
         if self.state and not self.ahead:
             self.survey.slow_down()
@@ -186,8 +186,8 @@ class LinearMove:
     # ---------------------------------------------------------------- passes of the main loop
 
     def poll(self):
-        """One pass: plan ahead. Whether it has planned, and so there may be more to plan at
-        once."""
+        """Plan ahead, in each pass. Return whether it has planned, so that there may be more to
+        plan at once."""
         state = self.state
         if state == IDLE:
             return False
@@ -224,21 +224,21 @@ class LinearMove:
         return False
 
     def _ticks_to(self, knot):
-        """Ticks until a knot, below 0 once it has been passed."""
+        """Return the ticks until a knot; negative once it has been passed."""
         done = self.axes.kernel.state[stepper.TICKS] - self.tick + 1
         return ((self.times[knot % _KNOTS] - done + HALF) & WRAP) - HALF
 
     # ---------------------------------------------------------------- knots
 
     def _note(self, knot):
-        """Remember s and velocity of a knot."""
+        """Keep s and velocity of a knot."""
         k = 4 * (knot % _KNOTS)
         reals.fetch(self.marks, k, self.r, registers.S)
         reals.fetch(self.marks, k + 2, self.r, registers.V)
 
     def _plan(self):
-        """Place the next knot, or queue the phases to the one before it. False: the survey of a jog
-        does not reach far enough.
+        """Place the next knot, or queue the phases to the one before it. Return False if the survey
+        of a jog does not reach far enough.
 
         The velocity of a motor at a knot is known only with the knot after it.
         """
@@ -251,7 +251,7 @@ class LinearMove:
         elif advance(r, self.survey, self.ahead, self.stopping):
             knot += 1
             if self.line.positions_at(registers.S, ROW * (knot % _KNOTS)):
-                self.halt()  # the survey has said that it can be reached
+                self.halt()  # though the survey has found that it can be reached
                 return True
             self._note(knot)
             ticks = reals.floor(r, registers.TICKS, HALF)
@@ -262,7 +262,7 @@ class LinearMove:
         return True
 
     def _queue(self, knot):
-        """Append the phase to a knot that has one on either side."""
+        """Append the phases to a knot that has one on either side."""
         r = self.r
         marks = self.marks
         rows = self.rows
@@ -306,7 +306,7 @@ class LinearMove:
         self.queued = knot
 
     def _finish(self, knot):
-        """Append the phase to the knot at which everything comes to rest."""
+        """Append the phases to the knot at which all come to rest."""
         line = self.line
         r = self.r
         rows = self.rows
@@ -332,7 +332,7 @@ class LinearMove:
     # ---------------------------------------------------------------- changing the plan
 
     def _cut(self):
-        """Forget what is planned from the first knot on that is far enough ahead. False: there is
+        """Drop the plan from the first knot on that is far enough ahead. Return False if there is
         none."""
         axes = self.axes
         for i in range(registers.AXES):

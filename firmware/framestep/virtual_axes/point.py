@@ -1,11 +1,11 @@
-"""From knot to knot: the point that moves along a line, and the paths of the motors that follow it.
+"""The point that moves along a line from knot to knot, and the paths of the motors that follow it.
 
-Every `span` ticks the point gets a new velocity, limited by its acceleration and by the distance
-left. Knots lie on whole ticks, but for the one at which it comes to rest.
+Every `span` ticks the point gets a new velocity, limited by its acceleration and by the remaining
+distance. Knots are on whole ticks, except the one at which it comes to rest.
 
-A step is made when a motor's path reaches it, so with a path through the places the motor would lag
-by half a step on average. So the path runs half a step ahead in the direction of the motion. How
-far ahead it is at the last knot is kept per motor (`advances`, Q16).
+A step is made when a motor's path reaches it. If the path went through the positions themselves,
+the motor would lag by half a step on average. So the path runs half a step ahead in the direction
+of the motion. `advances` has each motor's advance at the last knot, Q16.
 """
 
 from framestep.base.clock import HALF
@@ -18,7 +18,7 @@ from framestep.virtual_axes import registers
 from framestep.virtual_axes.line import HIGH, LOW
 from framestep.virtual_axes.registers import END, LEFT, TICKS, TO_END, S, V
 
-_SEVEN_EIGHTHS = const(0xE000)  # Q16: a path that stays within so much of a step makes no other
+_SEVEN_EIGHTHS = const(0xE000)  # Q16: a path that stays within this part of a step makes no step
 
 _TO_END = formula(registers, "TO_END = END - S")
 _TICKS_TO_END = formula(registers, "TICKS = 2 * (TO_END / V)")  # at constant deceleration
@@ -26,14 +26,14 @@ _TICKS_TO_END = formula(registers, "TICKS = 2 * (TO_END / V)")  # at constant de
 _GO_ON = formula(registers, "NEXT_V = min(V + MAX_A * TICKS, max(V - MAX_A * TICKS, MAX_V))")
 _SLOW_DOWN = formula(registers, "NEXT_V = V - MAX_A * TICKS")
 
-# No faster than it can stop from at the end: (v + u)·ticks/2 + u²/2a = left, solved for u.
+# Slow enough to be able to stop at the end: (v + u)·ticks/2 + u²/2a = left, solved for u.
 _STAY_ABLE_TO_STOP = formula(
     registers,
     """
     half = TICKS / 2
     u = (sqrt(half * half + (2 * LEFT - V * TICKS) / MAX_A) - half) * MAX_A
     assert u < NEXT_V
-    NEXT_V = V / 2  # where cells of a jog in which it may slow down less follow each other
+    NEXT_V = V / 2  # where a jog enters a cell with a lower acceleration
     assert u > ZERO
     NEXT_V = u
     """,
@@ -58,9 +58,9 @@ _STOP_WITHIN_TICKS = formula(
 
 
 def advance(r, survey, ahead, stopping):
-    """S and V of the next knot, and TICKS to it. False: it cannot be told yet.
+    """Find S and V of the next knot, and TICKS to it. Return False if that is not yet possible.
 
-    ahead: the LookAhead of a jog, or None; stopping: it is to come to rest as soon as it may.
+    ahead: the LookAhead of a jog, or None; stopping: come to rest as soon as possible.
     """
     surveyed = not ahead or ahead.load_limits()
     compute(0, 0, r, _TO_END)
@@ -99,7 +99,7 @@ def advance(r, survey, ahead, stopping):
 
 @micropython.viper
 def velocity(r, to: int, rows, a: int, b: int, c: int, before: int, after: int, spare: int):
-    """r[to] = (q(b) - q(a))·r[before] + (q(c) - q(b))·r[after], q being the place in a row."""
+    """r[to] = (q(b) - q(a))·r[before] + (q(c) - q(b))·r[after]; q: the positions in a row"""
     q = ptr32(rows)
     put(r, to, ((q[b + 0] - q[a + 0]) << 16) + q[b + 1] - q[a + 1], -16)
     multiply(r, to, to, before)
@@ -109,8 +109,9 @@ def velocity(r, to: int, rows, a: int, b: int, c: int, before: int, after: int, 
 
 
 @micropython.viper
-def _way(rows: ptr32, a: int, b: int) -> int:
-    """The way from the place in rows[a] to that in rows[b], eightfold, in Q16: up to a step."""
+def _lead(rows: ptr32, a: int, b: int) -> int:
+    """Return eight times the distance from the position in rows[a] to the one in rows[b], Q16, at
+    most a step."""
     d = ((rows[b + 0] - rows[a + 0]) << 16) + rows[b + 1] - rows[a + 1]
     if d > 0x2000:
         d = 0x2000
@@ -121,26 +122,26 @@ def _way(rows: ptr32, a: int, b: int) -> int:
 
 @micropython.viper
 def next_step(out: ptr32, rows, a: int, b: int, c: int, advances, i: int, bounds) -> int:
-    """Where the path of a motor, of axis i, leads to for the place in rows[b]: out[0], fraction
-    (Q16).
+    """Find where the path of the motor of axis i goes for the position in rows[b]. Set out[0] to
+    the step, and return the fraction (Q16).
 
-    rows[a], rows[c]: the places before and after it. The advance (advances[i]) follows the distance
-    between them, eightfold: where a place does not change the path does not either, so a motor that
-    stands, between two steps by what the line asks for, makes none. A step past its bounds is not
-    reached.
+    rows[a], rows[c]: the positions before and after it. The advance (advances[i]) changes with
+    eight times the distance between them. While the position does not change, the path does not
+    either, so a motor that rests between two steps makes none. The path does not reach a step
+    beyond a bound.
     """
     q = ptr32(rows)
     kept = ptr32(advances)
     bound = ptr32(bounds)
     whole = q[b + 0]
     part = q[b + 1]
-    d = kept[i + 0] + int(_way(rows, a, b))
+    d = kept[i + 0] + int(_lead(rows, a, b))
     if d > 0x8000:
         d = 0x8000
     elif d < -0x8000:
         d = -0x8000
-    ahead = int(_way(rows, b, c))
-    # none where it is about to turn
+    ahead = int(_lead(rows, b, c))
+    # no advance if the motor is about to turn
     if d > 0 and ahead < 0:
         d += ahead
         if d < 0:
@@ -168,14 +169,14 @@ def next_step(out: ptr32, rows, a: int, b: int, c: int, advances, i: int, bounds
 
 @micropython.viper
 def set_advance(advances: ptr32, i: int, at: ptr32, j: int, part: int, rows: ptr32, k: int):
-    """advances[i] of a path at the step at[j] and a part (Q16) of one more, for the place in
-    rows[k]."""
+    """Set advances[i] for a path that is at the step at[j] and a part (Q16) of one more when the
+    position is rows[k]."""
     advances[i] = ((at[j + 0] - rows[k + 0]) << 16) + part - rows[k + 1]
 
 
 @micropython.viper
 def nearest_step(out: ptr32, j: int, rows: ptr32, k: int, present: ptr32, motor: int):
-    """out[j] = the step nearest to the place in rows[k]; of two about as near that of the motor."""
+    """out[j] = the step nearest to the position in rows[k]; of two about as near the motor's."""
     step = present[motor + 0]
     out[j] = step
     d = (rows[k + 0] >> 2) - (step >> 2)
@@ -188,11 +189,11 @@ def nearest_step(out: ptr32, j: int, rows: ptr32, k: int, present: ptr32, motor:
 
 @micropython.viper
 def last_step(out, part: int, rows, k: int, present, motor: int, up: int) -> int:
-    """Where a path to out[0] and a part (Q16) has to end to come to rest: out[0], and Q16 of one
-    more.
+    """Find where a path that leads to out[0] and a part (Q16) has to end to come to rest. Set
+    out[0] to the step, and return the fraction (Q16).
 
-    That is on the step nearest to the place in rows[k]. up: whether the path leads upward. It ends
-    beside that step, as it has come, rather than turn back onto it.
+    The end is on the step nearest to the position in rows[k]. up: whether the path leads upward. It
+    ends next to that step, on the side from which it came, rather than turn back onto it.
     """
     nearest_step(out, 1, rows, k, present, motor)
     at = ptr32(out)

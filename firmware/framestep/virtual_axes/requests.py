@@ -1,7 +1,7 @@
 """Requests about virtual axes: VIRT_* of the specification.
 
-The controller merges `handlers` into its own table; a handler returns the code to acknowledge with,
-or 0 where it has answered itself. Nothing allocates after construction.
+The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
+or 0 if it has answered itself. Nothing allocates after construction.
 """
 
 from array import array
@@ -13,7 +13,7 @@ from framestep.virtual_axes.kinematics.kinematics import Configuration
 from framestep.virtual_axes.registers import AIM_X, AXES, GOAL, X
 from framestep.virtual_axes.virtual_axes import VirtualAxes
 
-_TYPES = const(5)  # and 0 is none
+_TYPES = const(5)  # including 0 for none
 _LEAST_BYTES = b"\x01\x5d\x11\x5d\x55"  # of a VIRT_CONFIG, by type
 _AXES_AT = const(m.VirtConfig.SIZE)
 _AXIS_BYTES = const(m.VirtualAxis.SIZE)
@@ -21,14 +21,14 @@ _SWING_PAN_BYTES = const(m.VirtualAxis.position)  # all of an axis but its posit
 _TABLE_AT = const(93)  # of boom-swing-track, if the payload has it
 _TABLE_BYTES = const(4 * m.BOOM_TABLE_SIZE)
 
-_POSE_OF_AIM = b"\x01\x02\x00"  # which number of a pose X, Y, Z of an aim point are
-_FASTEST = const(10000)  # ten-thousandths: the speed of a jog
-_PAN = const(3)  # axes of the types that have a position
+_POSE_OF_AIM = b"\x01\x02\x00"  # indexes in a pose of X, Y, Z of an aim point
+_FASTEST = const(10000)  # greatest speed of a jog, ten-thousandths
+_PAN = const(3)  # axes of the types that have positions
 _TILT = const(4)
 
 
 def _geometries(mask, r):
-    """The types that a mask of capabilities has, by their number."""
+    """Return the types in a mask of capabilities, in a list by number."""
     found = [None] * _TYPES
     rig = None
     if mask & m.CAP_BOOM_SWING_TRACK:
@@ -51,9 +51,9 @@ def _geometries(mask, r):
 
 
 def read_configuration(reader, kind, motors, configuration):
-    """Read a VIRT_CONFIG of a type into a Configuration; motors: how many there are.
+    """Read a VIRT_CONFIG of a type into a Configuration. motors: how many there are.
 
-    False for a payload that is too short, or an axis that cannot be: no such motor, one that
+    Return False for a payload that is too short, or an impossible axis: no such motor, a motor that
     another axis has, 0 steps per unit. spec: MSG_VIRT_CONFIG, field notes 9.2 and 9.3.
     """
     if reader.length < _LEAST_BYTES[kind]:
@@ -98,7 +98,7 @@ def read_configuration(reader, kind, motors, configuration):
 
 
 class Virtuals(VirtualAxes):
-    """The virtual axes, with the messages about them. For the rest see VirtualAxes."""
+    """The virtual axes (VirtualAxes) with their messages."""
 
     def __init__(self, rig, reader, writer, axes, safety, operations, gate, reports):
         VirtualAxes.__init__(self, rig, axes, safety, operations, gate)
@@ -110,7 +110,7 @@ class Virtuals(VirtualAxes):
         self.configuration = Configuration()
         self.word = array("i", [0] * 2)
         self.point = array("i", [0] * 3)  # the aim point, units · 1000
-        self.old = array("i", [0] * 6)  # the point before, if a new one is refused
+        self.old = array("i", [0] * 6)  # the previous point, in case a new one is refused
         self.handlers = {
             m.MSG_VIRT_CONFIG: self._configure,
             m.MSG_VIRT_MOVE: self._move,
@@ -163,10 +163,10 @@ class Virtuals(VirtualAxes):
     # ---------------------------------------------------------------- positions
 
     def send_positions(self, reader):
-        """Send VIRT_GET_POSITION, the answer to the request in `reader`, or None. Whether there was
-        room.
+        """Send VIRT_GET_POSITION, as the answer to the request in `reader`, or unasked if None.
+        Return whether there was room.
 
-        Unasked they are of the same moment as the motors' positions told last (field note 4.6).
+        Unasked it has the moment of the last report of the motors' positions (field note 4.6).
         """
         writer = self.writer
         if reader:
@@ -183,7 +183,7 @@ class Virtuals(VirtualAxes):
         return writer.end()
 
     def _get_position(self):
-        """MSG_VIRT_GET_POSITION. Answered with the pose (field notes 9.2 and 9.8)."""
+        """MSG_VIRT_GET_POSITION: answer with the pose (field notes 9.2 and 9.8)."""
         if not self.configured:
             return m.ERR_GENERAL
         self.send_positions(self.reader)
@@ -192,14 +192,14 @@ class Virtuals(VirtualAxes):
     # ---------------------------------------------------------------- moves
 
     def _number(self):
-        """The virtual axis of this request, or 0 where the rig has no such axis."""
-        number = self.reader.u8(m.VirtMove.motor)  # it begins all of them
+        """Return the virtual axis of this request, or 0 if the rig has no such axis."""
+        number = self.reader.u8(m.VirtMove.motor)  # the first field of all these requests
         if number < 1 or number > AXES or not self.line.rig.main[number]:
             return 0
         return number
 
     def _move(self):
-        """MSG_VIRT_MOVE: in units · 100000 (field notes 9.1 and 9.5)."""
+        """MSG_VIRT_MOVE, in units · 100000 (field notes 9.1 and 9.5)."""
         code = self.may_move()
         if code != m.OK:
             return code
@@ -235,7 +235,7 @@ class Virtuals(VirtualAxes):
     # ---------------------------------------------------------------- jogs
 
     def _jog(self):
-        """MSG_VIRT_JOG: the destination is a step of its main motor (field note 9.6)."""
+        """MSG_VIRT_JOG: the destination is a step of the axis' main motor (field note 9.6)."""
         reader = self.reader
         code = self.may_move()
         if code != m.OK:
@@ -250,7 +250,7 @@ class Virtuals(VirtualAxes):
     def _jog_on_line(self):
         """MSG_VIRT_JOG_ON_LINE, at a speed with a sign.
 
-        Until VIRT_STOP of the axis, or a limit (field note 9.6).
+        It goes on until VIRT_STOP of the axis, or a limit (field note 9.6).
         """
         reader = self.reader
         code = self.may_move()
@@ -268,7 +268,7 @@ class Virtuals(VirtualAxes):
     def _aim_point(self):
         """MSG_VIRT_AIM_POINT, in units · 1000.
 
-        Answered with the same (field note 9.7).
+        The answer repeats the request (field note 9.7).
         """
         if not self.configured:
             return m.ERR_GENERAL
@@ -302,7 +302,7 @@ class Virtuals(VirtualAxes):
         return 0
 
     def _take_point(self):
-        """Take the aim point of the request. A code: then the one before stays."""
+        """Take the aim point of the request. Return a code; on error the previous one stays."""
         r = self.r
         rig = self.line.rig
         for i in range(3):

@@ -1,11 +1,11 @@
-"""What the motors can do on a line, as limits of the point that moves along it.
+"""Limits of the point that moves along a line, from the limits of the motors.
 
 The line is sampled in cells of two halves. The differences d1, d2 of a motor's steps and the second
-difference dd = d2 - d1 bound its slope and its bend in the cell; a cell in which they change too
-much is halved. With F and G the greatest slope and bend, v and a those of the point: F·v <=
-velocity, F·a + G·v² <= acceleration; half of the acceleration at most is given to the bend.
+difference dd = d2 - d1 bound its slope and its bend in the cell. A cell in which they change too
+much is halved. With the greatest slope F and bend G, and v and a of the point: F·v <= velocity,
+F·a + G·v² <= acceleration. At most half of the acceleration is given to the bend.
 
-A move is surveyed whole before it starts, and has one v and one a. A jog has no end that is known:
+A move is surveyed as a whole before it starts, and has one v and one a. A jog has no known end, so
 lookahead.py surveys it cell by cell. Nothing allocates after construction.
 """
 
@@ -23,19 +23,19 @@ from framestep.virtual_axes.line import CODE_HIGH, CODE_LOW, HIGH, LOW, ROW, SUR
 SPAN = const(32)  # ticks from knot to knot, at most: one segment
 
 _CELLS = const(8)  # of a whole line, before any is halved
-_WHOLE_CELL = const(1024)  # its size, in parts that may be halved nine times
+_WHOLE_CELL = const(1024)  # its size; it may be halved nine times
 _MOST_CELLS = const(96)
 _SIXTEENTHS = const(4)  # of a step, as shift
-_NOISE = const(4)  # sixteenths of a second difference that are rounding
-_SMALL_BEND = const(32)  # sixteenths that make no difference
-_TOLERANCE = const(0x1000)  # Q16: how far a position may be past a bound: the rounding of a survey
+_NOISE = const(4)  # rounding in a second difference, sixteenths
+_SMALL_BEND = const(32)  # a negligible bend, sixteenths
+_TOLERANCE = const(0x1000)  # Q16: how far a position may exceed a bound, as a survey is rounded
 
 SMOOTH = const(0)
-_BENT = const(1)  # the cell is to be halved
-_FAR = const(2)  # farther than can be counted
+_BENT = const(1)  # the cell has to be halved
+_FAR = const(2)  # too far to be counted
 
-# 2^40 is greater than any limit and any distance. Motors are taken for 10000 / 10320 of what they
-# can do, since a survey cannot see all.
+# 2^40 is greater than any limit and any distance. Only 10000 / 10320 of the motors' limits are
+# used, since a survey cannot see everything.
 _NO_LIMIT = formula(
     registers,
     """
@@ -46,7 +46,7 @@ _NO_LIMIT = formula(
     """,
 )
 
-# Limits of the point from those of a motor, in half cells per tick.
+# Limits of the point from a motor's limits, in half cells per tick.
 _LIMIT_V = formula(
     registers,
     """
@@ -65,10 +65,10 @@ _IN_UNITS = formula(
     """,
 )
 
-# A cubic from knot to knot has to be as good as the motors' path. With the third derivative d the
-# slopes at the knots are wrong by up to d·h²/6, which puts the cubic beside by d·h³/60; toward a
-# singular pose, where the path goes like a square root, d is 3·G²/F. With h = v·span that stays
-# below a quarter of a step for v³·G²/F < 5/span³.
+# A cubic from knot to knot has to approximate the motor's path. With the third derivative d the
+# slopes at the knots are wrong by up to d·h²/6, which displaces the cubic by d·h³/60. Toward a
+# singular pose, where the path goes like a square root, d is 3·G²/F. With h = v·span the error
+# stays below a quarter of a step for v³·G²/F < 5/span³.
 _THIRD = formula(registers, "THIRD = BEND * BEND / SLOPE")
 _IS_SMOOTH = formula(registers, "assert MAX_V * MAX_V * MAX_V * THIRD < 5 / 32 ** 3")
 _IS_SMOOTH_AT_HALF_SPAN = formula(registers, "assert MAX_V * MAX_V * MAX_V * THIRD < 5 / 16 ** 3")
@@ -77,9 +77,10 @@ _SLOWER = formula(registers, "MAX_V = MAX_V * 0.875")
 
 @micropython.viper
 def _inside(rows: ptr32, a: int, b: int, c: int, bounds: ptr32, motor: ptr32) -> int:
-    """The code of the bound that a motor passes in a cell, or 0; rows at its start, middle and end.
+    """Return the code of the bound that a motor passes in a cell, or 0. a, b, c: rows at its start,
+    middle and end.
 
-    Only of cells that _measure() has taken.
+    Only for cells that _measure() has accepted.
     """
     k = 0
     i = 0
@@ -87,7 +88,7 @@ def _inside(rows: ptr32, a: int, b: int, c: int, bounds: ptr32, motor: ptr32) ->
         if motor[i + 0]:
             d = ((rows[b + 0] - rows[a + 0]) << 4) + ((rows[b + 1] - rows[a + 1]) >> 12)
             e = ((rows[c + 0] - rows[b + 0]) << 4) + ((rows[c + 1] - rows[b + 1]) >> 12)
-            # at a turning point the curve may go a little farther than the middle of the cell
+            # at a turning point the curve may go a little beyond the middle of the cell
             more = 0
             if (d > 0 and e < 0) or (d < 0 and e > 0):
                 more = (d - e) >> 3
@@ -116,10 +117,10 @@ def _inside(rows: ptr32, a: int, b: int, c: int, bounds: ptr32, motor: ptr32) ->
 def _measure(
     rows: ptr32, a: int, b: int, c: int, motor: ptr32, curve: ptr32, greatest: ptr32, level: int
 ) -> int:
-    """Take a cell into `curve`: per axis the greatest slope and bend so far.
+    """Measure a cell into `curve`: the greatest slope and bend so far of each axis.
 
     They are in sixteenths of a step per half cell of level 0, and per its square. greatest: the
-    slopes alone, to judge a bend by. level: how often the cell is halved.
+    slopes alone, to judge bends by. level: how often the cell has been halved.
     """
     turn = 0
     while turn < 2:
@@ -134,8 +135,7 @@ def _measure(
                 e = ((z >> 1) - (y >> 1)) >> (24 - level)
                 if d > 0 or d < -1 or e > 0 or e < -1:
                     return _FAR
-                # in sixteenths of a step per half cell of level 0, with what there is of fractions
-                # of that
+                # in sixteenths of a step per half cell of level 0, including the fractions
                 d = ((y - x) << (4 + level)) + ((rows[b + k + 1] - rows[a + k + 1]) >> (12 - level))
                 e = ((z - y) << (4 + level)) + ((rows[c + k + 1] - rows[b + k + 1]) >> (12 - level))
                 bend = e - d
@@ -180,7 +180,7 @@ def _measure(
 
 @micropython.viper
 def _short(rows: ptr32, a: int, b: int) -> int:
-    """Whether from row a to row b each motor moves by less than an eighth of a step."""
+    """Return whether from row a to row b each motor moves by less than an eighth of a step."""
     end = a + ROW
     while a < end:
         d = rows[b + 0] - rows[a + 0]
@@ -196,7 +196,7 @@ def _short(rows: ptr32, a: int, b: int) -> int:
 
 @micropython.viper
 def _heading(rows: ptr32, a: int, b: int) -> int:
-    """Negative, 0 or positive: whether the position in rows[b] lies below, at or above that in
+    """Return negative, 0 or positive: the position in rows[b] is below, at or above the one in
     rows[a]."""
     d = rows[b + 0] - rows[a + 0]
     if d > 1 or d < -1:
@@ -208,7 +208,7 @@ def _heading(rows: ptr32, a: int, b: int) -> int:
 
 
 class Survey:
-    """Of one line at a time."""
+    """Survey of one line at a time."""
 
     def __init__(self, line):
         self.line = line
@@ -218,12 +218,12 @@ class Survey:
         self.rows = line.rows
         self.curve = array("i", [0] * (2 * registers.AXES))
         self.greatest = array("i", [0] * registers.AXES)
-        self.directions = array("i", [0] * registers.AXES)  # in which each motor begins to move
+        self.directions = array("i", [0] * registers.AXES)  # first direction of each motor
         self.span = SPAN  # ticks from knot to knot
 
     def check_line(self):
-        """Whether the motors can follow the line from 0 to END: a code. If so MAX_V and MAX_A are
-        set."""
+        """Return a code: whether the motors can follow the line from 0 to END. If so, set MAX_V and
+        MAX_A."""
         r = self.r
         reals.double(r, registers.HALF_CELL, registers.END, -4)
         self.clear()
@@ -266,7 +266,7 @@ class Survey:
         return code
 
     def _sample(self, part, row):
-        """The positions of the motors at a part of the line in 8192nds. A code."""
+        """Find the motors' positions at a part of the line, in 8192nds. Return a code."""
         r = self.r
         reals.put(r, registers.SAMPLE, part, -13)
         reals.multiply(r, registers.SAMPLE, registers.SAMPLE, registers.END)
@@ -275,31 +275,31 @@ class Survey:
     # ---------------------------------------------------------------- cells; a, b, c: their rows
 
     def clear(self):
-        """Forget the slopes and bends of the cells measured."""
+        """Drop the slopes and bends of the measured cells."""
         for i in range(2 * registers.AXES):
             self.curve[i] = 0
 
     def clear_greatest(self):
-        """Forget the slopes by which bends are judged."""
+        """Drop the slopes by which bends are judged."""
         for i in range(registers.AXES):
             self.greatest[i] = 0
 
     def measure(self, a, b, c, level):
-        """See _measure."""
+        """Measure a cell: see _measure."""
         return _measure(self.rows, a, b, c, self.motor, self.curve, self.greatest, level)
 
     def is_short(self, a, b):
-        """See _short."""
+        """Return whether a half cell is short: see _short."""
         return _short(self.rows, a, b)
 
     def passed_bound(self, a, b, c):
-        """See _inside."""
+        """Return the code of a passed bound: see _inside."""
         return _inside(self.rows, a, b, c, self.line.bounds, self.motor)
 
     def take_directions(self, a, b, c, first):
-        """Take which way each motor sets out from the next cell of the line, or the first.
+        """Note in which direction each motor sets out, from the next cell of the line or the first.
 
-        One that does not move until a later cell has no way yet.
+        A motor that does not move until a later cell has no direction yet.
         """
         for i in range(registers.AXES):
             if first:
@@ -311,7 +311,7 @@ class Survey:
     # ---------------------------------------------------------------- limits
 
     def _load_motor(self, i):
-        """SLOPE, BEND and the limits of the motor of axis i; False where there is none."""
+        """Load SLOPE, BEND and the limits of the motor of axis i. Return False if there is none."""
         motor = self.motor[i] - 1
         if motor < 0:
             return False
@@ -324,8 +324,8 @@ class Survey:
         return True
 
     def set_point_limits(self, share):
-        """MAX_V, MAX_A and `span` from `curve`: with `share` ten-thousandths of what the motors can
-        do."""
+        """Set MAX_V, MAX_A and `span` from `curve`, with `share` ten-thousandths of the motors'
+        limits."""
         r = self.r
         reals.put(r, registers.SHARE, share, 0)
         compute(0, 0, r, _NO_LIMIT)
@@ -343,7 +343,7 @@ class Survey:
         compute(0, 0, r, _IN_UNITS)
 
     def _smoothen(self, i):
-        """Lower `span`, and if need be MAX_V, until a cubic is as good as the path of axis i."""
+        """Lower `span`, and if need be MAX_V, until cubics approximate the path of axis i."""
         r = self.r
         reals.put(r, registers.BEND, self.curve[2 * i + 1], -_SIXTEENTHS)
         reals.put(r, registers.SLOPE, self.greatest[i], -_SIXTEENTHS)
@@ -355,8 +355,8 @@ class Survey:
             compute(0, 0, r, _SLOWER)
 
     def slow_down(self):
-        """Motors may be slower now than the move under way counts on: keep to that from the next
-        knot on."""
+        """Adapt to motors that may now be slower than the present move assumes, from the next knot
+        on."""
         r = self.r
         span = self.span
         reals.copy(r, registers.NEXT_V, registers.MAX_V)

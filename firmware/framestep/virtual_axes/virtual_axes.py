@@ -1,6 +1,6 @@
-"""The virtual axes of a rig: what may move them, how they set out, what stops them.
+"""The virtual axes of a rig: whether they may move, how they set out, what stops them.
 
-requests.py adds the messages about them. Nothing allocates after construction.
+requests.py adds the messages. Nothing allocates after construction.
 """
 
 from array import array
@@ -18,7 +18,7 @@ _CARRIERS = const(3)  # axes that carry pan and tilt
 
 
 class VirtualAxes:
-    """The line that the camera moves along, and the move or jog along it.
+    """The line along which the camera moves, and the move or jog along it.
 
     operations: of uploaded moves. gate: a Gate.
     """
@@ -33,11 +33,11 @@ class VirtualAxes:
         self.survey = Survey(self.line)
         self.move = LinearMove(self.line, self.survey)
         self.jogs = Jogs(self)
-        self.moved = 0  # the virtual axis that a motion is about, or 0
+        self.moved = 0  # the virtual axis of a motion, or 0
 
     @property
     def configured(self):
-        """Whether a VIRT_CONFIG has told what rig it is."""
+        """Whether a VIRT_CONFIG has defined the rig."""
         return self.line.rig is not None
 
     @property
@@ -46,7 +46,8 @@ class VirtualAxes:
         return self.move.engaged
 
     def poll(self, now):
-        """One pass; now: ms, as in clock.py. Whether there may be more to plan at once."""
+        """Do one pass of the main loop. now: ms, as in clock.py. Return whether there may be more
+        to plan at once."""
         return self.jogs.poll(now, self.rig.jog_timeout_ms)
 
     def stop(self):
@@ -55,12 +56,13 @@ class VirtualAxes:
         self.move.stop()
 
     def halt(self, factor=1):
-        """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
+        """Let each motor ramp down by itself, with `factor` times its acceleration."""
         self.jogs.stop()
         self.move.halt(factor)
 
     def changed(self, motor):
-        """Speed or soft limits of a motor (from 0) have been set: with less room a motion ends."""
+        """Adapt to a new speed or new soft limits of a motor (from 0): with less room a motion
+        ends."""
         if (self.engaged >> motor) & 1:
             if self.line.limits_narrowed(motor):
                 self.stop()
@@ -69,7 +71,7 @@ class VirtualAxes:
     # ---------------------------------------------------------------- setting out
 
     def may_move(self):
-        """OK, or why the rig may not be moved now."""
+        """Return OK, or why the rig may not move now."""
         line = self.line
         if not self.configured:
             return ERR_GENERAL
@@ -85,15 +87,15 @@ class VirtualAxes:
         return OK
 
     def set_out(self, number, ahead=None):
-        """Set out along the line begun; number: its virtual axis or 0; ahead: of a jog."""
+        """Set out along the line begun. number: its virtual axis or 0; ahead: of a jog."""
         self.moved = number
         self.gate.send(self.line.bits)
         self.move.begin(ahead)
 
     def head_for(self, to, number):
-        """END and DIRECTION of the line so that its number `number` goes from BASE to r[to].
+        """Set END and DIRECTION of the line so that its number `number` goes from BASE to r[to].
 
-        Returns the direction, -1 or 1; 0 where it is there.
+        Return the direction, -1 or 1, or 0 if it is there.
         """
         r = self.r
         reals.subtract(r, END, to, BASE + 2 * number)
@@ -104,7 +106,7 @@ class VirtualAxes:
         return direction
 
     def set_out_to_end(self, number):
-        """Set out on a move to END of the line begun. A code."""
+        """Set out on a move to END of the line begun. Return a code."""
         code = self.survey.check_line()
         if code:
             return code
@@ -112,10 +114,10 @@ class VirtualAxes:
         self.set_out(number)
         return OK
 
-    # ---------------------------------------------------------------- motors under an aim point
+    # ---------------------------------------------------------------- motors with an aim point
 
     def moves_camera(self, motor):
-        """Whether pan and tilt have to follow this motor (from 0), because an aim point is on."""
+        """Return whether pan and tilt have to follow this motor (from 0) to stay aimed."""
         if self.line.aiming:
             for i in range(_CARRIERS):
                 if self.line.motor[i] == motor + 1:
@@ -123,7 +125,7 @@ class VirtualAxes:
         return False
 
     def move_keeping_aim(self, motor, target, i, speed=0):
-        """Send such a motor to the step target[i], pan and tilt following. A code.
+        """Move such a motor to the step target[i], with pan and tilt following. Return a code.
 
         speed: of a jog, in ten-thousandths; 0 for a move.
         """
@@ -139,7 +141,7 @@ class VirtualAxes:
         return self.begin_keeping_aim(axis, target, i, speed)
 
     def begin_keeping_aim(self, axis, target, i, speed):
-        """Send the motor of this axis to the step target[i], or jog it there. A code."""
+        """Move the motor of this axis to the step target[i], or jog it there. Return a code."""
         line = self.line
         code = line.begin_line(True)
         if code:
@@ -153,11 +155,10 @@ class VirtualAxes:
             return self.jogs.begin_motor(axis, direction, speed)
         return self.set_out_to_end(0)
 
-    # ---------------------------------------------------------------- where the rig is
+    # ---------------------------------------------------------------- position of the rig
 
     def locate(self):
-        """POSE of where the motors are by what the host knows; a plan under way is not
-        disturbed."""
+        """Set POSE to the reported positions of the motors, without disturbing a plan."""
         line = self.line
         rig = line.rig
         for i in range(AXES):

@@ -1,4 +1,4 @@
-"""Where the camera has to look for an aim point to be in the middle of its picture."""
+"""Pan and tilt that put an aim point in the middle of the camera's picture."""
 
 from framestep.base.results import ERR_AIM_COD
 from framestep.motion.compute import compute
@@ -23,9 +23,9 @@ _DIRECTION = formula(
 
 
 def direction(r):
-    """DIRECTION_PAN and DIRECTION_TILT: degrees from the position in POSE to the aim point.
+    """Set DIRECTION_PAN and DIRECTION_TILT: degrees from the position in POSE to the aim point.
 
-    The pan is on the turn nearest to NEAR_PAN. 0, or ERR_AIM_COD where the point is nearer than the
-    safe distance, or straight above or below.
+    The pan is on the turn nearest to NEAR_PAN. Return 0, or ERR_AIM_COD if the point is nearer than
+    the safe distance, or straight above or below.
     """
     return 0 if compute(0, 0, r, _DIRECTION) else ERR_AIM_COD

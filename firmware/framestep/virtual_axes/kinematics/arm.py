@@ -1,14 +1,14 @@
-"""An arm that swings about an upright column on a track: what types 1 and 3 share.
+"""An arm that swings about an upright column on a track: the common part of types 1 and 3.
 
-Axes 1 SWING, 2 TRACK, 3 PAN. With the arm's level reach (field note 9.4): vEW = reach·sin(swing),
-along the track = track - reach·cos(swing), vPan = pan + swing.
+Axes 1 SWING, 2 TRACK, 3 PAN. With the arm's horizontal reach (field note 9.4):
+vEW = reach·sin(swing), along the track = track - reach·cos(swing), vPan = pan + swing.
 
 Two swings bring the camera to the same position: in front of the column and behind it. inverse()
 keeps to the side on which locate() has found the arm, as the number of half turns nearest to its
-swing, so that swing and pan go on without a jump beyond ±180 degrees as well. A path cannot change
-sides: that would be at a swing of ±90 degrees, where the track no longer moves the camera to the
-side. Less than 2 degrees from there (88.2, where the cosine is a 32nd) is out of reach: the last
-bit of a position would be whole steps of the track.
+swing. So swing and pan go on without a jump beyond ±180 degrees as well. A path cannot change
+sides: it would pass a swing of ±90 degrees, where the track no longer moves the camera sideways.
+Within 2 degrees of that (from 88.2 on, where the cosine is a 32nd) the rig counts as out of reach,
+because the last bit of a position would be whole steps of the track.
 """
 
 from framestep.base.native import const

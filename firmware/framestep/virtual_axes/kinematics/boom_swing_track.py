@@ -2,11 +2,11 @@
 
 Axes: BOOM, SWING, TRACK, PAN, TILT, ROLL; boom angle 0 is level. height = length·sin(boom), reach =
 length·cos(boom) + extension (the extension stays level), vNS = height (field note 9.4), the rest as
-arm.py says. The boom is on the side of the column that it points to: it goes to 88.2 degrees up and
-down, and its reach stays above 0.
+in arm.py. The boom stays on the side of the column to which it points: it goes to 88.2 degrees up
+and down, and its reach stays above 0.
 
-The boom table gives the motor's own steps for -60 to 60 degrees (field note 9.2); the message's
-steps per degree of the boom are not used then.
+The boom table has the motor's own steps for -60 to 60 degrees (field note 9.2). With a table, the
+message's steps per degree of the boom are not used.
 """
 
 from array import array
@@ -23,10 +23,10 @@ from framestep.virtual_axes.registers import BOOM, PER_UNIT, STEPS, X, Y
 
 _ENTRIES = const(121)
 _LAST = const(120)
-_LOWEST = const(60)  # degrees below level of the first
-_ROUNDING = const(-17)  # tolerance at the ends of the table, 2^-17 degrees: rounding in inverse()
+_LOWEST = const(60)  # degrees below level of the first entry
+_ROUNDING = const(-17)  # tolerance at the ends of the table, 2^-17 degrees: rounding of inverse()
 
-# Degrees from the first entry to the boom, and which entry lies there or below.
+# Degrees from the first entry to the boom, and the entry there or below.
 _ENTRY = formula(
     registers,
     """
@@ -34,17 +34,17 @@ _ENTRY = formula(
     Y = floor(X)
     """,
 )
-# How many of the steps between entry Y and the next one (in STEPS) the boom is past Y.
+# How many of the steps (in STEPS) from entry Y to the next one the boom is past Y.
 _PAST_ENTRY = formula(registers, "STEPS[0] = (X - Y) * STEPS[0]")
-# From the motor's steps `x` past an entry and `y` between it and the next, to the boom.
+# From the motor's steps X past an entry, and Y from it to the next entry, to the boom's angle.
 _BOOM_OF_TABLE = formula(registers, "BOOM = X / Y + BOOM")
 
 
 @micropython.viper
 def _entries(buffer: ptr8, at: int, table: ptr32, keep: int) -> int:
-    """1 if the DWORDs from buffer[at] on rise throughout or fall throughout, else 0.
+    """Return 1 if the DWORDs from buffer[at] on all rise or all fall, else 0.
 
-    keep: whether they go to the table.
+    keep: whether to put them into the table.
     """
     order = 0
     last = 0
@@ -124,10 +124,10 @@ class Geometry(Arm):
         self._has_table = at >= 0 and self.motor[0] != 0
         if self._has_table:
             _entries(configuration.table, at, self.table, 1)
-            reals.put(self.r, PER_UNIT, 0, 0)  # so that they cannot be too many steps
+            reals.put(self.r, PER_UNIT, 0, 0)  # so that there cannot be too many steps
 
     def _correct(self, out, j):
-        """Put the boom where its table has it."""
+        """Replace the boom's steps by those of its table."""
         if not self._has_table:
             return 0
         r = self.r
@@ -156,7 +156,7 @@ class Geometry(Arm):
             reals.put_difference(r, X, steps, j, table, k)
             if reals.sign(r, X) * rising == (-1 if k == 0 else 1):
                 code = ERR_RANGE
-        # the greatest k whose entry is not beyond, but not the last
+        # find the greatest k, except the last, whose entry is not beyond
         k = 0
         step = 64
         while step:

@@ -1,16 +1,16 @@
-"""What the types of rig share: axes with their units, the nodal offset, the host's coordinates.
+"""Base class of the types of rig: axes with their units, the nodal offset, the host's coordinates.
 
-A type's module has one class, `Geometry`, whose inverse() says where the axes of the rig stand for
-a pose of the camera, and whose forward() says the opposite. A pose is vTrack, vEW, vNS, vPan,
-vTilt, vRoll: the position of the lens's nodal point in units, and angles in degrees (field note
-9.1). The camera at rest looks along -Z (field note 9.4).
+A type's module has one class, `Geometry`. Its inverse() finds the axes of the rig for a pose of the
+camera, and its forward() the opposite. A pose is vTrack, vEW, vNS, vPan, vTilt, vRoll: the position
+of the lens's nodal point in units, and angles in degrees (field note 9.1). The camera at rest looks
+along -Z (field note 9.4).
 
-POSE counts as forward() does. The host counts from the pose that it has given at VIRT_CONFIG (field
-note 9.2): what it is told and asks for is that pose plus the change of POSE since then. So straight
-axes may begin anywhere, here at 0.
+POSE counts as in forward(). The host counts from the pose that it gave at VIRT_CONFIG (field note
+9.2): its numbers are that pose plus the change of POSE since then. So linear axes may begin
+anywhere, here at 0.
 
-All numbers are `reals` in one array('i'), laid out in registers.py. What lies between the host's
-numbers, a type's formulas and motor steps is one file. Nothing allocates after construction.
+All numbers are `reals` in one array('i'), laid out in registers.py. Everything between the host's
+numbers, a type's formulas and motor steps is in this file. Nothing allocates after construction.
 """
 
 from array import array
@@ -22,7 +22,7 @@ from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.virtual_axes import registers
 
-_SLACK = const(-12)  # how far off an axis without a motor may be: 2^-12 units
+_SLACK = const(-12)  # an axis without a motor may be off by 2^-12 units
 
 _word = array("i", [0, 0])  # any word, and 0
 
@@ -59,7 +59,7 @@ _NODAL_OFFSET = (
     + _TURN
 )
 
-# With OFFSET known: where the camera's axes meet, and its angles. The first part of every
+# With OFFSET known: the intersection of the camera's axes, and its angles. The first part of every
 # inverse().
 FROM_POSE = formula(
     registers,
@@ -74,7 +74,7 @@ FROM_POSE = formula(
     """,
 )
 
-# The other way round: the first part of every forward(), and the last.
+# The opposite: the first part of every forward(), and the last.
 ANGLES = formula(
     registers,
     """
@@ -93,7 +93,7 @@ _TO_POSE = formula(
     """,
 )
 
-# How many steps each axis is from where it stood at VIRT_CONFIG.
+# Steps of each axis since VIRT_CONFIG
 _STEPS = formula(
     registers,
     """
@@ -106,12 +106,12 @@ _STEPS = formula(
     """,
 )
 
-# HOME of an axis that turns (in `x`): its angle without whole turns, lest a motor that has made
-# many of them be less exact.
+# HOME of an axis that turns (in X): its angle without whole turns, so that a motor that has made
+# many turns does not lose accuracy.
 _WITHOUT_TURNS = formula(registers, "X = X - floor(X / 360 + 0.5) * 360")
 
-# A number of a pose, of which Y is in FIRST_POSE: what the host counts since then, in its
-# hundred-thousandths, and back; and the difference of the two counts.
+# From a number of POSE to the host's, in hundred-thousandths, and back, with its FIRST_POSE in Y;
+# and the difference of the two counts.
 _TO_HOST = formula(registers, "X = (X - Y) * 100000")
 _FROM_HOST = formula(registers, "X = Y + X / 100000")
 _HOST_OFFSET = formula(registers, "X = X / 100000 - Y")
@@ -119,11 +119,11 @@ _HOST_OFFSET = formula(registers, "X = X / 100000 - Y")
 
 @micropython.viper
 def to_steps(r: ptr32, a: int, start, i: int, out, j: int, count: int) -> int:
-    """out[j], out[j + 1] = whole and Q16 fraction of start[i] + r[a] steps; and so on, `count`
-    times.
+    """Set out[j], out[j + 1] to whole steps and Q16 fraction of start[i] + r[a] steps; repeat that
+    for `count` numbers.
 
-    0, else 1, if one of them is not below 2^31 - 2^23, so that sums of what lies beside it fit 32
-    bits, or is 2^26 steps and more from start[i], where r[a] is no longer exact to a 16th of one.
+    Return 1; or 0 if the size of one is not below 2^31 - 2^23, so that sums with nearby numbers fit
+    32 bits, or if it is 2^26 steps or more from start[i], where r[a] is not exact to a 16th step.
     """
     base = ptr32(start)
     to = ptr32(out)
@@ -156,8 +156,7 @@ def to_steps(r: ptr32, a: int, start, i: int, out, j: int, count: int) -> int:
 
 @micropython.viper
 def _sum_to_word(out: ptr32, i: int, r: ptr32, a: int, base, j: int):
-    """out[i] = the sum of base[j] and the whole number nearest to r[a], or the nearer end of the
-    range."""
+    """out[i] = the sum of base[j] and the integer nearest to r[a], limited to the range"""
     start = ptr32(base)[j + 0]
     half = r[a + 0]
     s = 0 - r[a + 1]
@@ -177,7 +176,7 @@ def _sum_to_word(out: ptr32, i: int, r: ptr32, a: int, base, j: int):
         else:
             half = 0x3FFFFFFF
         half = half + half
-    # by quarters first, so that no sum needs 33 bits
+    # Divide by 4 first, so that no sum needs 33 bits.
     s = (start >> 2) + (half >> 1)
     direction = 0
     if s > 0x20000000:
@@ -204,8 +203,8 @@ CAMERA_AXES = const(3)  # X, Y and Z; the protocol's LINE_ has them first
 
 
 def camera_axis(r, axis, to):
-    """r[to], r[to + 2], r[to + 4] = direction, as vTrack, vEW, vNS, of an axis of the camera at
-    POSE.
+    """Set r[to], r[to + 2], r[to + 4] to the direction, as vTrack, vEW, vNS, of an axis of the
+    camera at POSE.
 
     axis: 0 X to its right, 1 Y up, 2 Z backward from where it looks (field note 9.6).
     """
@@ -221,12 +220,11 @@ def camera_axis(r, axis, to):
 
 
 class Configuration:
-    """The numbers of a VIRT_CONFIG, with what can be checked without the rig's type.
+    """The numbers of a VIRT_CONFIG, as far as they can be checked without the rig's type.
 
-    Arrays of words: motors (from 1, 0 for none), steps_per_unit · 1000 and positions · 100000 by
-    axis; lengths · 1000: LENGTH, EXTENSION, the nodal offset to the right, forward and up, safe
-    distance.
-    table, table_at: the bytes of a boom table begin at table[table_at]; -1 for none.
+    Arrays of words: motors (from 1, 0 for none), steps_per_unit · 1000 and positions · 100000 for
+    each axis; lengths · 1000: LENGTH, EXTENSION, the nodal offset to the right, forward and up,
+    safe distance. table, table_at: the bytes of a boom table begin at table[table_at]; -1 for none.
     """
 
     def __init__(self):
@@ -239,20 +237,19 @@ class Configuration:
 
 
 class Kinematics:
-    """The axes of a type: which motors, how many steps to the unit, where they stood at
-    VIRT_CONFIG.
+    """The axes of a type: their motors, steps per unit, and positions at VIRT_CONFIG.
 
-    An axis that turns stands at its motor's steps by the steps per unit; one without a motor at 0.
+    The position of an axis that turns is its motor's steps divided by the steps per unit; without a
+    motor it is 0.
 
-    r: array('i') of registers.REGISTERS words, shared with the caller. motor: of the axes 0 to 5,
-    the motor's number or 0. main: of the virtual axes 1 to 6, the axis whose steps a jog's
-    destination is in (field note 9.6), plus 1; 0 for a virtual axis that the type does not have.
-    straight: bits of the axes that do not turn.
+    r: array('i') of registers.REGISTERS words, shared with the caller. motor: number of the motor
+    of each of the axes 0 to 5, or 0. main: for each of the virtual axes 1 to 6, the axis in whose
+    steps a jog's destination is (field note 9.6), plus 1; 0 for a virtual axis that the type does
+    not have. straight: bits of the linear axes.
 
-    Where a method returns a code, it is 0, or ERR_RANGE for what the rig cannot reach. A type gives
-    two formulas: _inverse from POSE and OFFSET to JOINT, in which a condition refuses what cannot
-    be reached; _forward from JOINT to WRIST and the angles of POSE, which computes all of them
-    before a condition.
+    A code is 0, or ERR_RANGE for what the rig cannot reach. A type provides two formulas. _inverse
+    leads from POSE and OFFSET to JOINT; a condition refuses what cannot be reached. _forward leads
+    from JOINT to WRIST and the angles of POSE, and computes all of them before a condition.
     """
 
     main = b""
@@ -261,7 +258,7 @@ class Kinematics:
     _forward = b""
 
     def __init__(self, r, other=None):
-        """other: one of another type, with which this one shares its arrays."""
+        """other: an instance of another type, with which this one shares its arrays."""
         self.r = r
         self.motor = other.motor if other else bytearray(registers.AXES)
         self.start = other.start if other else array("i", [0] * registers.AXES)
@@ -273,10 +270,10 @@ class Kinematics:
     # ---------------------------------------------------------------- VIRT_CONFIG
 
     def configure(self, configuration, present):
-        """Adopt a Configuration; present: array('i') with the motors' steps now, motor 1 first.
+        """Adopt a Configuration. present: array('i') with the motors' present steps, motor 1 first.
 
-        0, or ERR_RANGE for a number that cannot be: then all stays as it was. Afterwards POSE is
-        where the rig stands, which may be out of inverse()'s reach.
+        Return 0, or ERR_RANGE for an impossible number; nothing changes then. Afterwards POSE is
+        the rig's pose, which may be out of inverse()'s reach.
         """
         if not self._possible(configuration):
             return ERR_RANGE
@@ -285,8 +282,7 @@ class Kinematics:
         for i in range(registers.AXES):
             self.motor[i] = configuration.motors[i]
             self.load(registers.PER_UNIT + 2 * i, configuration.steps_per_unit, i)
-            # a number of the pose is told by the axis in whose steps a jog of it is (field note
-            # 9.2)
+            # a number of the pose comes with the axis in whose steps its jogs are (field note 9.2)
             if self.main[i + 1]:
                 reals.copy_word(self.host_pose, i, configuration.positions, self.main[i + 1] - 1)
             else:
@@ -305,12 +301,12 @@ class Kinematics:
         return 0
 
     def _possible(self, configuration):
-        """Whether a rig of this type can have these numbers; it changes nothing but scratch
+        """Return whether a rig of this type can have these numbers. Changes only scratch
         registers."""
         return True
 
     def _adopt(self, configuration):
-        """Keep what only this type has."""
+        """Keep the numbers that only this type has."""
 
     def load(self, to, words, i):
         """r[to] = words[i] / 1000"""
@@ -320,7 +316,7 @@ class Kinematics:
         reals.divide(r, to, to, registers.X)
 
     def _begin(self, present):
-        """HOME and `start` of all axes, and FIRST_POSE."""
+        """Set HOME and `start` of all axes, and FIRST_POSE."""
         r = self.r
         self._absent = False
         for i in range(registers.AXES):
@@ -344,7 +340,7 @@ class Kinematics:
     # ---------------------------------------------------------------- the host's coordinates
 
     def to_host(self, out, j, i):
-        """out[j] = number i of POSE as the host counts it, times 100000, held within 32 bits."""
+        """out[j] = number i of POSE as the host counts it, times 100000, limited to 32 bits."""
         r = self.r
         reals.copy(r, registers.X, registers.POSE + 2 * i)
         reals.copy(r, registers.Y, registers.FIRST_POSE + 2 * i)
@@ -352,7 +348,7 @@ class Kinematics:
         _sum_to_word(out, j, r, registers.X, self.host_pose, i)
 
     def from_host(self, to, i, source, j):
-        """r[to] = number i of POSE for what the host calls source[j] / 100000."""
+        """r[to] = number i of POSE that corresponds to the host's source[j] / 100000."""
         r = self.r
         reals.put_difference(r, registers.X, source, j, self.host_pose, i)
         reals.copy(r, registers.Y, registers.FIRST_POSE + 2 * i)
@@ -360,7 +356,7 @@ class Kinematics:
         reals.copy(r, to, registers.X)
 
     def host_offset(self, to, i):
-        """r[to] = what the host counts less POSE, of number i."""
+        """r[to] = the host's number i minus that of POSE."""
         r = self.r
         reals.put_difference(r, registers.X, self.host_pose, i, _word, 1)
         reals.copy(r, registers.Y, registers.FIRST_POSE + 2 * i)
@@ -370,9 +366,8 @@ class Kinematics:
     # ---------------------------------------------------------------- steps
 
     def motor_steps(self, out, j):
-        """out[j + 2i], out[j + 2i + 1] = whole step and Q16 fraction of axis i at JOINT. A code.
-
-        out: array('i'), 12 words of it. For an axis without a motor: 0.
+        """Put whole steps and Q16 fraction of axis i at JOINT into out[j + 2i], out[j + 2i + 1]
+        (array('i'), 12 words); 0 for an axis without a motor. Return a code.
         """
         r = self.r
         compute(0, 0, r, _STEPS)
@@ -381,11 +376,11 @@ class Kinematics:
         return self._correct(out, j)
 
     def _correct(self, out, j):
-        """Change what a type has to change of motor_steps(). A code."""
+        """Correct the result of motor_steps(), if a type has to. Return a code."""
         return 0
 
     def joint(self, i, steps, j):
-        """JOINT of axis i from the step steps[j]. A code."""
+        """Set JOINT of axis i for the step steps[j]. Return a code."""
         r = self.r
         reals.put_difference(r, registers.X, steps, j, self.start, i)
         reals.divide(r, registers.X, registers.X, registers.PER_UNIT + 2 * i)
@@ -393,10 +388,9 @@ class Kinematics:
         return 0
 
     def locate(self, present):
-        """JOINT and POSE from the motors' steps; inverse() stays on the side of the rig they are
-        on.
+        """Set JOINT and POSE from the motors' steps. inverse() stays on this side of the rig.
 
-        A code. With ERR_RANGE the numbers are there, but the rig is not where inverse() leads to.
+        Return a code. With ERR_RANGE the numbers are set, but inverse() does not lead back there.
         """
         code = 0
         for i in range(registers.AXES):
@@ -408,12 +402,12 @@ class Kinematics:
         return code | self.forward()
 
     def _choose_side(self):
-        """Decide by JOINT which of the rig's ways to take a pose inverse() gives."""
+        """Choose by JOINT which of the rig's solutions for a pose inverse() gives."""
 
     # ---------------------------------------------------------------- kinematics
 
     def inverse(self):
-        """JOINT for the POSE. A code; with ERR_RANGE JOINT is of no use."""
+        """Set JOINT for the POSE. Return a code; with ERR_RANGE JOINT is useless."""
         r = self.r
         if self._offset:
             compute(0, 0, r, _NODAL_OFFSET)
@@ -429,8 +423,8 @@ class Kinematics:
         return 0
 
     def forward(self):
-        """POSE for the JOINTs. A code; with ERR_RANGE it is not one that inverse() leads back
-        from."""
+        """Set POSE for the JOINTs. Return a code; with ERR_RANGE inverse() does not lead back from
+        it."""
         r = self.r
         code = 0 if compute(0, 0, r, self._forward) else ERR_RANGE
         if self._offset:

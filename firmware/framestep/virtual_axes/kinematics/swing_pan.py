@@ -1,9 +1,9 @@
 """Type 2, Swing-Pan: the pan head on an arm that swings keeps its heading.
 
-Axes: SWING, PAN; the other four have no motor. vPan = pan + swing (field note 9.4); no lengths are
-known, so the five other virtual numbers are 0 and ignored. inverse() leaves the swing where JOINT
-says it is and turns the pan. The message gives no pose: the host counts from both at 0. Every vPan
-can be reached.
+Axes: SWING, PAN; the other four have no motor. vPan = pan + swing (field note 9.4). No lengths are
+known, so the other five virtual numbers are 0 and ignored. inverse() leaves the swing as it is in
+JOINT, and turns the pan. The message has no pose: the host counts from both at 0. Every vPan can be
+reached.
 """
 
 from framestep.motion import reals

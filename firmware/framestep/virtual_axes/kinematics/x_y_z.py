@@ -1,8 +1,8 @@
-"""Type 4, X-Y-Z: three straight axes at right angles that carry pan, tilt and roll.
+"""Type 4, X-Y-Z: three linear axes at right angles that carry pan, tilt and roll.
 
-Axes: X, Y, Z, PAN, TILT, ROLL. vEW = X, vNS = Y, vTrack = Z; angles are themselves; the nodal
-offset is added. The layout of the message and this reading are inferred from type 1 (field note
-9.3). Every pose can be reached.
+Axes: X, Y, Z, PAN, TILT, ROLL. vEW = X, vNS = Y, vTrack = Z, plus the nodal offset; angles are
+themselves. The layout of the message and this reading are inferred from type 1 (field note 9.3).
+Every pose can be reached.
 """
 
 from framestep.motion.formula import formula

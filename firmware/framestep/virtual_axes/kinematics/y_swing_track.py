@@ -1,8 +1,8 @@
 """Type 3, Y-Swing-Track: a level arm on a column that goes up and down, on a track; pan, tilt,
 roll.
 
-Axes: Y, SWING, TRACK, PAN, TILT, ROLL. reach = length + extension, vNS = Y, the rest as arm.py
-says. The layout of the message and this reading are inferred from type 1 (field note 9.3).
+Axes: Y, SWING, TRACK, PAN, TILT, ROLL. reach = length + extension, vNS = Y, the rest as in arm.py.
+The layout of the message and this reading are inferred from type 1 (field note 9.3).
 """
 
 from framestep.motion import reals
