@@ -1,4 +1,5 @@
 # What the images of all boards have in common; for MicroPython's build of the rp2 port
+set(MICROPY_FROZEN_MANIFEST ${CMAKE_CURRENT_LIST_DIR}/manifest.py)
 # Their names tell framestep's version
 file(STRINGS ${CMAKE_CURRENT_LIST_DIR}/../firmware/framestep/reports.py FRAMESTEP_VERSION REGEX "^VERSION = ")
 string(REGEX REPLACE "^VERSION = .([0-9]+), ([0-9]+), ([0-9]+).*" "\\1.\\2.\\3" FRAMESTEP_VERSION "${FRAMESTEP_VERSION}")

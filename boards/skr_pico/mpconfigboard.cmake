@@ -2,5 +2,4 @@
 # RP2040 and a flash of 2 MB, as on a Pico
 set(PICO_BOARD "pico")
 set(PICO_PLATFORM "rp2040")
-set(MICROPY_FROZEN_MANIFEST ${MICROPY_BOARD_DIR}/manifest.py)
 include(${CMAKE_CURRENT_LIST_DIR}/../framestep.cmake)

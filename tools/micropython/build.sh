@@ -300,7 +300,7 @@ changed() {
 image() {
     local from=$MP tree recipe
     recipe=$(cat "$ROOT"/tools/micropython/{build,in_ram}.sh "$PATCHES"/*/*.patch "$ROOT"/boards/*.{h,cmake,py} \
-        "$BOARD_DIR"/{mpconfig,manifest}* <(printf '%s' "${IN_RAM:-}") | sha256sum)
+        "$BOARD_DIR"/mpconfig* <(printf '%s' "${IN_RAM:-}") | sha256sum)
     [ "$(cat "$IMAGE/.recipe" 2>/dev/null)" = "$recipe" ] || rm -rf "$IMAGE"
     mkdir -p "$IMAGE"
     printf '%s\n' "$recipe" >"$IMAGE/.recipe"

@@ -90,7 +90,7 @@ def test_limit_of_the_twelfth_motor():
     assert talk.position(11) == 2000
 
 
-@pytest.mark.parametrize("name", ["pico", "pico2", "skr_pico", "fysetc_erb"])
+@pytest.mark.parametrize("name", board_names())
 def test_example_rig_file(name):
     """Every example comes up, moves its motors, and stops at its E-stop."""
     talk, board = session(name, read(ROOT / "boards" / name / "rig.json"))
