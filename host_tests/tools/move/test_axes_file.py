@@ -65,14 +65,14 @@ def test_there_is_no_axes_toml(tmp_path, capsys):
     for name, axes in (("shot.arcm", "track in cm, pan in deg"), ("raw", "column 1, column 2")):
         assert run(tmp_path, "import", str(tmp_path / name), "-o", str(tmp_path / "out")) == 1
         error = capsys.readouterr().err
-        assert f"are to the motors ({axes}); docs/use/moves.md shows one" in error
+        assert f"are to the motors ({axes}); docs/use/formats.md shows one" in error
         assert len(error.splitlines()) == 1
     with pytest.raises(ToolError, match=r"cannot read the axes .*axes.toml: No such file"):
         read_axes(tmp_path / "axes.toml")
 
 
 def test_the_page_has_every_key_unit_and_format(tmp_path):
-    page = (ROOT / "docs/use/moves.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/use/formats.md").read_text(encoding="utf-8")
     for key in KEYS:
         assert f"\n| `{key}` |" in page
     for unit in UNITS:

@@ -58,7 +58,7 @@ def import_move(
     if not axes.exists():
         raise ToolError(
             f"there is no {axes}, which says what the axes of {file} are to the motors "
-            f"({', '.join(recording.names)}); docs/use/moves.md shows one"
+            f"({', '.join(recording.names)}); docs/use/formats.md shows one"
         )
     known = read_axes(axes)
     move, left = to_move(recording, known, str(file), fps, start)

@@ -6,7 +6,7 @@
     steps_per_unit = 222.2222
     unit = "deg"
 
-docs/use/moves.md has all of the keys.
+docs/use/formats.md has all of the keys.
 """
 
 import os
@@ -137,7 +137,7 @@ _NEEDED = [field.name for field in fields(Axis)][:3]
 
 def read_axes(path: str | os.PathLike) -> list[Axis]:
     """The axes in their motors' order; AxesFileError, with the key and what is allowed, if the
-    file is not there or not as described in docs/use/moves.md."""
+    file is not there or not as described in docs/use/formats.md."""
     try:
         with open(path, "rb") as file:
             content = tomllib.load(file)

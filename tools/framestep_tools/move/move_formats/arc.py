@@ -6,7 +6,7 @@
         <scen:controlPoints x="9" y="0"/> …         the handle after each keyframe but the last and
                                                     the one before each but the first, in order
 
-docs/use/moves.md says what this rests on.
+docs/use/formats.md says what this rests on.
 """
 
 import xml.etree.ElementTree as ET

@@ -10,8 +10,8 @@
       }
     }
 
-An axis's name is the node and its attribute: camera1.rotateY. docs/use/moves.md says which tangents
-are read.
+An axis's name is the node and its attribute: camera1.rotateY. docs/use/formats.md says which
+tangents are read.
 """
 
 import re
