@@ -1,16 +1,16 @@
-"""What a board can do, below everything else: contract.py says what a HAL has. Here: what all HALs
-share."""
+"""Constants that all HALs share. A HAL is what a board can do, below everything else; contract.py
+says what it has to provide."""
 
 from framestep.base.native import const
 
-PASS = const(0)  # word of Hal.inside
+PASS = const(0)  # index in Hal.inside
 
-# Bytes of the stack. MicroPython's own limit is STACK; a program on the REPL has REPL_STACK, so
-# that interrupts, which take up to 1500 bytes, fit beyond it in any case. A pass begins where no
-# more than DEEPEST is in use: the largest one takes 5000, with the interrupts that come in it.
+# Bytes of the stack. MicroPython's own limit is STACK. A program on the REPL has REPL_STACK, so
+# that interrupts, which take up to 1500 bytes, always fit beyond it. A pass begins only if no more
+# than DEEPEST is in use: the largest pass takes 5000, including the interrupts in it.
 STACK = const(7936)
 REPL_STACK = const(6400)
 DEEPEST = const(2560)
 
 CHANNELS = const(512)  # of DMX
-CHANGED = const(0)  # word of Lights.words: 1 when a level has changed since they were taken
+CHANGED = const(0)  # index in Lights.words: 1 if a level has changed since they were taken

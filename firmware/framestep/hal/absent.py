@@ -1,9 +1,9 @@
-"""What stands for parts that a board has not, or that its rig does without: see
+"""Null objects for hardware that a board lacks or a rig does not use: see
 framestep.hal.contract."""
 
 
 class NoWatchdog:
-    """For boards without a watchdog, and for rigs that do without."""
+    """For boards without a watchdog, and rigs that do not use it."""
 
     caused_reset = False
 

@@ -4,23 +4,23 @@ This module is not put on a board, so a HAL does not inherit from it.
 host_tests/hal/test_contract.py checks that every HAL has these names and parameters, and that
 nothing above the HAL uses others. After Hal.start() nothing allocates.
 
-What the tick has to know of the chip's pulse engine is in engine.py.
+engine.py has what the tick needs to know of the chip's pulse engine.
 """
 
 
 class Hal:
-    """A board, made once, by boot, from its data and a framestep.rig.Rig. The drivers are off at
+    """A board, made once at boot from its data and a framestep.rig.Rig. The drivers are off at
     first.
 
     motors          how many there are
-    board           the board's data: boards/<board>/board.json as a dictionary, with what this rig
-                    file changes in it
-    kernel          motion.kernel.StepKernel; it ticks after start()
+    board           the board's data: boards/<board>/board.json as a dictionary, with the changes by
+                    this rig file
+    kernel          pulse.kernel.StepKernel; it ticks after start()
     engine          a PulseEngine
     port            the Port of the protocol
     dmx             a Dmx
     watchdog        a Watchdog
-    driver_wire     the DriverWire, where Rig.drivers is not None
+    driver_wire     the DriverWire, unless Rig.drivers is None
     upload_bytes    bytes that the uploaded move may take, in one piece
     inside          array of words; [PASS] is 1 while the main loop is in a pass
     passes          machine.Timer, not started, whose callbacks come from MicroPython's scheduler,
@@ -34,32 +34,32 @@ class Hal:
         raise NotImplementedError
 
     def irq_off(self):
-        """Hold the tick off for some microseconds. Returns what irq_on() needs."""
+        """Hold the tick off for some microseconds. Return the state for irq_on()."""
         raise NotImplementedError
 
     def irq_on(self, state):
-        """Let the tick come again. state: what irq_off() has returned."""
+        """Let the tick come again. state: the result of irq_off()."""
         raise NotImplementedError
 
     def idle(self):
-        """Wait for the next interrupt: there is nothing to do."""
+        """Wait for the next interrupt, as there is nothing to do."""
         raise NotImplementedError
 
     def enable(self, motor, on):
-        """Switch a motor's driver on or off; of a servo, its pulses. Drivers that share a pin are
+        """Switch a motor's driver on or off; for a servo, its pulses. Drivers that share a pin are
         on while any of them is."""
         raise NotImplementedError
 
     def led(self, colour):
-        """Light the board's LED, if it has one, in a colour 0xRRGGBB, if it has colours; 0: off."""
+        """Light the board's LED in a colour 0xRRGGBB, as far as it has one; 0: off."""
         raise NotImplementedError
 
     def output(self, pin, level):
-        """Make a pin an output, at boot. Returns its bit for drive(), below 2^30."""
+        """Make a pin an output, at boot. Return its bit for drive(), below 2^30."""
         raise NotImplementedError
 
     def input(self, pin, pull):
-        """Make a pin an input, at boot. Returns its bit in levels(), below 2^30.
+        """Make a pin an input, at boot. Return its bit in levels(), below 2^30.
 
         pull: "up", "down" or "none".
         """
@@ -71,12 +71,12 @@ class Hal:
         raise NotImplementedError
 
     def levels(self):
-        """The inputs that are high, one bit each; where all pins are alike, outputs too."""
+        """Return the inputs that are high, one bit each; outputs too if all pins are alike."""
         raise NotImplementedError
 
     def pass_callback(self, work):
-        """A function of one argument that calls work, which is a pass, from MicroPython's
-        scheduler: with all of the stack, whatever a program on the REPL has taken of it, and with
+        """Make a callback of one argument that runs work, which is a pass, from MicroPython's
+        scheduler: with the whole stack, however much of it a program on the REPL uses, and with
         inside[PASS] at 1. Allocates."""
         raise NotImplementedError
 
@@ -85,41 +85,41 @@ class Hal:
         raise NotImplementedError
 
     def take_lost_commands(self):
-        """The motors of which commands were lost since the last call, so that steps are missing.
+        """Return the motors, one bit each, of which commands were lost since the last call.
 
-        One bit each.
+        Steps of these motors are missing.
         """
         raise NotImplementedError
 
     def reclaim(self):
-        """Take back pins that something else, such as a program on the REPL, has set up anew.
+        """Take back pins that something else, such as a program on the REPL, has changed.
 
-        Returns -1 if there were none, else the motors that may have missed pulses, one bit each.
+        Return -1 if there were none, else the motors that may have missed pulses, one bit each.
         """
         raise NotImplementedError
 
     def ready(self):
-        """False while the chip may let go of a pin, as the RP2040 B1 does after a reset of the USB
-        bus.
+        """Return False while the chip may let go of a pin, as the RP2040 B1 does after a reset of
+        the USB bus.
 
-        Nothing is to be started then.
+        Nothing must start then.
         """
         raise NotImplementedError
 
     def flash(self):
-        """A Flash, at boot. OSError if there is none."""
+        """Make a Flash, at boot. Raises OSError if there is none."""
         raise NotImplementedError
 
 
 class PulseEngine:
-    """Turns the tick's commands into edges; engine.py says what they are and how long they take.
+    """Turns the tick's commands into edges; engine.py defines them and how long they take.
 
-    What it cannot do in time it reports by Hal.take_lost_commands(). It never makes up for it by a
+    It reports what it cannot do in time by Hal.take_lost_commands(), and never makes up for it by a
     burst of pulses.
     """
 
     def fifo(self, motor):
-        """The address to which a motor's commands are written, or of its ring: see engine.RING."""
+        """Return the address for a motor's commands, or of its ring (engine.RING)."""
         raise NotImplementedError
 
 
@@ -139,13 +139,13 @@ class Port:
         raise NotImplementedError
 
     def poll(self, reader):
-        """Move received bytes into reader.feed(buffer, start, count). Returns how many."""
+        """Pass received bytes to reader.feed(buffer, start, count). Return how many it took."""
         raise NotImplementedError
 
     def send(self, writer):
-        """Begin to send what writer.take(buffer, limit) hands out. Never waits.
+        """Begin to send what writer.take(buffer, limit) provides. Never waits.
 
-        Returns something true if it is still busy sending: to be called again in the next pass.
+        Return something true while it is still busy sending; call it again in the next pass.
         """
         raise NotImplementedError
 
@@ -164,14 +164,14 @@ class Dmx:
 class Watchdog:
     """Restarts the board unless it is fed.
 
-    caused_reset    whether it has started the board this time
+    caused_reset    whether it has restarted the board this time
     """
 
     def arm(self, ms):
-        """Start it. It has to be fed within `ms` milliseconds from now on.
+        """Start it. From now on it has to be fed every `ms` milliseconds.
 
-        It feeds itself while something other than a pass holds up the main loop, once the tick has
-        brought all motors to rest.
+        While something other than a pass holds up the main loop, it is fed automatically once the
+        tick has brought all motors to rest.
         """
         raise NotImplementedError
 
@@ -180,7 +180,7 @@ class Watchdog:
         raise NotImplementedError
 
     def disarm(self):
-        """Stop it: it need not be fed any more."""
+        """Stop it."""
         raise NotImplementedError
 
 
@@ -196,15 +196,15 @@ class DriverWire:
         raise NotImplementedError
 
     def receive(self, buffer, at, limit):
-        """Put received bytes, at most `limit`, into buffer[at:]. Returns how many.
+        """Put received bytes, at most `limit`, into buffer[at:]. Return how many.
 
-        What was sent is received as well.
+        Sent bytes are received as well.
         """
         raise NotImplementedError
 
 
 class Flash:
-    """Storage that outlives a power cut, for io/position_journal.py.
+    """Storage that survives a power cut, for io/position_journal.py.
 
     blocks      how many, at least 2
     bytes       of a block
@@ -215,12 +215,12 @@ class Flash:
         raise NotImplementedError
 
     def program(self, block, at, page):
-        """Clear the bits that are 0 in the 256 bytes of `page`. False if that is not possible.
+        """Clear the bits that are 0 in the 256 bytes of `page`. Return False if that fails.
 
         at: offset in the block, a multiple of 256.
         """
         raise NotImplementedError
 
     def erase(self, block, page):
-        """Set all bits of a block. False if that is not possible. page: 256 bytes to work with."""
+        """Set all bits of a block. Return False if that is impossible. page: 256 scratch bytes."""
         raise NotImplementedError

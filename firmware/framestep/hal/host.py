@@ -1,7 +1,7 @@
-"""The HAL of a board that exists only in memory, on virtual time.
+"""HAL of a board that exists only in memory, on virtual time.
 
-The pulse engine executes the very commands that a PIO state machine gets (hal/rp2/pulses.py) and
-tells each edge.
+Its pulse engine executes the commands that a PIO state machine gets on a board (hal/rp2/pulses.py),
+and reports each edge.
 """
 
 from array import array
@@ -21,7 +21,7 @@ NS_PER_CYCLE = 8
 TICK_NS = 1_000_000
 TICK_DELAY_NS = 7_000  # from the timer's alarm to the first line of the interrupt handler
 UPLOAD_BYTES = 176 * 1024
-# as boards/pico/board.json, but for what concerns the motors
+# as boards/pico/board.json, except for motors
 BOARD = {
     "chip": "rp2040",
     "pins": 30,
@@ -43,7 +43,7 @@ BOARD = {
 
 
 def pin_names(board):
-    """{pin: name} of a board's inputs and outputs, as traces have them."""
+    """Return {pin: name} of a board's inputs and outputs, as in traces."""
     names = {board[key]: key for key in ("estop", "shutter", "meter") if key in board}
     for key, name in (("gio", "gio"), ("outputs", "out"), ("inputs", "in"), ("stops", "stop")):
         names.update({pin: "%s%d" % (name, i) for i, pin in enumerate(board.get(key, []), 1)})
@@ -53,8 +53,8 @@ def pin_names(board):
 class PulseModel:
     """The pulse engine of one motor: commands in, edges out, times in cycles.
 
-    Written to like a FIFO register (`model[0] = command`). A command that finds the FIFO full is
-    lost, as on the chip, and counted in `lost`.
+    It is written to like a FIFO register (`model[0] = command`). As on the chip, a command that
+    finds the FIFO full is lost; `lost` counts these.
     """
 
     def __init__(self, clock, width, on_step, on_direction):
@@ -62,8 +62,8 @@ class PulseModel:
         self.on_step = on_step  # f(cycle, direction level) at each rising edge
         self.on_direction = on_direction  # f(cycle, level) at each change
         self.period = engine.PERIOD_CYCLES + engine.WIDTH_CYCLES * width  # beyond the gap
-        self.free_at = 0  # when the last command is done
-        self.waiting = []  # when each command in the FIFO will be fetched
+        self.free_at = 0  # cycle at which the last command is done
+        self.waiting = []  # cycles at which the commands in the FIFO will be fetched
         self.level = 0
         self.lost = 0
 
@@ -94,7 +94,7 @@ class PulseModel:
 
 
 class HostPort:
-    """The protocol port, its far end held by whoever drives the board."""
+    """The protocol port; whoever drives the board is at its far end."""
 
     def __init__(self):
         self.open = False
@@ -126,7 +126,7 @@ class HostPort:
 
 
 class HostDmx:
-    """Tells each level that changes as an edge of `dmx1` … `dmx512`."""
+    """Reports each changed level as an edge of `dmx1` … `dmx512`."""
 
     channels = 512
 
@@ -142,11 +142,11 @@ class HostDmx:
             level = lights.levels[channel]
             if level != self.shown[channel]:
                 self.shown[channel] = level
-                self.hal.tell("dmx%d" % channel, level)
+                self.hal.report_edge("dmx%d" % channel, level)
 
 
 class HostWatchdog:
-    """Keeps the time by which it is to be fed. caused_reset: as if it had started the board."""
+    """Keeps the time by which it must be fed. caused_reset: as if it had restarted the board."""
 
     def __init__(self, hal, caused_reset=False):
         self.hal = hal
@@ -179,7 +179,7 @@ class SilentWire:
 
 
 class HostFlash:
-    """Two blocks in memory. Programming clears bits, only erasing sets them."""
+    """Two blocks in memory. Programming clears bits; only erasing sets them."""
 
     def __init__(self, blocks=2, size=1024):
         self.blocks = blocks
@@ -214,7 +214,7 @@ class _Register:
 
 
 class HostHal:
-    """See framestep.hal. Time stands still until HostBoard moves it."""
+    """See framestep.hal.contract. Time does not pass until HostBoard moves it on."""
 
     def __init__(self, motors, rig, caused_reset=False, wire=None, flash=None, upload_bytes=0):
         self._flash = flash
@@ -224,11 +224,11 @@ class HostHal:
         self.port = HostPort()
         self.on_edge = None
         self.colour = 0  # of the LED, 0xRRGGBB
-        self.taken = -1  # what reclaim() is to find
+        self.taken = -1  # what the next reclaim() finds
         self.floats = 0
         self.board = rig.board
         self.driver_wire = wire(self) if wire else SilentWire()
-        self.said = []  # what drivers have been said to do
+        self.said = []  # lines that were printed about drivers
         self.names = pin_names(rig.board)
         self._outputs = 0  # pins that are driven
         self._levels = 0  # of all pins
@@ -308,7 +308,7 @@ class HostHal:
     def report_driver(self, motor, text):
         self.said.append("driver of motor %d %s" % (motor, text))
 
-    def tell(self, signal, level):
+    def report_edge(self, signal, level):
         if self.on_edge:
             self.on_edge(self.now_ns, signal, level)
 
@@ -328,7 +328,7 @@ class HostHal:
         self._levels ^= changed
         for pin, name in self.names.items():
             if (changed >> pin) & 1:
-                self.tell(name, (levels >> pin) & 1)
+                self.report_edge(name, (levels >> pin) & 1)
 
     def levels(self):
         return self._levels
@@ -338,10 +338,10 @@ class HostHal:
         self._handler = handler
 
     def set_level(self, pin, level):
-        """The world outside puts a pin to a level."""
+        """Set the level of a pin from outside."""
         if ((self._levels >> pin) & 1) != level:
             self._levels ^= 1 << pin
-            self.tell(self.names.get(pin, "pin%d" % pin), level)
+            self.report_edge(self.names.get(pin, "pin%d" % pin), level)
             if (self._watched >> pin) & 1:
                 self._handler(None)
 
@@ -363,7 +363,7 @@ class HostHal:
         pass
 
     def tick(self):
-        """One timer interrupt at the present moment."""
+        """Run one timer interrupt at the present moment."""
         self._clock[0] = (self.now_ns // 1000) & WIDE_WRAP
         self.kernel.tick(None)
         if self._servos:

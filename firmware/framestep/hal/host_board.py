@@ -1,6 +1,6 @@
 """A board that exists only in memory, on virtual time: for the simulator and for tests.
 
-The main loop passes once a tick, and once for each time bytes arrive.
+Its main loop makes a pass once a tick, and once whenever bytes arrive.
 """
 
 from framestep.controller import Controller
@@ -10,13 +10,13 @@ from framestep.rig import Rig
 
 
 class HostBoard:
-    """A controller on virtual time. `on_edge(time_ns, signal, value)` is told every edge.
+    """A controller on virtual time. It calls `on_edge(time_ns, signal, value)` for every edge.
 
-    rig: what a rig file holds (a dictionary), or None. RigError for a mistake in it.
+    rig: content of a rig file (a dictionary), or None. Raises RigError for a mistake in it.
     motors: how many, whatever the board has.
-    caused_reset: as if the watchdog had started the board.
-    wire: called with the HAL, returns what the drivers' UART is connected to.
-    flash: what has outlived a power cut; False: there is none.
+    caused_reset: as if the watchdog had restarted the board.
+    wire: called with the HAL; returns what the drivers' UART is connected to.
+    flash: what has survived a power cut; False: there is none.
     upload_bytes: memory for the uploaded move.
     broken: as with a mistake in the rig file.
     """
@@ -32,7 +32,7 @@ class HostBoard:
         upload_bytes=0,
         broken=False,
     ):
-        self.alive = True  # as a Runner
+        self.alive = True  # like a Runner
         self.failure = None
         self.rig = Rig(rig, board)
         count = motors or self.rig.board.get("motors") or len(self.rig.board["step"])
@@ -41,7 +41,7 @@ class HostBoard:
         try:
             self.controller.moves.take_memory()
         except ValueError:
-            pass  # too little of it: as in boot.py, HI tells that there is room for no frame
+            pass  # too little memory: as in boot.py, HI reports room for no frame
         self.next_tick = TICK_DELAY_NS
 
     @property
@@ -58,21 +58,21 @@ class HostBoard:
 
     @property
     def pending(self):
-        """Bytes received but not yet taken in by the controller."""
+        """Bytes received that the controller has not read yet."""
         return len(self.hal.port.incoming)
 
     def receive(self, data):
-        """Bytes from the host; they are looked at when time moves on."""
+        """Take bytes from the host. The controller reads them when time passes."""
         self.hal.port.incoming += data
 
     def transmit(self):
-        """What the controller has sent since the last call."""
+        """Return what the controller has sent since the last call."""
         data = bytes(self.hal.port.outgoing)
         self.hal.port.outgoing.clear()
         return data
 
     def open_port(self, is_open):
-        """The host opens or closes the port (DTR)."""
+        """Open or close the port as the host does (DTR)."""
         port = self.hal.port
         if is_open and not port.open:
             port.openings += 1
@@ -82,7 +82,7 @@ class HostBoard:
             port.outgoing.clear()
 
     def set_input(self, name, level):
-        """Put an input pin to a level, by its name (gio3, estop) or its number."""
+        """Set the level of an input pin, by its name (gio3, estop) or number."""
         hal = self.hal
         pin = (
             name
@@ -96,7 +96,7 @@ class HostBoard:
         hal.set_level(pin, level)
 
     def run_until(self, ns):
-        """Let virtual time pass: a tick and a pass of the main loop each millisecond."""
+        """Let virtual time pass, with a tick and a pass of the main loop each millisecond."""
         hal = self.hal
         self.controller.poll(hal.ticks_ms())
         while self.next_tick <= ns:
@@ -109,9 +109,9 @@ class HostBoard:
             self.controller.poll(hal.ticks_ms())
 
     def moving(self):
-        """Whether a motor moves or is about to."""
+        """Return whether a motor moves or is about to."""
         return self.controller.axes.moving
 
     def steps(self, motor):
-        """Steps made by a motor, counted from 0."""
+        """Return the steps made by a motor, counted from 0."""
         return self.hal.kernel.blocks[motor][stepper.POSITION]

@@ -1,14 +1,14 @@
-"""Hobby servos as motors: the position that the tick has come to, put out as the width of a pulse.
+"""Hobby servos as motors: the motor's position becomes the width of a pulse.
 
-A servo has a motor's words in the kernel and its place in the pulse engine, and no step pin: its
-one pin is what a step motor has for its direction. The tick's commands go nowhere. Instead pulse(),
-which a timer calls each millisecond, hands the engine three commands without steps once in a
-period: raise the direction and wait, wait for the second half, lower it. So the engine's cycles
-make the width, however late the timer is; and where the firmware hangs there are no more pulses.
+A servo has a motor's words in the kernel and its place in the pulse engine, but no step pin: its
+only pin takes the place of a stepper's direction pin. The tick's commands go nowhere. Instead a
+timer calls pulse() each millisecond. Once in a period it gives the engine three commands without
+steps: raise the direction and wait, wait for the second half, lower it. So the engine's cycles
+define the width, however late the timer is, and if the firmware hangs there are no more pulses.
 
-The width is that of the position to which the tick's commands lead: where a step motor on the same
-path is by the end of the pulse, or up to two milliseconds later. It has 1/64 of a step, and is held
-within the rig file's range.
+The width corresponds to the position to which the tick's commands lead. A stepper on the same path
+is there by the end of the pulse, or up to two milliseconds later. The width has a resolution of
+1/64 of a step, and stays within the rig file's range.
 
 For engines that take commands by a register (engine.RING 0). Nothing allocates after construction.
 """
@@ -19,33 +19,33 @@ from framestep.base.native import addressof, as_word, const, micropython, ptr32
 from framestep.pulse.engine import DIRECTION, GAP, WAIT_CYCLES
 from framestep.pulse.stepper import FRACTION, POSITION
 
-_FINE = const(12)  # fraction bits of the cycles of a step
-_FINER = const(14)  # bits of a step's cycles below those: 60 000 steps need them
-_PART = const(6)  # fraction bits of a step that count
+_FINE = const(12)  # fraction bits of a step's cycles
+_FINER = const(14)  # bits below those, needed for up to 60 000 steps
+_PART = const(6)  # fraction bits of a step that are used
 
-# Words: how many servos, and for each of them
+# Words: the number of servos, and for each of them
 _SERVO = const(1)
 _BLOCK = const(0)  # address of the motor's words
-_FIFO = const(1)  # where its commands go
+_FIFO = const(1)  # address of its commands
 _EVERY = const(2)  # ms from pulse to pulse
 _LEFT = const(3)  # ms until the next one
 _ON = const(4)  # 0: no pulses
-_LOW = const(5)  # its lowest position
-_STEPS = const(6)  # from there to its highest one
+_LOW = const(5)  # lowest position
+_STEPS = const(6)  # from there to the highest position
 _SLOPE = const(7)  # cycles of a step, with _FINE fraction bits
-_REST = const(8)  # the next _FINER bits of it
+_REST = const(8)  # the next _FINER bits of that
 _MOST = const(9)  # cycles from the shortest pulse to the longest, with _FINE fraction bits
 _BEGIN = const(10)  # cycles at the lowest position
-_BACK = const(11)  # 1: pulses get shorter where positions rise
+_BACK = const(11)  # 1: pulses get shorter toward higher positions
 _WORDS = const(12)
 
 
 class Servos(array):
-    """The words of all servos, with pulse() as a method, as motion.tick.Header has its tick."""
+    """The words of all servos, with pulse() as a method, like pulse.tick.Header with its tick."""
 
     @micropython.viper
     def pulse(w: ptr32, _timer):
-        """Begin the pulses that are due. A millisecond has passed since the last call."""
+        """Begin the pulses that are due. To be called every millisecond."""
         at = _SERVO
         servos = w[0]
         while servos:
@@ -79,7 +79,7 @@ class Servos(array):
             servos -= 1
 
     def enable(self, motor, on):
-        """Begin or end the pulses of a motor. False if it has no servo."""
+        """Begin or end the pulses of a motor. Return False if it has no servo."""
         at = self.places.get(motor)
         if at is None:
             return False
@@ -88,10 +88,10 @@ class Servos(array):
 
 
 def make_servos(kernel, settings, fifos, cycles_per_us):
-    """The Servos of a rig. To be called where the kernel's motors have been configured.
+    """Make the Servos of a rig. Call it after the kernel's motors have been configured.
 
-    settings: each motor's, as Rig.motor() has them. fifos: where the engine takes each motor's
-    commands. Allocates.
+    settings: of each motor, as from Rig.motor(). fifos: addresses to which the engine's commands
+    for each motor are written. Allocates.
     """
     motors = [i for i in range(kernel.motors) if settings[i]["servo"]]
     servos = Servos("i", [0] * (_SERVO + _WORDS * len(motors)))

@@ -1,16 +1,14 @@
 """A pulse engine that is a stream of words in memory: a bit for each pin, a word for each 4 µs.
 
-For chips that can send memory to their pins at a fixed rate and cannot interrupt at 1 kHz. The main
-loop calls `fill` as soon as there is room for some ticks. For each tick it runs the kernel, whose
-commands end in a ring for each motor, and then paints what the engine makes of them in that tick's
-time into words.
+For chips that can send memory to their pins at a fixed rate but cannot interrupt at 1 kHz. The main
+loop calls `fill` when there is room for some ticks. For each tick `fill` runs the kernel, whose
+commands go to a ring for each motor, and then paints the engine's edges of that tick into words.
 
-Time runs by the words. The clock that the kernel looks at is moved on here, so a tick is never late
-but where the words ran out: `miss` tells that, and the kernel does what it does wherever an engine
-has run dry.
+Time runs by the words. The kernel's clock is moved on here, so a tick is never late unless the
+words ran out. `miss` reports that, and the kernel reacts as to any engine that has run dry.
 
-A tick's pulses lie in the words painted after the next one: what changes a direction may come
-before its pulse does.
+A tick's pulses are in the words painted after the next tick, because a direction may have to change
+before its pulse.
 """
 
 from array import array
@@ -30,29 +28,29 @@ from framestep.pulse.engine import (
 )
 from framestep.pulse.stepper import BEHIND, TICK_US
 
-_LONG_AGO = const(-0x100000)  # before any edge that a command may still count from
+_LONG_AGO = const(-0x100000)  # before any edge from which a command may still count
 
 # Words of a motor
-_STEP = const(0)  # its bits
-_TURN = const(1)
+_STEP = const(0)  # the bits of its step pin
+_TURN = const(1)  # and direction pin
 _RING = const(2)  # address of its commands
-_TAKEN = const(3)  # how many have been taken, modulo 2^30
-_AT = const(4)  # cycles from the start of the words to be painted to the last rising edge
-_LEFT = const(5)  # pulses of the command under way
+_TAKEN = const(3)  # commands taken, modulo 2^30
+_AT = const(4)  # cycles from the first word to be painted to the last rising edge
+_LEFT = const(5)  # pulses left of the present command
 _PERIOD = const(6)
-_HIGH = const(7)  # words that a pulse lasts
-_TURNS = const(8)  # the command under way has yet to change the direction
-_REST = const(9)  # words of a pulse that reach into those to be painted
+_HIGH = const(7)  # words of a pulse
+_TURNS = const(8)  # the present command has yet to change the direction
+_REST = const(9)  # words of a pulse that extend into those to be painted
 _MOTOR = const(4)  # log2 of the words of a motor
 
 
 @micropython.viper
 def paint(words: ptr32, first: int, motors: ptr32, count: int, levels: ptr32) -> int:
-    """Paint a tick's words from words[first] on; the motors of which a command was lost, a bit
-    each.
+    """Paint a tick's words from words[first] on. Return the motors of which a command was lost, a
+    bit each.
 
-    motors: the words of `count` motors, as above. levels: the word of levels of all pins; steps are
-    0 in it.
+    motors: the words of `count` motors, as above. levels: a word with the levels of all pins, in
+    which steps are 0.
     """
     i = first
     base = levels[0]
@@ -91,7 +89,7 @@ def paint(words: ptr32, first: int, motors: ptr32, count: int, levels: ptr32) ->
                 motors[k + _HIGH] = high
                 wider = wider << WORD_BITS
                 if at + wider < 0:
-                    at = 0 - wider  # there was nothing to do until now
+                    at = 0 - wider  # the engine has been idle until now
                 left = (command >> PULSES) & 0x1FF
                 period = (command >> GAP) & 0x3FFFF
                 if left == 0:
@@ -171,7 +169,7 @@ class Stream:
         return addressof(self._rings[motor])
 
     def attach(self, kernel, ahead):
-        """Run this kernel. ahead: ticks that wait in memory to be sent, at most; see
+        """Run this kernel. ahead: ticks that may wait in memory to be sent, at most; see
         stepper.BEHIND."""
         self._kernel = kernel
         kernel.outputs(addressof(self._levels), addressof(self._levels))
@@ -182,7 +180,7 @@ class Stream:
         self._levels[0] = (self._levels[0] | high | low) ^ low
 
     def fill(self, words, ticks, at=0):
-        """Do `ticks` ticks: they fill ticks · WORDS words of the array, from words[at] on."""
+        """Do `ticks` ticks, which fill ticks · WORDS words of the array, from words[at] on."""
         while ticks:
             self._kernel.tick(None)
             self._clock[0] = (self._clock[0] + TICK_US) & WIDE_WRAP
@@ -191,17 +189,17 @@ class Stream:
             ticks -= 1
 
     def miss(self, words, ticks, at=0):
-        """The words ran out for so many ticks, begun ones included: the first tick's words that are
-        sent after that, from words[at] on.
+        """Report that the words ran out for `ticks` ticks, including begun ones. Paint the words of
+        the first tick after that, from words[at] on.
 
-        The pulses that the motors still owe are in them. Whatever moves faults and ramps down with
-        the next tick.
+        They have the pulses that the motors still have to make. Whatever moves faults and ramps
+        down at the next tick.
         """
         self._lost |= paint(words, at, self._words, self.motors, self._levels)
         self._clock[0] = (self._clock[0] + (ticks + 1) * TICK_US) & WIDE_WRAP
 
     def take_lost_commands(self):
-        """Motors of which a command was lost since the last call, a bit each."""
+        """Return the motors of which a command was lost since the last call, a bit each."""
         lost = self._lost
         self._lost = 0
         return lost

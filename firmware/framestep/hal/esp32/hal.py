@@ -1,14 +1,14 @@
-"""ESP32: motors behind 74HC595 fed by I2S, ticks in batches from the main loop, the protocol on the
-UART of the REPL. Nothing of this has been tried on hardware: docs/internals/esp32.md.
+"""HAL of the ESP32: motors behind 74HC595 fed by I2S, ticks in batches from the main loop, the
+protocol on the UART of the REPL. Never tried on hardware: docs/internals/esp32.md.
 
 Pins up to LAST_PIN are the chip's own, for inputs. Output n of the chain is pin CHAIN + n: steps,
 directions, enable lines, camera and general outputs. All of these change with their tick, which is
-played a queue's length after it has been done.
+played after the length of the queue.
 
-There are no hard interrupts. What a pin's change calls comes between two bytecodes, wherever the
-main loop is; while it is where that may not be (irq_off) it waits for irq_on. A ramp would begin
-only when the queue has been played, so the E-stop does what can be done at once: it ends all
-pulses, and switches the drivers off as soon as the chain can be told. Positions are in doubt then.
+There are no hard interrupts. A pin's handler comes between two bytecodes of the main loop; in a
+section where it must not come (irq_off), it waits for irq_on. A ramp would begin only after the
+queue has been played. So the E-stop ends all pulses at once, and switches the drivers off as soon
+as the chain is fed again. Positions are in doubt then.
 """
 
 import gc
@@ -29,11 +29,11 @@ from framestep.pulse.stepper import RUNNING
 
 LAST_PIN = const(39)
 CHAIN = const(64)
-_OUTPUTS = const(30)  # of the chain: what fits a small integer
+_OUTPUTS = const(30)  # of the chain: as many as fit a small integer
 _CYCLES_PER_US = const(CYCLES // 1000)
 _LEAST = const(512)
 _CLOSE = const(32)
-_READINGS = const(4)  # of the E-stop, as io/safety.py has it
+_READINGS = const(4)  # of the E-stop, as in io/safety.py
 
 
 class Inside:
@@ -56,7 +56,7 @@ def _no_led(_colour):
 
 
 def bit_of(pin):
-    """The bit of an output of the chain. ValueError if the pin is none."""
+    """Return the bit of an output of the chain. Raises ValueError if the pin is not one."""
     if not CHAIN <= pin < CHAIN + _OUTPUTS:
         raise ValueError("pin %d: outputs are %d to %d" % (pin, CHAIN, CHAIN + _OUTPUTS - 1))
     return 1 << (pin - CHAIN)
@@ -64,7 +64,7 @@ def bit_of(pin):
 
 class Esp32Hal:
     """See framestep.hal.contract. board: the data of boards/<board>/board.json; rig:
-    framestep.rig.Rig. ValueError for an output that is no pin of the chain."""
+    framestep.rig.Rig. Raises ValueError for an output that is not a pin of the chain."""
 
     def __init__(self, board, rig):
         self.board = board
@@ -84,7 +84,7 @@ class Esp32Hal:
         self.dmx = NoDmx()
         self.watchdog = NoWatchdog()
         self.driver_wire = None
-        self.report_driver = None  # what takes lines about drivers: see contract.py
+        self.report_driver = None  # prints lines about drivers: see contract.py
         self.floats = 0
         self.passes = Timer(0)  # made now, as there may be no memory for it later
         self._inputs = []
@@ -92,8 +92,8 @@ class Esp32Hal:
         self._estop = rig.estop
         rig.estop_cuts_power = True  # it switches the drivers off: see _on_change()
         self._estop_pin = None
-        self._held = 0  # the main loop is where no handler may come
-        self._struck = False  # one waits
+        self._held = 0  # no handler may come at present
+        self._struck = False  # a handler waits
         self._cut = False  # the E-stop has ended the pulses
         self._landed = False
         chain = board["chain"]
@@ -107,12 +107,12 @@ class Esp32Hal:
     # ------------------------------------------------------------ drivers
 
     def _make_drivers(self, board, rig):
-        """Drivers are off at first."""
+        """Set up the enable lines, with all drivers off."""
         enable = board["enable"]
         self._shared = not isinstance(enable, list)
         self._enable_bits = [bit_of(pin) for pin in ([enable] if self._shared else enable)]
         self._on_high = [rig.motor(i)["enable_high"] for i in range(len(self._enable_bits))]
-        self._enabled = 0  # whose driver is to be on, a bit each
+        self._enabled = 0  # motors whose drivers are to be on, a bit each
         self._drive_enables(0)
 
     def _drive_enables(self, motors):
@@ -137,8 +137,7 @@ class Esp32Hal:
 
     @property
     def upload_bytes(self):
-        """The largest block of memory that there is, but for a few bytes. Allocates, for a
-        moment."""
+        """Size of the largest free block of memory, less a few bytes. Allocates for a moment."""
         size = _LEAST
         gc.collect()
         most = gc.mem_free()
@@ -168,18 +167,18 @@ class Esp32Hal:
             self._on_change(None)
 
     def serve(self):
-        """Keep the chain fed. In each pass."""
+        """Keep the chain fed. To be called in each pass."""
         before = self.irq_off()
         if self._cut:
             self._recover()
-        elif self._pressed():  # whatever has become of its interrupt
+        elif self._pressed():  # whether or not its interrupt came
             self._end_pulses()
         self.chain.serve()
         self.irq_on(before)
 
     def land(self):
-        """Go on until all motors are at rest and the last of it has been played: the passes have
-        ended."""
+        """After the passes have ended, continue until all motors are at rest and their last pulses
+        have been played."""
         if self._landed:
             return
         self._landed = True
@@ -217,7 +216,7 @@ class Esp32Hal:
         return 1 << (len(self._inputs) - 1)
 
     def levels(self):
-        """The inputs that are high, one bit each. Outputs are not among them."""
+        """Return the inputs that are high, one bit each, without outputs."""
         bits = 0
         bit = 1
         for pin in self._inputs:
@@ -233,7 +232,7 @@ class Esp32Hal:
                 pin.irq(self._on_change, Pin.IRQ_RISING | Pin.IRQ_FALLING)
 
     def _pressed(self):
-        """Whether the E-stop is active, in several readings in a row: not a spike."""
+        """Return whether several readings in a row find the E-stop active: no spike."""
         pin = self._estop_pin
         if pin is None:
             return False
@@ -244,7 +243,7 @@ class Esp32Hal:
         return True
 
     def _on_change(self, _pin):
-        """A switch has changed. From MicroPython's scheduler, or when irq_on() lets it come."""
+        """Handle a changed switch. Called by MicroPython's scheduler, or later by irq_on()."""
         if self._held:
             self._struck = True
             return
@@ -261,8 +260,8 @@ class Esp32Hal:
         self._drive_enables(0)
 
     def _recover(self):
-        """After an E-stop: the chain first, with all drivers off; then, once nothing moves and the
-        button has been released, the drivers as they are to be."""
+        """After an E-stop: first the chain, with all drivers off. Once nothing moves and the button
+        has been released, re-enable the drivers that should be on."""
         if self.chain.recovered() and not self._pressed():
             self._cut = False
             self._drive_enables(self._enabled)

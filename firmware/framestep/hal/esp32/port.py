@@ -1,12 +1,12 @@
-"""The protocol on the UART of an ESP32's REPL. A pass begins with a look at the port, so that is
-where the chain is fed."""
+"""The protocol on the UART of an ESP32's REPL. Every pass begins by polling the port, so that also
+feeds the chain."""
 
 from framestep.hal.ports.stdin_port import StdinPort
 
 
 class UartPort(StdinPort):
-    """A framestep.hal.ports.stdin_port whose `open` is always true. hal: its serve() is called by
-    each pass."""
+    """A framestep.hal.ports.stdin_port whose `open` is always true. hal: each pass calls its
+    serve()."""
 
     def __init__(self, hal):
         StdinPort.__init__(self)

@@ -1,18 +1,18 @@
-"""The protocol on the port of the REPL: for boards without machine.USBDevice, or with `"ports": 1`
-in rig.json.
+"""The protocol on the REPL's port: for boards without machine.USBDevice, or with `"ports": 1` in
+rig.json.
 
-The built-in port has only a blocking read. It says whether a byte waits, but not how many. So a
+The built-in port has only a blocking read. It shows whether a byte waits, but not how many. So a
 frame is read in the steps in which its length becomes known: the first byte, the rest of the
 header, then the payload in blocks, each in one call. A host that stops within a frame would hold
 up the main loop. So after 10 ms padding bytes, from a stream on os.dupterm, end the read. They are
-taken out again, and the rest of that frame is read byte by byte, without waiting. Where MicroPython
-does not read that stream during a read (everywhere but on rp2), every frame is read in this way.
+removed again, and the rest of that frame is read byte by byte, without waiting. If MicroPython does
+not read that stream during a read (it does only on rp2), every frame is read byte by byte.
 
 A Ctrl-C between frames gives the REPL back, as mpremote and Thonny expect: `poll()` raises
-KeyboardInterrupt. Within a frame it is data. Behind bytes that belong to no frame it is noise,
-until the line has been quiet for 50 ms.
+KeyboardInterrupt. Within a frame it is data. After bytes that belong to no frame it is noise, until
+the line has been quiet for 50 ms.
 
-DTR cannot be seen here. On rp2 `open` says whether the host collects what is sent: it turns False
+DTR cannot be seen here. On rp2 `open` shows whether the host collects what is sent: it turns False
 when a packet has waited for half a second, and True when the packet has gone. So a lost host is
 noticed only while something is sent, such as position reports while motors move. Elsewhere `open`
 is always True.
@@ -47,39 +47,39 @@ _OVERHEAD = const(12)  # header and check bytes
 _LARGEST = const(1048)
 
 # The buffer has the header and the first block, which end at _BODY, and then whole blocks. So the
-# views that bytes are read into are made once, and a frame lies in one piece.
-_BLOCK = const(128)  # bytes of a frame read in one call: as many calls for filling at worst
+# views for reading are made once, and a frame is in one piece.
+_BLOCK = const(128)  # bytes of a frame read in one call; at worst as many calls of the filling
 _HEAD = const(3)
 _BODY = const(156)  # whole words
 _SIZE = const(_BODY + 8 * _BLOCK)
 _PACKET = const(64)  # bytes sent in one call
-_PATIENCE_MS = const(10)  # for a block, before the filling begins
-_WAKE_MS = const(5)  # interrupts that wake the processor while it waits in a read
-_CALM_MS = const(50)  # quiet after noise before Ctrl-C counts again
-_COLLECT_MS = const(500)  # within this a host that listens collects a packet
+_PATIENCE_MS = const(10)  # time for a block before the filling begins
+_WAKE_MS = const(5)  # period of interrupts that wake the processor while it waits in a read
+_CALM_MS = const(50)  # quiet time after noise before Ctrl-C counts again
+_COLLECT_MS = const(500)  # a host that listens collects a packet within this time
 
 # IN endpoint of the built-in port: USBD_CDC_EP_IN, MicroPython's shared/tinyusb/tusb_config.h
 _BUILTIN_IN = const(2)
-_FREE = const(192)  # bytes that the built-in port takes at once when nothing waits; it holds 256
+_FREE = const(192)  # bytes that the built-in port accepts at once if nothing waits; it holds 256
 
 # State words
-_HAVE = const(0)  # bytes read of the frame that has begun
-_NEED = const(1)  # its size, once the header is there
+_HAVE = const(0)  # bytes read of the present frame
+_NEED = const(1)  # its size, once the header has been read
 _LOW = const(2)  # the low byte of its length
-_NOISE = const(3)  # 1 after bytes that are no frame's
-_NOISE_AT = const(4)  # the last of them, ticks_ms
+_NOISE = const(3)  # 1 after bytes that belong to no frame
+_NOISE_AT = const(4)  # time of the last of them, ticks_ms
 _HELD = const(5)  # bytes in the buffer that the reader did not take
 _HELD_AT = const(6)
 _WORDS = const(7)
 
 # Words of the filling
-_BEGIN = const(0)  # where in the buffer the read under way puts its bytes
+_BEGIN = const(0)  # where in the buffer the present read puts its bytes
 _END = const(1)
 _DEADLINE = const(2)  # ticks_ms
 _GIVEN = const(3)
 _FILLING_WORDS = const(4)
 
-_ONE = 1  # an object, which a viper function cannot make
+_ONE = 1  # an object, because a viper function cannot make one
 
 
 @micropython.viper
@@ -90,9 +90,9 @@ def _nothing(_timer):
 class _Filling(io.IOBase):
     """Ends a read at its deadline with padding bytes, as many as are missing.
 
-    The host may go on meanwhile, so that its bytes come between these. So the read's place in the
-    buffer is cleared before. `after` notes, for each padding byte, where the zeros began when it
-    was given: the next byte from there that is not zero is the padding byte.
+    The host may go on sending, so that its bytes come between these. So the read's range of the
+    buffer is cleared before. For each padding byte `after` notes where the zeros began when it was
+    given: the next nonzero byte from there on is the padding byte.
     """
 
     def __init__(self, buffer):
@@ -127,8 +127,8 @@ class _Filling(io.IOBase):
 class StdinPort:
     """The protocol port in single-port mode. Nothing allocates after `start()`.
 
-    `open` and `openings` are those of UsbPort, as far as they can be known here (see the head of
-    this file). The reader needs the attribute `waiting` of protocol.frames.FrameReader: how many
+    `open` and `openings` are like those of UsbPort, as far as they can be known here (see the head
+    of this file). The reader needs the attribute `waiting` of protocol.frames.FrameReader: how many
     bytes of an incomplete frame it holds.
     """
 
@@ -158,10 +158,10 @@ class StdinPort:
         self.openings = 1
 
     def start(self):
-        """Take the port over: Ctrl-C does not interrupt any more, it is read."""
+        """Take the port over: Ctrl-C no longer interrupts, but is read."""
         self._input.register(sys.stdin, select.POLLIN)
         self._output.register(sys.stdout, select.POLLOUT)
-        self._input.ipoll(0)  # makes what ipoll() gives back, once
+        self._input.ipoll(0)  # allocates its result, once
         self._output.ipoll(0)
         micropython.kbd_intr(-1)
         if chip:
@@ -178,13 +178,13 @@ class StdinPort:
 
     @micropython.viper
     def poll(self, reader) -> int:
-        """Offer what has arrived, a frame at most, to `reader.feed(buffer, start, count) -> taken`;
-        the bytes taken.
+        """Offer received bytes, a frame at most, to `reader.feed(buffer, start, count) -> taken`.
+        Return how many it took.
 
-        A frame that has begun to come is read to its end, which takes as long as the host needs for
-        it, or 10 to 20 ms if the host stops half-way. Raises KeyboardInterrupt when the REPL is
-        asked for. The reader must have found all frames in what it has taken (FrameReader.poll() to
-        NOTHING) before the next call.
+        A frame that has begun to come is read to its end. That takes as long as the host needs for
+        it, or 10 to 20 ms if the host stops half-way. Raises KeyboardInterrupt to give the REPL
+        back. Before the next call the reader must have found all frames in the bytes that it took
+        (FrameReader.poll() returns NOTHING).
         """
         s = ptr32(self._state)
         moved = 0
@@ -196,7 +196,7 @@ class StdinPort:
             if s[_NOISE]:
                 self._calm()
             return moved
-        if s[_HAVE] and not reader.waiting:  # the reader's owner has given the frame up
+        if s[_HAVE] and not reader.waiting:  # the reader's owner has dropped the frame
             s[_HAVE] = 0
         if s[_HAVE] == 0:
             self._readinto(self._first)
@@ -219,8 +219,8 @@ class StdinPort:
 
     @micropython.viper
     def _read_frame(self, reader) -> int:
-        """The first byte is in the buffer: read the rest of the header, then of the frame, in
-        blocks."""
+        """Read the rest of the header and then of the frame, in blocks. The first byte is in the
+        buffer."""
         s = ptr32(self._state)
         buffer = ptr8(self._buffer)
         have = 1 + int(self._fill(self._header, _HEAD + 1, _HEADER - 1))
@@ -260,8 +260,8 @@ class StdinPort:
 
     @micropython.viper
     def _fill(self, view, at: int, wanted: int) -> int:
-        """Read `wanted` bytes into `view`, which begins at `at` in the buffer; fewer if the host
-        stops half-way."""
+        """Read `wanted` bytes into `view`, which begins at `at` in the buffer. Return how many
+        came: fewer if the host stops half-way."""
         buffer = ptr8(self._buffer)
         i = at & -4
         end = at + wanted
@@ -292,8 +292,8 @@ class StdinPort:
 
     @micropython.viper
     def _read_bytes(self, reader) -> int:
-        """Read what waits byte by byte, to the end of a frame. Outside a frame the first byte is in
-        the buffer."""
+        """Read waiting bytes one by one, to the end of a frame. Outside of a frame the first byte
+        is in the buffer."""
         s = ptr32(self._state)
         buffer = ptr8(self._buffer)
         count = 0
@@ -333,7 +333,7 @@ class StdinPort:
         return int(self._give(reader, _BODY, count))
 
     def _lost(self):
-        """Where the next frame begins is not known."""
+        """Note that it is unknown where the next frame begins."""
         state = self._state
         state[_HAVE] = 0
         state[_NOISE] = 1
@@ -346,10 +346,10 @@ class StdinPort:
     # ------------------------------------------------------------ out
 
     def send(self, writer):
-        """Send what `writer.take(buffer, limit) -> count` gives, as far as there is room for it.
-        Never waits.
+        """Send what `writer.take(buffer, limit) -> count` provides, as far as there is room. Never
+        waits.
 
-        What is given to a closed port goes nowhere.
+        While the port is closed, everything is dropped.
         """
         room = _PACKET
         if not chip:
@@ -371,7 +371,7 @@ class StdinPort:
             room -= _PACKET
 
     def _collected(self):
-        """Whether the host has collected what was sent to it; keeps `open`."""
+        """Return whether the host has collected what was sent to it. Updates `open`."""
         if self._bus.dead():
             self.open = False
         elif not chip.packet_waits(_BUILTIN_IN):

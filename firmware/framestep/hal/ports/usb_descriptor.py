@@ -1,20 +1,20 @@
-"""What the host is told when the device comes up: the built-in serial port, and the protocol's."""
+"""USB descriptors of the device: the built-in serial port, and the protocol's."""
 
 import struct
 
 from framestep.base.native import const
 from framestep.hal.ports.usb_transfers import PACKET
 
-_PRODUCT_NAME = "framestep"  # Windows and macOS show this, and not the names of ports
+_PRODUCT_NAME = "framestep"  # Windows and macOS show this, and not the ports' names
 _NAME = "framestep DMC"  # 40 characters at most (MICROPY_HW_USB_DESC_STR_MAX)
 
-# the index of the product's name in MicroPython's device descriptor (USBD_STR_PRODUCT)
+# index of the product's name in MicroPython's device descriptor (USBD_STR_PRODUCT)
 _PRODUCT = const(2)
 
 
 def descriptor(builtin):
-    """The built-in configuration with a second CDC function behind it (USB CDC 1.2, 5.2; USB 2.0
-    ECN "IAD")."""
+    """Return the built-in configuration followed by a second CDC function (USB CDC 1.2, 5.2; USB
+    2.0 ECN "IAD")."""
     control = builtin.itf_max
     notify = 0x80 | builtin.ep_max
     out = builtin.ep_max + 1
@@ -38,8 +38,8 @@ def descriptor(builtin):
 
 
 class Strings:
-    """String descriptors: the port's name and the product's. None for an index that MicroPython
-    knows itself; never raises."""
+    """String descriptors: the port's name and the product's; None for an index that MicroPython
+    handles itself. Never raises."""
 
     def __init__(self, index):
         self.index = index

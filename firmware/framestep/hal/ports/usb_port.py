@@ -1,11 +1,11 @@
-"""The protocol on a USB serial port of its own, beside the built-in one that keeps the REPL
+"""The protocol on a USB serial port of its own, in addition to the built-in one with the REPL
 (machine.USBDevice).
 
-usb_transfers.py says how bytes come in and go out, and what a soft reset leaves as it was.
+usb_transfers.py explains how bytes come in and go out, and how the port survives a soft reset.
 
-Callbacks come from MicroPython's scheduler and are viper functions: they run to their end (no
-Ctrl-C lands in them, and no lack of stack ends them) and allocate nothing. They own what the driver
-does; `poll()` and `send()` own what the main loop has taken and given.
+Callbacks come from MicroPython's scheduler and are viper functions: they run to their end (neither
+a Ctrl-C nor a lack of stack can end them) and allocate nothing. Callbacks own what the driver does;
+`poll()` and `send()` own what the main loop has taken and given.
 """
 
 import struct
@@ -69,7 +69,7 @@ from framestep.hal.ports.usb_transfers import (
 )
 
 # isort: split
-# Behind usb_transfers, which says what to do where this is missing
+# After usb_transfers, which explains what to do if this is missing
 from machine import USBDevice, disable_irq, enable_irq
 
 # CDC requests (USB CDC PSTN 1.2, table 13)
@@ -79,22 +79,22 @@ _SET_CONTROL_LINE_STATE = const(0x22)
 _SEND_BREAK = const(0x23)
 _STAGE_SETUP = const(1)
 
-# bytes that come this long after DTR was cleared are from a host that does not use it
+# bytes that come this long after DTR was cleared come from a host that does not use it
 _QUIET_MS = const(100)
 _SETTLE_MS = const(2)
-# a host that has the port open collects a packet within this time: its driver does so
+# the driver of a host that has the port open collects a packet within this time
 _COLLECT_MS = const(500)
 
 
 class UsbPort:
     """The protocol's port.
 
-    `open`: a host has it open. It has set DTR, or, if it does not use DTR, sent bytes. `openings`
+    `open`: a host has it open. It has set DTR or, if it does not use DTR, sent bytes. `openings`
     counts how often it was opened: a change means a new client, even if `open` is True before and
     after.
 
-    Nothing allocates after `start()`. One main loop calls `poll()` and `send()`. It may be a
-    scheduled function; then it calls `poll()` once each time, since callbacks must come between two
+    Nothing allocates after `start()`. One main loop calls `poll()` and `send()`. If it is a
+    scheduled function, it calls `poll()` only once each time, since callbacks must come between two
     calls.
     """
 
@@ -112,7 +112,7 @@ class UsbPort:
         packet = memory[at : at + PACKET]
         self._packets = [packet[:n] for n in range(PACKET + 1)]
         at += PACKET
-        self._coding = memory[at : at + 7]  # kept for the host, without meaning here
+        self._coding = memory[at : at + 7]  # only stored for the host
         self._coding[:] = struct.pack("<IBBB", 115200, 0, 0, 8)
         s = self._state = array("i", [0] * WORDS)
         s[EP_OUT] = builtin.ep_max + 1
@@ -126,16 +126,16 @@ class UsbPort:
         s[KEPT] = as_word(addressof(memory)) + KEPT_AT
         s[USED] = s[USED + 1] = PLACE
         self._closed_at = time.ticks_ms()
-        self._waits = -1  # the packet that was seen to wait
+        self._waits = -1  # number of a waiting packet
         self._waits_since = 0
         self._bus = chip.BusWatch() if chip else None
         self.open = False
         self.openings = 0
 
     def start(self):
-        """Put the port beside the built-in one; returns at once.
+        """Add the port to the built-in one; returns at once.
 
-        The host sees the board go, and come back with two ports. After a soft reset it sees
+        The host sees the board disappear and come back with two ports. After a soft reset it sees
         nothing.
         """
         if chip:
@@ -173,10 +173,10 @@ class UsbPort:
     def _go_on(self):
         """Go on after a soft reset, which the host has not noticed: a new session begins.
 
-        The port may be open. A transfer that ended in between was reported to nobody.
+        The port may be open. The end of a transfer in between was reported to nobody.
         """
         state = self._state
-        time.sleep_ms(_SETTLE_MS)  # what MicroPython's USB task still has to report
+        time.sleep_ms(_SETTLE_MS)  # for reports that are still due from MicroPython's USB task
         irq = disable_irq()
         try:
             if not chip.in_flight(state[EP_OUT], 1):
@@ -191,18 +191,18 @@ class UsbPort:
         elif state[DTR]:
             try:
                 send_packet(self)  # an empty one
-            except OSError:  # the end of the last comes just now
+            except OSError:  # the last one ends just now
                 pass
         if state[LIVE] and not state[ARMED]:
             try:
                 arm(self)
-            except OSError:  # its end comes just now
+            except OSError:  # it ends just now
                 state[ARMED] = 1
         if state[DTR]:
             self.open = True
             self.openings += 1
 
-    # ------------------------------------------------------------ called by the USB driver
+    # ------------------------------------------------------------ callbacks of the USB driver
 
     @micropython.viper
     def _configured(self, descriptor):
@@ -222,8 +222,8 @@ class UsbPort:
 
     @micropython.viper
     def _reset(self):
-        # Bus reset or another configuration: transfers are gone. What has been seen of the running
-        # one stays.
+        # A bus reset or another configuration ends all transfers. Keep what has arrived of the
+        # running one.
         s = ptr32(self._state)
         if s[ARMED]:
             place = s[FILL] & 1
@@ -256,15 +256,15 @@ class UsbPort:
                 dtr = s[DTR]
             if what == _SET_CONTROL_LINE_STATE and s[UNHEARD]:
                 s[UNHEARD] = 0
-                if dtr:  # told by a host that opens the port
+                if dtr:  # set by a host that opens the port
                     s[DTR] = 0
             if dtr > s[DTR]:
                 mark_stale(s)
                 self.open = True
                 self.openings = int(self.openings) + 1
             elif dtr < s[DTR] or dtr == 0 and self.open:
-                # Without DTR, what drivers set when a program opens or closes the port is the only
-                # sign of either.
+                # Without DTR, the line coding that drivers set when a program opens or closes the
+                # port is the only sign of either.
                 mark_stale(s)
                 if chip:
                     chip.empty_packet(s[EP_OUT])
@@ -300,14 +300,14 @@ class UsbPort:
                 s[SENDING] = 0
         return True
 
-    # ------------------------------------------------------------ called by the main loop
+    # ------------------------------------------------------------ for the main loop
 
     @micropython.viper
     def poll(self, reader) -> int:
-        """Offer what has arrived to `reader.feed(buffer, start, count) -> taken`. Returns how many
-        bytes it took.
+        """Offer received bytes to `reader.feed(buffer, start, count) -> taken`. Return how many it
+        took.
 
-        Bytes that are not taken are offered again by the next call. Once both places are full, the
+        Bytes that are not taken are offered again by the next call. Once both slots are full, the
         host has to wait.
         """
         s = ptr32(self._state)
@@ -326,7 +326,7 @@ class UsbPort:
             if ended:
                 end = s[END + place]
             elif moved:
-                break  # for the next look, which finds it whole, and the reader empty
+                break  # the next call finds the transfer complete, and the reader empty
             else:
                 end = int(arrived(s, look))
             if at < end:
@@ -348,17 +348,17 @@ class UsbPort:
             return 0
         if moved == 0 and look & 15 == 0:
             if s[LIVE] and not s[ARMED] and s[TAKE] == s[FILL]:
-                # an exception ended the callback that should
+                # an exception has ended the callback that should have done this
                 arm(self)
             self._watch()
         return moved
 
     @micropython.viper
     def send(self, writer) -> int:
-        """Begin to send what `writer.take(buffer, limit) -> count` gives. Never waits.
+        """Begin to send what `writer.take(buffer, limit) -> count` provides. Never waits.
 
-        Returns 1 if it is still busy sending: nothing is taken then. A closed port takes all and
-        drops it, as any serial port does.
+        Return 1 if it is still busy sending; nothing is taken then. While the port is closed,
+        everything is dropped, as in any serial port.
         """
         s = ptr32(self._state)
         if self.open:
@@ -377,10 +377,10 @@ class UsbPort:
     # ------------------------------------------------------------ openings and closings
 
     def _heard(self):
-        """Returns whether bytes that came in through a closed port count.
+        """Return whether bytes that came in through a closed port count.
 
-        They do not if the host has just cleared DTR: it may have sent them before. Otherwise this
-        host does not use DTR, and has the port open now.
+        They do not if the host has just cleared DTR, as it may have sent them before. Otherwise
+        this host does not use DTR, and has the port open now.
         """
         if self._state[BY_DTR] and time.ticks_diff(time.ticks_ms(), self._closed_at) <= _QUIET_MS:
             return False
@@ -389,7 +389,7 @@ class UsbPort:
         return True
 
     def _lose(self):
-        """The host has gone without clearing DTR: drop what is under way."""
+        """Drop what is under way, as the host has gone without clearing DTR."""
         state = self._state
         state[LEFT] = 0
         state[LAST] = 0
@@ -398,7 +398,7 @@ class UsbPort:
         self._closed_at = time.ticks_ms()
 
     def _watch(self):
-        """Close the port when the bus is dead. Open it when the host is back and still has DTR
+        """Close the port if the bus is dead. Open it when the host is back and still has DTR
         set."""
         if chip:
             state = self._state
@@ -418,7 +418,7 @@ class UsbPort:
                     self._waits = state[SENT]
                     self._waits_since = now
                 elif time.ticks_diff(now, self._waits_since) > _COLLECT_MS:
-                    self._lose()  # its host does not use DTR, or was not heard
+                    self._lose()  # the host does not use DTR, or it was not noticed
                     forget_host(state)
                     mark_stale(state)
             elif not self.open and self._state[DTR]:

@@ -1,32 +1,31 @@
-"""The protocol's USB port: transfers, packet by packet, and what a soft reset leaves of them.
+"""Transfers of the protocol's USB port, packet by packet, also across a soft reset.
 
-What comes in. A transfer from the host takes up to 17 packets of 64 bytes, so the largest frame
-costs one callback and not seventeen. It ends early with a packet that is not full. A frame of a
-multiple of 64 bytes has no such packet, and would wait in an unfinished transfer for whatever comes
-next. So the place of each packet holds a mark while the transfer runs: the USB driver copies a
-packet to its place in its interrupt, whole, and where the mark is gone a packet has arrived. The
-main loop takes packets from an unfinished transfer in this way, so nothing that is sent is held up.
-Two places take turns: the callback that ends a transfer begins the next one as soon as the main
-loop has emptied its place.
+In. A transfer from the host takes up to 17 packets of 64 bytes, so the largest frame takes one
+callback instead of seventeen. It ends early with a packet that is not full. A frame whose length is
+a multiple of 64 bytes has no such packet, and would wait in an unfinished transfer until more
+comes. So each packet's place in memory holds a mark while the transfer runs. The USB driver copies
+a whole packet to its place in its interrupt, so if the mark is gone, a packet has arrived. In this
+way the main loop takes packets from an unfinished transfer, and nothing is held up. Two slots
+alternate: the callback that ends a transfer begins the next one as soon as the main loop has
+emptied its slot.
 
-What goes out goes a packet at a time, from one callback to the next. It always ends with a packet
-that is not full (an empty one if need be): hosts wait for that before they hand on what they have
-got.
+Out. Packets go one at a time, from one callback to the next. The last packet is never full (it is
+empty if need be), because hosts wait for such a packet before they pass on what they have received.
 
 Between the interrupt of a bus reset and TinyUSB's task, which reports it, TinyUSB has forgotten all
-endpoints: a transfer submitted to one then ends in panic(), and the processor stops for good. That
-interrupt clears the device's address, so the address is checked before each transfer, with
+endpoints. A transfer submitted to one then ends in panic(), and the processor stops for good. That
+interrupt clears the device's address. So the address is checked before each transfer, with
 interrupts off from the check to the end of the call.
 
-A soft reset, as mpremote makes one before each of its commands, must not take the device away:
-mpremote would find its own port gone. MicroPython disconnects a USBDevice that is active then, and
-leaves one alone that is not. So MicroPython's flag for "active" is set during calls only. After the
-soft reset the host's transfers go on, into memory that the heap knows nothing of (rp2_usb.memory).
-The next port takes over this memory: places and state words lie where they were.
+A soft reset, as mpremote makes one before each of its commands, must not disconnect the device:
+mpremote's own port would disappear. MicroPython disconnects a USBDevice that is active then, but
+not an inactive one. So MicroPython's flag for "active" is set only during calls. After the soft
+reset the host's transfers go on, into memory that does not belong to the heap (hal.rp2.usb.memory).
+The next port takes over this memory: slots and state words have fixed addresses.
 
-Until the next port starts, nobody hears what a host says of DTR. So a port that was open is asked
-once more: it gets an empty packet, which a host that still has it open collects. And DTR that is
-set then, be it once more, is an opening.
+Until the next port starts, changes of DTR go unnoticed. So a port that was open is tested: it gets
+an empty packet, which a host that still has it open collects. If DTR is set then, even if it was
+set before, the port counts as opened.
 """
 
 import sys
@@ -48,8 +47,7 @@ if sys.platform == "rp2":
     from framestep.hal.rp2 import usb as chip
     from framestep.hal.rp2.usb import ADDRESS_REGISTER
 else:
-    # A cable that is pulled out goes unnoticed, and a new client may get a packet that was meant
-    # for the last one
+    # Here a pulled cable goes unnoticed, and a new client may get a packet meant for the last one.
     chip = None
     _one = array("i", [1])
     ADDRESS_REGISTER = addressof(_one)
@@ -57,15 +55,15 @@ else:
 # Bits of ADDRESS_REGISTER: 0 from a bus reset until the host has given a new address
 _ADDRESS = const(0x7F)
 PACKET = const(64)  # full-speed bulk endpoint
-PLACE = const(1088)  # 17 packets: room for the largest frame, 1048 bytes
+PLACE = const(1088)  # bytes of a slot, 17 packets: room for the largest frame, 1048 bytes
 OUTGOING = const(256)  # bytes taken from the writer at a time
 
-# The mark: words 0 and 15 of a packet's place. Only a full packet reaches its last byte.
+# The mark: words 0 and 15 of a packet's place. Only a full packet overwrites its last byte.
 _MARK_0 = const(0x1B7E35C9)
 _MARK_15 = const(0x2B951CE7)
 _MARK_LAST = const(0x2B)
 
-# As objects, which a viper function cannot make of its own True and False
+# As objects, because a viper function cannot make its own True and False
 YES = True
 NO = False
 
@@ -74,54 +72,54 @@ EP_OUT = const(0)
 EP_IN = const(1)
 LIVE = const(2)  # configured by a host
 ARMED = const(3)  # a transfer from the host is under way
-FILL = const(4)  # transfers ended, modulo 4; the next or running one has the place FILL & 1
+FILL = const(4)  # transfers ended, modulo 4; the next or running one has slot FILL & 1
 TAKE = const(5)  # transfers emptied, modulo 4
-END = const(6)  # of each place: bytes in it, once its transfer has ended
-USED = const(8)  # of each place: bytes from its start that may not hold the mark
+END = const(6)  # of each slot: bytes in it, once its transfer has ended
+USED = const(8)  # of each slot: bytes from its start that may not hold the mark
 SEEN = const(10)  # bytes of the running transfer known to have arrived, whole packets
-AT = const(11)  # bytes taken from the place that is being emptied
-DOUBT = const(12)  # look at which the packet at SEEN seemed to be a short one
-LOOK = const(13)  # number of this look, 1 ...
-RX = const(14)  # address of the two places
+AT = const(11)  # bytes taken from the slot that is being emptied
+DOUBT = const(12)  # number of the check at which the packet at SEEN seemed to be short
+LOOK = const(13)  # number of the present check, from 1 on
+RX = const(14)  # address of the two slots
 SENDING = const(15)
-LEFT = const(16)  # bytes in the outgoing buffer that are still to be sent
-NEXT = const(17)  # address of the next of them
+LEFT = const(16)  # bytes of the outgoing buffer still to be sent
+NEXT = const(17)  # address of the next one
 PACKET_AT = const(18)  # address of the packet's buffer
-LAST = const(19)  # length of the packet under way
+LAST = const(19)  # length of the present packet
 TX = const(20)  # address of the outgoing buffer
 DTR = const(21)
-STALE = const(22)  # 1: what had arrived when a session began or ended is to be dropped
+STALE = const(22)  # 1: bytes that had arrived when a session began or ended are to be dropped
 STALE_FILL = const(23)  # FILL at that moment
-STALE_AT = const(24)  # bytes that had arrived of the transfer running then
-BY_DTR = const(25)  # the last close was one of DTR
-BUS = const(27)  # address of the word with the device's address in it
+STALE_AT = const(24)  # bytes of the running transfer that had arrived by then
+BY_DTR = const(25)  # the port was last closed by DTR
+BUS = const(27)  # address of the word with the device's address
 SENT = const(26)  # packets, modulo 2^28
-# address of MicroPython's flag for an active device, and of the one behind it: a change is due
+# address of MicroPython's flag for an active device, and of the next one: a change is due
 FLAG = const(28)
-KEPT = const(29)  # address of the words that a soft reset leaves alone
-NO_FLAG = const(30)  # what stands for the flags where they have not been found
-# DTR is what it was before a soft reset, and may have fallen unheard. 2: whether a host collects
-# packets is still to be seen; 1: it does
+KEPT = const(29)  # address of the words that survive a soft reset
+NO_FLAG = const(30)  # used in place of the flags if they have not been found
+# DTR dates from before a soft reset, and may have been cleared unnoticed. 2: it is not known yet
+# whether a host collects packets; 1: it does
 UNHEARD = const(31)
 WORDS = const(32)
 
-# Those words
-KEPT_MARK = const(0)  # the device is live, and stays so over a soft reset: ALIVE
+# Words that survive a soft reset
+KEPT_MARK = const(0)  # ALIVE: the device is live, and stays so across a soft reset
 KEPT_FILL = const(1)
 KEPT_DTR = const(2)
 KEPT_FLAG = const(3)  # distance of the flag from the beginning of MicroPython's object
 
-ALIVE = const(0x1D7A5C3B)  # known to framestep.leftovers, too
-OBJECT = const(256)  # bytes of MicroPython's object that are looked through
-UNCHANGED = const(0x101)  # both flags set: what is done to the first is never done
-# in the memory for USB: two places, what goes out, a packet, line coding
+ALIVE = const(0x1D7A5C3B)  # also used by framestep.leftovers
+OBJECT = const(256)  # bytes of MicroPython's object that are searched
+UNCHANGED = const(0x101)  # both flags set: changes of the first have no effect
+# in the memory for USB: two slots, outgoing bytes, a packet, line coding
 KEPT_AT = const(2 * 1088 + 256 + 64 + 8)
 MEMORY = const(KEPT_AT + 16)
 
 
 @micropython.viper
 def arm(port):
-    """Let the host send into the next place. Puts the marks back where packets have been."""
+    """Let the host send into the next slot. Restores the marks where packets have been."""
     s = ptr32(port._state)
     place = s[FILL] & 1
     at = s[RX] + place * PLACE
@@ -148,9 +146,9 @@ def arm(port):
 
 @micropython.viper
 def arrived(s: ptr32, look: int) -> int:
-    """Returns how many bytes of the running transfer have arrived, in whole packets.
+    """Return how many bytes of the running transfer have arrived, in whole packets.
 
-    look: number of this look, from 1 on.
+    look: number of this check, from 1 on.
     """
     end = s[SEEN]
     while s[ARMED] and end < PLACE:
@@ -158,8 +156,8 @@ def arrived(s: ptr32, look: int) -> int:
         if packet[15] >> 24 == _MARK_LAST:
             if packet[15] == _MARK_15 and packet[0] == _MARK_0:
                 break
-            # A short packet, so that the callback with its length is due; or a full one whose last
-            # byte is that of the mark. If there is no callback by the next look, it was full.
+            # It is a short packet, so the callback with its length is due; or a full one whose last
+            # byte equals the mark's. If there is no callback by the next check, it was full.
             if s[DOUBT] == 0 or s[DOUBT] == look:
                 s[DOUBT] = look
                 break
@@ -171,11 +169,11 @@ def arrived(s: ptr32, look: int) -> int:
 
 @micropython.viper
 def mark_stale(s: ptr32):
-    """A session begins or ends: mark what has arrived as stale, and drop what is being sent.
+    """Mark what has arrived as stale, and drop what is being sent: a session begins or ends.
 
-    Of the running transfer every packet is stale whose place no longer holds the mark. The host
-    learns that the port is open after this has returned, so it has sent nothing of the new session
-    yet.
+    In the running transfer, every packet whose place no longer holds the mark is stale. The host
+    learns that the port is open only after this has returned, so it has sent nothing of the new
+    session yet.
     """
     end = s[SEEN]
     if s[ARMED] == 0:
@@ -194,7 +192,7 @@ def mark_stale(s: ptr32):
 
 @micropython.viper
 def forget_host(s: ptr32):
-    """Who had the port open has gone without a word of DTR, which says nothing from now on."""
+    """Note that the host has gone without clearing DTR, which is meaningless from now on."""
     s[DTR] = 0
     s[UNHEARD] = 0
     s[BY_DTR] = 0
@@ -275,7 +273,7 @@ def activate(s: ptr32, usb, at: int, before):
 
 @micropython.viper
 def restore(s: ptr32, at: int) -> int:
-    """Restore what was kept over a soft reset. Returns 0 if there is nothing to go on with.
+    """Restore the state kept across a soft reset. Return 0 if there is none.
 
     at: address of MicroPython's object.
     """

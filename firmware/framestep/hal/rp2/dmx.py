@@ -1,19 +1,19 @@
 """DMX512 by DMA alone: frames follow each other without the processor.
 
-A control channel hands the blocks of a list to a data channel, one after the other, round and round
+A control channel passes the blocks of a list to a data channel, one after the other, in a loop
 (RP2040 datasheet 2.5.6.2):
 
     send    start code and 512 slots to the UART, as its FIFO takes them
     drain   wait for the 33 characters that FIFO and shifter hold at most
-    low     the pin is forced low by its output override: break
+    low     force the pin low by its output override: break
     copy    the levels in force to the wire buffer, in one go: a frame on the wire is one state of
             the lights
     break   wait
-    high    the override is lifted: mark after break
+    high    lift the override: mark after break
     mark    wait
-    again   the control channel's read address back to the start of the list
+    again   set the control channel's read address to the start of the list
 
-Waits are transfers paced by a DMA timer, a microsecond each. The UART itself never knows of the
+Waits are transfers paced by a DMA timer, a microsecond each. The UART itself does not know of the
 break.
 """
 
@@ -26,29 +26,29 @@ from framestep.base.native import addressof, const
 from framestep.hal import CHANGED, CHANNELS
 
 _BAUD = const(250000)
-_SHORT = const(32)  # of a UART's own buffers: bytes, the least that there is
+_SHORT = const(32)  # bytes of the UART's unused software buffers: the minimum
 _DRAIN_US = const(1500)  # 33 characters of 44 µs, and the mark before the break
 _DMA = const(0x50000000)
 _CHANNEL = const(0x40)  # bytes of a channel's registers
-_PACER = const(3)  # the DMA timer that waits are paced by
+_PACER = const(3)  # DMA timer for waits
 _TREQ_PACER = const(0x3B + _PACER)
 _TREQ_FREE = const(0x3F)
 _BYTES = const(0)
 _WORDS = const(2)
-_COPY = const(3)  # place of this block in the list
+_COPY = const(3)  # index of this block in the list
 _BLOCK = const(4)  # words: read address, write address, count, control
 _UARTDR = const(0x00)
 _UARTIMSC = const(0x38)
 
 # RP2040 datasheet 1.4.3, 2.2, 2.5.3.1, 2.5.7, 2.19.6; RP2350 datasheet 2.2, 9.11, 12.6.4, 12.6.10.
-# UARTs, their transmit requests, DMA timers, IO_BANK0, place of OUTOVER in a pin's control word
+# UARTs, their transmit requests, DMA timers, IO_BANK0, lowest bit of OUTOVER in a pin's control
 _RP2040 = ((0x40034000, 0x40038000), (20, 22), 0x420, 0x40014000, 8)
 _RP2350 = ((0x40070000, 0x40078000), (28, 30), 0x440, 0x40028000, 12)
 _OUTOVER_LOW = const(2)
 
 
 def _number(channel):
-    return channel.channel  # without a type: the stubs do not know this attribute
+    return channel.channel  # without a type, as the stubs lack this attribute
 
 
 class Dmx:
@@ -57,11 +57,11 @@ class Dmx:
     channels = CHANNELS
 
     def __init__(self, wiring, hz, break_us, mark_us, rp2350=False):
-        """wiring: {"uart", "tx", "rx"} of the board. hz: of the system clock. break_us, mark_us:
-        length of the break and of the mark after it. rp2350: the chip is an RP2350. Allocates."""
+        """wiring: {"uart", "tx", "rx"} of the board. hz: system clock. break_us, mark_us: length of
+        the break and of the mark after it. rp2350: the chip is an RP2350. Allocates."""
         uarts, requests, timers, pins, outover = _RP2350 if rp2350 else _RP2040
         tx = wiring["tx"]
-        # The UART's own buffers are not used. It takes RX even if nothing is connected to it.
+        # The UART's own buffers are not used. It needs RX even if nothing is connected to it.
         rx = Pin(wiring["rx"])
         self._uart = UART(
             wiring["uart"],
@@ -115,8 +115,8 @@ class Dmx:
             self._list[i * _BLOCK + k] = word & 0xFFFFFFFF
 
     def start(self):
-        """Send frames from now on."""
-        # four words at a time to the data channel's registers, the last of which starts it
+        """Begin to send frames."""
+        # four words at a time to the data channel's registers; the last one starts it
         ctrl = self._control.pack_ctrl(ring_size=4, ring_sel=True)
         data = _DMA + _CHANNEL * _number(self._data)
         self._control.config(read=self._list, write=data, count=_BLOCK, ctrl=ctrl, trigger=True)
@@ -125,7 +125,7 @@ class Dmx:
         """Send the levels of an io.lights.Lights with the next frame. At most once a pass.
         Allocates nothing."""
         if lights.words[CHANGED]:
-            # the other buffer is not read: the copy that may have been under way took 10 µs
+            # DMA does not read the other buffer: a copy that was under way took only 10 µs
             shown = 1 - self._shown
             self._shown = shown
             lights.take(self._levels[shown])

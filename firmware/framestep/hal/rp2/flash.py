@@ -1,11 +1,11 @@
-"""Flash for framestep.io.position_journal, written past the file system but in blocks that belong
-to it.
+"""Flash for framestep.io.position_journal, written without the file system, but in blocks that
+belong to it.
 
 A pass of the main loop may come in the middle of the file system's own work, as MicroPython runs
-scheduled functions from within flash reads. So it must not open a file. Instead, each block is a
-file of one block's length, made at boot, which the file system never moves as long as nobody writes
-to it. The block is found by its first bytes, which are random. They are compared again before each
-write: if somebody has deleted the file, the block may belong to another one, and is left alone.
+scheduled functions during flash reads. So it must not open a file. Instead, each block is a file of
+one block's length, made at boot. The file system never moves it as long as nobody writes to it. The
+block is found by its first bytes, which are random, and these are compared again before each write.
+If somebody has deleted the file, the block may belong to another file and is left alone.
 """
 
 import rp2
@@ -21,7 +21,7 @@ _ERASE = const(6)  # command of a block device
 
 @micropython.viper
 def put_head(page: ptr8, head: ptr8):
-    """Make a page that has a head and is erased otherwise."""
+    """Fill a page with a head; the rest of it is as erased."""
     i = 0
     while i < _PAGE_BYTES:
         page[i + 0] = head[i + 0] if i < _HEAD_BYTES else 0xFF
@@ -29,7 +29,7 @@ def put_head(page: ptr8, head: ptr8):
 
 
 class Flash:
-    """See hal/contract.py. OSError where there is no room for its files."""
+    """See hal/contract.py. Raises OSError if there is no room for its files."""
 
     blocks = _BLOCKS
     bytes = _BLOCK_BYTES - _PAGE_BYTES  # the first page has the head

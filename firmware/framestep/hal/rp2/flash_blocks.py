@@ -1,5 +1,5 @@
-"""Blocks of flash of our own, for hal/rp2/flash.py. Needed once at power-up, so a module of its
-own."""
+"""Claims blocks of flash for hal/rp2/flash.py. A module of its own, as it is needed only once at
+power-up."""
 
 import os
 
@@ -14,8 +14,8 @@ _KIND = b"framestp"
 
 
 def claim(flash, i, heads):
-    """The number of block i, and its first bytes into heads[i]. OSError where there is no room for
-    it."""
+    """Return the number of block i, and put its first bytes into heads[i]. Raises OSError if there
+    is no room for it."""
     look = bytearray(_HEAD_BYTES)
     for _ in range(2):
         heads[i] = head = _head(i)
@@ -26,12 +26,12 @@ def claim(flash, i, heads):
                 found.append(place)
         if len(found) == 1:
             return found[0]
-        os.remove(_NAME % i)  # made anew with another head
+        os.remove(_NAME % i)  # make it again, with another head
     raise OSError("a block of flash could not be found again")
 
 
 def _head(i):
-    """The first bytes of a file, which is made if it is not as it should be."""
+    """Return the first bytes of a file. Make the file unless it is intact."""
     path = _NAME % i
     try:
         if os.stat(path)[6] == _BLOCK_BYTES:

@@ -1,4 +1,4 @@
-"""RP2040 and RP2350: PIO pulses, a hard 1 kHz timer, the protocol on a USB port of its own."""
+"""HAL of the RP2040 and RP2350: PIO pulses, a hard 1 kHz timer, a USB port for the protocol."""
 
 import gc
 import sys
@@ -31,8 +31,8 @@ _TIMER_RP2350 = const(0x400B0028)  # TIMER0 TIMERAWL, RP2350 datasheet 12.8.5
 _LEAST = const(512)
 _CLOSE = const(32)
 _ANY = const(0x3FFFFFFF)
-_GUARD_MS = const(3)  # a bus reset takes ten at least
-_TRACEBACK_BYTES = const(256)  # of an exception in a pass, which can be given no memory then
+_GUARD_MS = const(3)  # a bus reset takes at least ten
+_TRACEBACK_BYTES = const(256)  # for an exception in a pass, where it cannot allocate
 
 
 def _no_led(_colour):
@@ -40,7 +40,7 @@ def _no_led(_colour):
 
 
 def release(block):
-    """Give back the memory of a bytearray, though the object itself may stay.
+    """Free the memory of a bytearray, even if the object itself survives.
 
     The garbage collector takes any word for a pointer, even machine code: "pop {r5}; movs r0, #0"
     looks like one. Such a word may keep the object alive, which is 16 bytes.
@@ -74,7 +74,7 @@ class Rp2Hal:
             width = 0 if width < 0 else WIDTHS - 1 if width >= WIDTHS else width
             self.kernel.configure(i, self.engine.fifo(i), width, setup, settings["invert"])
         self._servos = self._make_servos(rig, cycles_per_us) if rig.servos else None
-        # Drivers stay off until a motor is to move.
+        # Drivers stay off until a motor has to move.
         self._on_level = [1 if rig.motor(i)["enable_high"] else 0 for i in range(self.motors)]
         self._enabled = 0
         self._shared = not isinstance(board["enable"], list)
@@ -87,7 +87,7 @@ class Rp2Hal:
         self._watched = rig.watchdog
         self.watchdog = self._make_watchdog(rig)
         self.inside = self.watchdog.words if rig.watchdog else array("i", [0] * (PASS + 1))
-        self.report_driver = None  # what takes lines about drivers: see contract.py
+        self.report_driver = None  # prints lines about drivers: see contract.py
         self.driver_wire = self._make_wire(board["drivers"]) if rig.drivers else None
         self.port = self._make_port(rig.ports)
         self.ticker = None
@@ -152,8 +152,8 @@ class Rp2Hal:
             return _no_led
         from framestep.hal.rp2.rgb import RgbLed
 
-        # The next state machine behind those of the motors, unless the drivers' lines
-        # (rp2_one_wire) begin with it.
+        # The next state machine after those of the motors, unless the drivers' lines (one_wire.py)
+        # begin with it.
         machine = self.motors
         if machine % 4 == 0:
             machine += 2 * len(board.get("drivers", {}).get("pins", ()))
@@ -176,8 +176,7 @@ class Rp2Hal:
 
     @property
     def upload_bytes(self):
-        """The largest block of memory that there is, but for a few bytes. Allocates, for a
-        moment."""
+        """Size of the largest free block of memory, less a few bytes. Allocates for a moment."""
         gc.collect()
         size = _LEAST
         most = gc.mem_free()
@@ -221,7 +220,7 @@ class Rp2Hal:
     idle = staticmethod(machine.idle)
 
     def enable(self, motor, on):
-        """Switch a driver on or off; drivers that share a pin are on while one of them is."""
+        """Switch a driver on or off. Drivers that share a pin are on while any of them is."""
         if self._servos and self._servos.enable(motor, on):
             return
         bit = 1 << motor
@@ -265,7 +264,7 @@ class Rp2Hal:
     # ------------------------------------------------------------ pins that something else takes
 
     def _motors_of(self, bits):
-        """Motors that have one of these pins for their steps, direction or driver, a bit each."""
+        """Return the motors that use one of these pins (step, direction, driver), a bit each."""
         board = self.board
         enable = board["enable"]
         motors = 0
@@ -287,8 +286,8 @@ class Rp2Hal:
 
     @micropython.viper
     def _bus_guard(self, _timer):
-        """After a bus reset every motor ramps down at once, however busy the main loop is, and none
-        turns round on the way: ten milliseconds later the chip lets go of a pin, which might be the
-        direction of one. A hard interrupt."""
+        """After a bus reset, ramp down every motor at once, however busy the main loop is, and let
+        none turn. Ten milliseconds later the chip lets go of a pin, which may be a direction pin. A
+        hard interrupt."""
         if not addressed():
             halt(self.kernel.blocks[0], self._everyone, _ANY, 1)

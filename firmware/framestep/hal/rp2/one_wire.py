@@ -1,10 +1,10 @@
-"""Drivers whose UARTs are one pin each: two PIO state machines per pin, as no UART of the chip can
-use just any pin.
+"""UARTs of drivers on a single pin each: two PIO state machines per pin, as the chip's UARTs cannot
+use any pin.
 
-One sends and lets go of the line after each byte, the other hears everything: what is sent, and the
-answer. The line is held high by the chip's pull-up. The programs take eight cycles to a bit.
-Telegrams are whole words of four bytes (io/tmc2209.py), so the FIFO of the hearing one takes eight
-words; it begins a new word with each telegram sent.
+One sends, and releases the line after each byte. The other receives everything: what is sent, and
+the answer. The chip's pull-up holds the line high. The programs take eight cycles for a bit.
+Telegrams are whole words of four bytes (io/tmc2209.py), so the receiver's FIFO takes eight words.
+It begins a new word with each telegram sent.
 """
 
 import rp2
@@ -53,7 +53,7 @@ def hear():
 @micropython.viper
 def _send(machine: int, data: ptr8, count: int):
     block = 0x502
-    block <<= 20  # 0x50200000, which as a constant would be an object
+    block <<= 20  # 0x50200000; as a constant it would be an object
     registers = ptr32(block + ((machine >> 2) << 20))
     number = machine & 3
     full = 1 << (_TX_FULL + number)
@@ -89,8 +89,8 @@ class OneWire:
     """See hal/contract.py, DriverWire."""
 
     def __init__(self, pins, motors):
-        """pins: one per motor from the first on. Takes the state machines behind the PIO block of
-        the last motor."""
+        """pins: one per motor from the first on. Uses the state machines from the PIO block after
+        the last motor's on."""
         self._first = first = (motors + 3) // 4 * 4
         self._hearing = []
         self._talking = []

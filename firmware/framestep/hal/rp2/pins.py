@@ -1,7 +1,7 @@
 """Pins of the RP2040 and RP2350 through the single-cycle IO block (RP2040 datasheet 2.3.1.7, RP2350
 3.1.11).
 
-Only pins 0 to 29, which fit a small integer.
+Only pins 0 to 29, whose bits fit a small integer.
 """
 
 import sys
@@ -25,7 +25,7 @@ if "RP2350" in sys.implementation._machine:
     def drive(high: int, low: int):
         """Drive the pins of these bits high and low."""
         sio = 0xD00
-        sio <<= 20  # 0xD0000000, which as a constant would be an object
+        sio <<= 20  # 0xD0000000; as a constant it would be an object
         ptr32(sio)[6] = high  # GPIO_OUT_SET
         ptr32(sio)[8] = low  # GPIO_OUT_CLR
 
@@ -42,7 +42,7 @@ else:
 
 @micropython.viper
 def levels() -> int:
-    """The levels of pins 0 to 29, one bit each."""
+    """Return the levels of pins 0 to 29, one bit each."""
     sio = 0xD00
     sio <<= 20
     return ptr32(sio)[_GPIO_IN] & 0x3FFFFFFF
@@ -50,15 +50,14 @@ def levels() -> int:
 
 @micropython.viper
 def held() -> bool:
-    """Whether USB has taken a pin now, see hal/rp2/pin_guard.py."""
+    """Return whether USB holds a pin at present, see hal/rp2/pin_guard.py."""
     page = _USB_PAGE
-    page <<= 12  # which as a constant would be an object
+    page <<= 12  # as a constant it would be an object
     return ptr32(page)[_MUXING] & _TO_DIGITAL_PAD != 0
 
 
 def free():
-    """Keep interrupts off from a moment on in which USB holds no pin. Returns what enable_irq()
-    wants."""
+    """Turn interrupts off at a moment when USB holds no pin. Return the state for enable_irq()."""
     state = disable_irq()
     while held():
         enable_irq(state)
@@ -67,13 +66,13 @@ def free():
 
 
 def enable_pins(board):
-    """Numbers of the drivers' enable pins."""
+    """Return the numbers of the drivers' enable pins."""
     enable = board["enable"]
     return enable if isinstance(enable, list) else [enable]
 
 
 def drivers_off(board, rig):
-    """Switch all drivers off; their enable pins."""
+    """Switch all drivers off. Return their enable pins."""
     state = free()
     pins = enable_pins(board)
     found = [

@@ -1,7 +1,7 @@
 """Pulse engine of the RP2040 and RP2350: one PIO state machine per motor.
 
-The program executes the commands of engine.py at the full system clock. These are its cycle counts,
-from which the constants there come:
+The program executes the commands of engine.py at the full system clock. The constants in engine.py
+come from its cycle counts:
 
     command to first rising edge   gap + 8
     rising edge to rising edge     gap + 4 + H,  H = 4 + 32·(width + 1)
@@ -52,10 +52,10 @@ def step_pulses():
 
 
 class PulseEngine:
-    """State machines 0 … for the motors in order; four motors per PIO block."""
+    """State machines from 0 on for the motors in order; four motors per PIO block."""
 
     def __init__(self, step_pins, direction_pins, hz):
-        """hz: cycles per second of the programs."""
+        """hz: clock of the programs, cycles per second."""
         self.machines = []
         for i, step in enumerate(step_pins):
             with Claim(step, direction_pins[i]):
@@ -70,17 +70,17 @@ class PulseEngine:
             self.machines.append(machine)
 
     def fifo(self, motor):
-        """The address to which the motor's commands are written."""
+        """Return the address to which the motor's commands are written."""
         return _PIO_BASE[motor >> 2] + _TXF + 4 * (motor & 3)
 
 
 @micropython.viper
 def lost_commands(motors: int) -> int:
-    """The motors of which a command has found a full FIFO since the last call, one bit each."""
+    """Return the motors of which a command found a full FIFO since the last call, one bit each."""
     lost = 0
     bit = 0
     block = 0x502
-    block <<= 20  # 0x50200000, which as a constant would be an object
+    block <<= 20  # 0x50200000; as a constant it would be an object
     while motors > 0:
         fdebug = ptr32(block)
         over = fdebug[_FDEBUG] & _TX_OVER

@@ -1,10 +1,10 @@
-"""An RGB LED with a chip in it (WS2812 and its like), driven by a PIO state machine: no interrupt
-is held off.
+"""An RGB LED with a chip in it (WS2812 or similar), driven by a PIO state machine, which holds off
+no interrupt.
 
-24 bits, green first and each colour's highest bit first, 0.1 µs to a cycle: a 0 is high for 0.3 µs
+24 bits, green first and each colour's highest bit first, 0.1 µs per cycle. A 0 is high for 0.3 µs
 and low for 1.0, a 1 high for 0.7 and low for 0.6, which suits WS2812, WS2812B and SK6812. The line
-then rests for 308 µs, after which the LED shows them (WS2812B: more than 280 µs), so a word that
-follows at once is not passed on to a second LED.
+then rests for 308 µs, so that the LED shows the colour (WS2812B needs more than 280 µs) and a word
+that follows at once is not passed on to a second LED.
 """
 
 import rp2
@@ -42,7 +42,7 @@ class RgbLed:
     board."""
 
     def __init__(self, pin, number):
-        """number: of the state machine that it takes."""
+        """number: of its state machine."""
         machine = rp2.StateMachine(
             number, colour_bits, freq=_HZ, sideset_base=Pin(pin, Pin.OUT, value=0)
         )
@@ -52,7 +52,7 @@ class RgbLed:
         self._shown = 0
 
     def show(self, colour):
-        """Show 0xRRGGBB. One word for the state machine if that is new; allocates nothing."""
+        """Show 0xRRGGBB: sends one word to the state machine if it is new. Allocates nothing."""
         if colour != self._shown:
             self._shown = colour
             self._put(((colour & 0xFF00) << 8) | ((colour >> 8) & 0xFF00) | (colour & 0xFF), 8)

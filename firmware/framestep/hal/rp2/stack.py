@@ -1,14 +1,14 @@
-"""Code that runs however much of the stack a program on the REPL has taken.
+"""Lets code run however much of the stack a program on the REPL has taken.
 
-MicroPython looks how much of the stack is in use whenever a function is called, and raises
-RuntimeError where more than its limit is. A program that calls itself for ever comes to that point;
-and an interrupt, or a callback of USB, that comes just then would be ended by the exception, and
-not be called again. So what must not end gets a type of its own: a copy of MicroPython's, in which
-a call goes to the machine code at once.
+MicroPython checks the stack whenever a function is called, and raises RuntimeError if more than its
+limit is in use. A program with endless recursion gets to that point. If an interrupt or a callback
+of USB came just then, the exception would end it, and it would not be called again. So a function
+that must not end gets a type of its own: a copy of MicroPython's, in which a call goes directly to
+the machine code.
 
-MicroPython's limit leaves 256 bytes, and interrupts take 1000 and more: at the limit they would
-write into the end of the heap below the stack, where the uploaded move lies. So the limit becomes
-REPL_STACK, and what is called in Python beside the REPL's programs has STACK (WholeStack).
+MicroPython's limit leaves 256 bytes, but interrupts take 1000 and more: at the limit they would
+write into the end of the heap below the stack, where the uploaded move is. So the limit is lowered
+to REPL_STACK, and Python code that is called while a REPL program runs has STACK (WholeStack).
 """
 
 from array import array
@@ -20,7 +20,7 @@ from framestep.hal import PASS, REPL_STACK, STACK
 
 # mp_obj_type_t: the type's own type, flags and name, twelve numbers of slots, slots. py/obj.h,
 # MicroPython 1.20 to 1.28
-_SLOTS = const(5)  # words in front of slot 1
+_SLOTS = const(5)  # words before slot 1
 _CODE = const(12)  # of a function: the address of its code (py/objfun.h)
 _THUMB = const(1)
 # The limit follows the stack's top in MicroPython's state (py/mpstate.h, mp_state_thread_t), in the
@@ -33,10 +33,10 @@ _TOP_RP2350 = const(0x20082000)
 
 @micropython.viper
 def _limit_at(at: int) -> int:
-    """The address of the limit of the stack; 0 where MicroPython keeps it elsewhere."""
+    """Return the address of the stack's limit, or 0 if MicroPython keeps it elsewhere."""
     while at < _STATE_ENDS:
         word = ptr32(at)
-        # MicroPython sets it when power comes on, and leaves it alone at a soft reset.
+        # MicroPython sets it at power-up, and leaves it alone at a soft reset.
         if word[1] == STACK or word[1] == REPL_STACK:
             if word[0] == _TOP_RP2040 or word[0] == _TOP_RP2350:
                 return at + 4
@@ -45,14 +45,14 @@ def _limit_at(at: int) -> int:
 
 
 class WholeStack:
-    """Calls work(x) with the limit of the stack at STACK. Of an unknown make the limit stays as it
-    is.
+    """Calls work(x) with the stack's limit at STACK. With an unknown MicroPython the limit does not
+    change.
 
-    `callback` is what to call; where the type of `call` is `unchecked` it begins in any case.
+    `callback` is the function to call. If the type of `call` is `unchecked`, it always begins.
     """
 
     def __init__(self, limit, work, inside):
-        """limit: what set_limit() has given back; inside: words of which PASS is 1 meanwhile."""
+        """limit: result of set_limit(); inside: words; PASS is 1 during the call."""
         self.words = array("i", [limit, addressof(inside)])
         self.work = work
         self.callback = self.call
@@ -73,8 +73,8 @@ class WholeStack:
 
 
 def set_limit(size):
-    """What is called from now on may take that much of the stack: STACK or REPL_STACK. Returns the
-    limit's address, or one where nothing lies that counts."""
+    """Set how much of the stack code may take from now on: STACK or REPL_STACK. Return the limit's
+    address, or the address of NOWHERE."""
     at = _limit_at(_RAM)
     if not at:
         return addressof(NOWHERE)
@@ -86,10 +86,10 @@ NOWHERE = array("i", [0] * (PASS + 1))
 
 
 def unchecked(*functions):
-    """Let viper functions be called without a look at the stack; those of an unknown make stay as
-    they are.
+    """Let viper functions be called without a check of the stack. Functions of an unknown kind do
+    not change.
 
-    Returns their types, which must be kept as long as the functions are.
+    Return their types, which must be kept as long as the functions are.
     """
     known = mem32[id(functions[0])]
     if mem32[known] != id(type) or (mem32[known + 8] >> 16) & 0xFF != 1:

@@ -2,11 +2,11 @@
 
 `machine.WDT` cannot stop it; the chip can, by a bit of its control register.
 
-A program on the REPL may make a call in C that holds the main loop up for longer than the watchdog
-waits. By then the tick has ramped every motor down, and a reset would only switch the drivers off
-and lose the positions. So a hard timer feeds the watchdog as well while all of this holds: the tick
-goes on counting, no motor takes segments any more, and the main loop is outside its pass, so that
-it is not framestep itself that hangs.
+A program on the REPL may make a call in C that holds the main loop up for longer than the
+watchdog's timeout. By then the tick has ramped every motor down, and a reset would only switch the
+drivers off and lose the positions. So a hard timer feeds the watchdog as well while three things
+hold: the tick still counts, no motor takes segments any more, and the main loop is outside of a
+pass, so that it is not framestep itself that hangs.
 """
 
 import sys
@@ -21,19 +21,19 @@ from framestep.pulse.stepper import FIRST, MODE, NEXT, RUN, TICKS
 _RP2350 = "RP2350" in sys.implementation._machine
 _SCRATCH4 = (0x400D8000 if _RP2350 else 0x40058000) + 0x1C
 _SCRATCH0 = (0x400D8000 if _RP2350 else 0x40058000) + 0x0C
-# in SCRATCH0 while framestep_overlay guards the start by the watchdog
+# in SCRATCH0 while framestep_overlay protects a start with the watchdog
 _STARTING = const(0x1DEA5C3B)
-# what the SDK leaves in SCRATCH4: the watchdog ran, as opposed to machine.reset()
+# in SCRATCH4, by the SDK: the watchdog runs, as opposed to machine.reset()
 _ARMED = const(0x6AB73121)
 _PAGE = 0x400D if _RP2350 else 0x4005
-_COUNTS = 1 if _RP2350 else 2  # of the counter in a microsecond (erratum RP2040-E1)
+_COUNTS = 1 if _RP2350 else 2  # of the counter per microsecond (erratum RP2040-E1)
 _GUARD_MS = const(500)
 
-# State words; PASS is one, too
+# State words; PASS is one of them
 _HEADER = const(4)  # address of the tick's header
-_SEEN = const(1)  # its count of ticks at the last look
-_LOAD = const(2)  # what the counter begins with when it is fed
-_REGISTER = const(3)  # address that feeds it
+_SEEN = const(1)  # its count of ticks at the last check
+_LOAD = const(2)  # the counter's value after feeding
+_REGISTER = const(3)  # address of the register that feeds it
 _WORDS = const(5)
 
 
@@ -41,7 +41,7 @@ _WORDS = const(5)
 def _disable(page: int):
     control = (page << 16) + 0x8000
     bit = 1
-    ptr32(control + 0x3000)[0] = bit << 30  # ENABLE, by the register's alias that clears bits
+    ptr32(control + 0x3000)[0] = bit << 30  # ENABLE, by the register's alias for clearing bits
 
 
 class Watchdog:
@@ -50,7 +50,7 @@ class Watchdog:
     def __init__(self):
         scratch = machine.mem32[_SCRATCH4] & 0xFFFFFFFF
         self.caused_reset = machine.reset_cause() == machine.WDT_RESET and scratch == _ARMED
-        machine.mem32[_SCRATCH4] = 0  # told once, not again after a soft reset
+        machine.mem32[_SCRATCH4] = 0  # so that it is not reported again after a soft reset
         # it may still run after a soft reset in motion
         if machine.mem32[_SCRATCH0] != _STARTING:
             _disable(_PAGE)
@@ -59,7 +59,7 @@ class Watchdog:
         self._timer = None
 
     def guard(self, header):
-        """Begin to feed it from a hard timer as well, see above. header: of the tick."""
+        """Begin to feed it from a hard timer as well, see above. header: the tick's."""
         words = self.words
         words[_HEADER] = as_word(addressof(header))
         words[_REGISTER] = (_PAGE << 16) + 0x8004  # LOAD

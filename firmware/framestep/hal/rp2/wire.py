@@ -1,6 +1,6 @@
-"""The drivers' UART: bytes in and out through its FIFOs alone, so that it costs no interrupt.
+"""The drivers' UART. It uses only the FIFOs, so it needs no interrupt.
 
-An exchange is at most 8 bytes out and 24 in (echoes included); each FIFO holds 32 (RP2040 datasheet
+An exchange is at most 8 bytes out and 24 in (echoes included). Each FIFO holds 32 (RP2040 datasheet
 4.2, RP2350 12.1).
 """
 
@@ -9,7 +9,7 @@ from machine import UART, Pin, mem32
 from framestep.base.native import const, micropython, ptr8, ptr32
 
 _BAUD = const(115200)
-_SHORT = const(32)  # bytes of a UART's own buffers, which are not used: the least that there is
+_SHORT = const(32)  # bytes of the UART's unused software buffers: the minimum
 _UARTIMSC = const(0x38)
 _FR = const(6)  # word of the flags
 _RXFE = const(0x10)
@@ -25,7 +25,7 @@ _RP2350 = (0x70000, 0x78000)
 @micropython.viper
 def _send(uart: int, data: ptr8, count: int):
     base = 0x400
-    base <<= 20  # 0x40000000, which as a constant would be an object
+    base <<= 20  # 0x40000000; as a constant it would be an object
     registers = ptr32(base + uart)
     i = 0
     while i < count:
@@ -43,7 +43,7 @@ def _receive(uart: int, data: ptr8, at: int, limit: int) -> int:
     while count < limit:
         if registers[_FR] & _RXFE:
             break
-        data[at + count] = registers[0]  # the low byte: what came damaged the checksum finds
+        data[at + count] = registers[0]  # the low byte; the checksum detects damaged bytes
         count += 1
     return count
 
