@@ -1,11 +1,11 @@
 """Lets modules on the file system replace modules of the image; `framestep flash` puts them there.
 
-/overlay holds the modules (framestep/motors/backlash.mpy). /overlay/modules is written last: it
-has the ID of the image that they were compiled for (framestep_image.ID), then their names. If any
-other image finds the folder, or the list is missing, the overlay is left out. This module, boot.py,
+/overlay holds the modules (framestep/motors/backlash.mpy). /overlay/modules is written last: it has
+the ID of the image for which they were compiled (framestep_image.ID), then their names. If another
+image finds the folder, or the list is missing, the overlay is left out. This module, boot.py,
 main.py, framestep/__init__ and framestep/leftovers cannot be replaced.
 
-A frozen package looks for its modules in one place only, the string __path__. So every import goes
+A frozen package looks for its modules in only one place, the string __path__. So every import goes
 through `_import`, which points __path__ to the right place for that one import. Modules are loaded
 in the same order as without an overlay, and only when something imports them.
 
@@ -42,8 +42,8 @@ in_use = False  # whether modules of the overlay replace the image's
 
 
 def _import(name, globals=None, locals=None, names=None, level=0):
-    """Replace builtins.__import__. One function: imports nest six deep, and each call takes 250
-    bytes of the stack."""
+    """Replacement of builtins.__import__. A single function, because imports nest six deep, and
+    each call takes 250 bytes of the stack."""
     if name in _modules or not name.startswith("framestep."):
         return _frozen_import(name, globals, locals, names, level)
     package = name[: name.rfind(".")]
@@ -62,14 +62,14 @@ def _import(name, globals=None, locals=None, names=None, level=0):
 
 
 def _give_up(write):
-    """Leave the overlay out from the next start on. write(file) appends the reason."""
+    """Leave the overlay out from the next start on. write(file): appends the reason."""
     os.rename(_LIST, _FAILED)
     with open(_FAILED, "a") as file:
         write(file)
 
 
 def _read():
-    """Read the list. Returns why the overlay is left out, or None."""
+    """Read the list. Return why the overlay is left out, or None."""
     hung = mem32[_SCRATCH0] == _STARTING
     mem32[_SCRATCH0] = 0
     present = os.listdir(_FOLDER)
@@ -103,7 +103,7 @@ def begin():
     else:
         in_use = True
         builtins.__import__ = _import
-    gc.collect()  # leave no hole in the memory that framestep is loaded into
+    gc.collect()  # leave no hole in the memory into which framestep is loaded
 
 
 def start(again=False):
@@ -132,7 +132,7 @@ def start(again=False):
 
 
 def started():
-    """Switch the watchdog off: the start is over, or somebody interrupted it."""
+    """Switch the watchdog off after the start, or if somebody interrupted it."""
     if mem32[_SCRATCH0] == _STARTING:
         mem32[_SCRATCH0] = 0
         mem32[_WATCHDOG + _CLEAR] = _ENABLE

@@ -1,5 +1,5 @@
-"""boot.py of an image: ends pulses, stops DMA, puts an overlay in place, runs a boot.py on the file
-system.
+"""boot.py of an image: ends pulses, stops DMA, puts an overlay in place, and runs a boot.py on the
+file system.
 
 After a soft reset framestep starts again from here, since mpremote skips main.py then.
 """
@@ -9,7 +9,7 @@ import sys
 
 import micropython
 
-micropython.kbd_intr(-1)  # a Ctrl-C does not break the start off
+micropython.kbd_intr(-1)  # so that a Ctrl-C does not break off the start
 
 import framestep.leftovers  # noqa: E402
 

@@ -1,5 +1,5 @@
-"""main.py of an image with framestep in it: a main.py on the file system goes first, and may then
-do as it likes."""
+"""main.py of an image with framestep: starts framestep, or runs a main.py on the file system
+instead."""
 
 import os
 import sys
@@ -9,8 +9,8 @@ import micropython
 try:
     os.stat("/main.py")
 except OSError:
-    # mpremote sends a Ctrl-C as soon as it finds the port, which must not break off the start. The
-    # REPL sets it again.
+    # mpremote sends a Ctrl-C as soon as it finds the port; it must not break off the start. The
+    # REPL enables it again.
     micropython.kbd_intr(-1)
     if "framestep_overlay" in sys.modules:
         sys.modules["framestep_overlay"].start()

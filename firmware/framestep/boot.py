@@ -1,12 +1,12 @@
 """From power-on to a running controller.
 
-The uploaded move gets, in one piece, the memory that is left once all else is loaded. So the heap
-is collected often while modules load, as loading leaves holes; the code that reads the rig file is
-dropped after use; and the move's memory is allocated last.
+The uploaded move gets, in one piece, the memory that remains once everything else is loaded. So the
+heap is collected often while modules load, as loading leaves holes. The code that reads the rig
+file is dropped after use, and the move's memory is allocated last.
 
 Memory for the REPL and for a user's own code is set aside first of all, at the low end of the heap.
-MicroPython searches for free memory from there, and it does so often, as larger call frames come
-from the heap. Behind the move, a search took 0.1 ms.
+MicroPython searches for free memory from there, and does so often, as larger call frames come from
+the heap. Beyond the move's memory, a search took 0.1 ms.
 """
 
 import gc
@@ -22,8 +22,8 @@ _SPARE = const(10 * 1024)  # bytes for the REPL and a user's own code, in one pi
 hal = None
 controller = None
 runner = None
-mistake = None  # what is wrong with the rig file, as text
-# Modules that only reading the rig file needs
+mistake = None  # text of the mistake in the rig file
+# Modules that are needed only to read the rig file
 _READING = (
     "framestep.rig.homes",
     "framestep.rig.servos",
@@ -36,7 +36,7 @@ _READING = (
 
 
 class Settings:
-    """What framestep.rig has read, without its code, which is needed once and takes 9 kB."""
+    """Result of framestep.rig, without its code, which is needed only once and takes 9 kB."""
 
     def __init__(self, rig, motors):
         self.motors = []
@@ -73,8 +73,8 @@ def _settings(board):
 
 
 def judge(text):
-    """Judge the text of a rig file: (True, what it makes of this board), (False, what is wrong),
-    or (None, "") where there is no memory left to tell. For the REPL; the code is let go."""
+    """Check the text of a rig file: (True, summary for this board), (False, what is wrong), or
+    (None, "") if there is no memory for an answer. For the REPL. Unloads its code afterwards."""
     try:
         import json
 
@@ -88,7 +88,7 @@ def judge(text):
         except ValueError:
             return False, "not valid JSON"
         name = BOARD["name"]
-        return True, "right for %s: '%s', %d motors set" % (
+        return True, "valid for %s: '%s', %d motors set" % (
             name,
             rig.name.decode(),
             len(rig.motors),
@@ -101,7 +101,7 @@ def judge(text):
 
 
 def _held(board):
-    """What keeps framestep from starting, as text: BOOTSEL, or the jumper to ground; or None."""
+    """Return what keeps framestep from starting, as text: BOOTSEL or the jumper; or None."""
     import rp2
     from machine import Pin
 
@@ -112,17 +112,17 @@ def _held(board):
 
 
 def start(again=False):
-    """Bring the board up. again: by boot.py after a soft reset; with one port it waits for main.py
-    then, or for a reset, as boot.py would never end.
+    """Bring the board up. again: called by boot.py after a soft reset. With one port it then waits
+    for main.py or a reset, as boot.py would never end.
 
-    A mistake in the rig file is printed on the REPL; then the board answers, but moves nothing.
+    A mistake in the rig file is printed on the REPL; the board then answers, but moves nothing.
     """
     global hal, controller, runner
     if controller:  # by boot.py, after a soft reset
         return
     from framestep.leftovers import stop_dma
 
-    stop_dma()  # where boot.py is not framestep's
+    stop_dma()  # in case boot.py is not framestep's
     spare = bytearray(_SPARE)
     from framestep.board import BOARD
 
@@ -131,7 +131,7 @@ def start(again=False):
         print("framestep: not started,", held)
         return
     gc.threshold(_DENSE)
-    # at once: while the rest is loaded they would float
+    # first of all: while the rest is loaded they would float
     from framestep.hal.rp2.pins import drivers_off
 
     settings = _settings(BOARD)
@@ -140,14 +140,14 @@ def start(again=False):
     if again and settings.ports != 2:
         gc.threshold(-1)
         return
-    # after a soft reset it is still that of programs on the REPL, and modules import each other
+    # After a soft reset the limit is still that of REPL programs, but modules import each other.
     from framestep.hal import STACK
     from framestep.hal.rp2.stack import set_limit
 
     set_limit(STACK)
     if mistake:
         print("framestep:", mistake)
-        print("framestep: nothing will move until the file is right and the board has been reset")
+        print("framestep: nothing moves until the file is corrected and the board reset")
     try:
         from framestep.controller import Controller
         from framestep.hal.rp2.hal import Rp2Hal, release
@@ -156,8 +156,7 @@ def start(again=False):
         hal = Rp2Hal(settings.board, settings)
         if hal.watchdog.caused_reset and settings.ports == 2:
             print(
-                "framestep: the watchdog has started the board: "
-                "the firmware hung while motors moved"
+                "framestep: the watchdog restarted the board: the firmware hung while motors moved"
             )
         runner = Runner(hal, settings.ports == 2)
         controller = Controller(hal, settings, broken=mistake is not None)
@@ -168,7 +167,7 @@ def start(again=False):
         print(_SAVE)
         raise
     forget("framestep.io.restore", "framestep.hal.rp2.flash_blocks")
-    # again: BOOTSEL can only be pressed once the chip's own loader has looked at it
+    # again, because BOOTSEL can only be pressed after the chip's own loader has checked it
     held = _held(settings.board)
     if held:
         gc.threshold(-1)
@@ -179,7 +178,7 @@ def start(again=False):
     try:
         controller.moves.take_memory()
     except ValueError as error:
-        # with one port it is the protocol's by now; HI tells that there is room for no frame
+        # With one port, it is the protocol's by now; HI reports room for no frame.
         if settings.ports == 2:
             print("framestep: too little memory is left for moves:", error)
             print(_SAVE)

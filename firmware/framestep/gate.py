@@ -1,4 +1,4 @@
-"""Which motors may move, what has them, and whether their drivers are on."""
+"""Whether motors may move, what has taken them, and whether their drivers are on."""
 
 from array import array
 
@@ -6,12 +6,12 @@ from framestep.protocol import messages as m
 
 
 class Gate:
-    """Says which motors may move, and switches their drivers on before they do.
+    """Decides which motors may move, and switches their drivers on before they do.
 
-    `flags` has the MOTOR_ bits of CONFIGURE, by motor. These have a bit for each motor: `powered`,
-    whose driver is on; `jogging`; `homing`, which are being homed or wait for it. faults: a
-    FaultLog, which is cleared when motors are sent somewhere. join() comes before the first pass.
-    Nothing allocates after construction.
+    `flags` has each motor's MOTOR_ bits of CONFIGURE. These have a bit for each motor: `powered`:
+    its driver is on; `jogging`; `homing`: it is homed or waits for it. faults: a FaultLog, which is
+    cleared when motors are sent somewhere. Call join() before the first pass. Nothing allocates
+    after construction.
     """
 
     def __init__(self, hal, axes, drivers, faults):
@@ -28,12 +28,12 @@ class Gate:
         self.virtuals = None
 
     def join(self, stops, operations, virtuals):
-        """Hand over what may have motors or hold them, each of which needs a gate itself."""
+        """Set the parts that can take motors or hold them, each of which needs a gate itself."""
         self.stops = stops
         self.operations = operations
         self.virtuals = virtuals
 
-    # ---------------------------------------------------------------- what has them
+    # ---------------------------------------------------------------- taken motors
 
     @property
     def virtual(self):
@@ -42,17 +42,17 @@ class Gate:
 
     @property
     def taken(self):
-        """Bits of the motors that an operation, a virtual motion or homing has."""
+        """Bits of the motors taken by an operation, a virtual motion or homing."""
         return self.operations.engaged | self.virtuals.engaged | self.homing
 
-    # ---------------------------------------------------------------- which may move
+    # ---------------------------------------------------------------- permission
 
     def allow_motion(self):
-        """Whether any motor may be moved."""
+        """Return whether any motor may be moved."""
         return self.stops.allow_motion()
 
     def enabled(self, motor):
-        """Whether a motor may be moved: it and its partner are enabled, and it follows no other.
+        """Return whether a motor may move: it and its partner are enabled, and it is no follower.
 
         Two coupled motors move one load. While one has no power, the other must not pull at it.
         """
@@ -62,14 +62,14 @@ class Gate:
         return not axis.partner or self.flags[motor + 1] & m.MOTOR_ENABLED != 0
 
     def all_enabled(self, bits):
-        """Whether all motors of these bits are enabled()."""
+        """Return whether all motors of these bits are enabled()."""
         for motor in range(self.axes.count):
             if (bits >> motor) & 1 and not self.enabled(motor):
                 return False
         return True
 
     def may_move(self, motor):
-        """OK, or the code that says why the motor may not be moved on its own now."""
+        """Return OK, or the reason why the motor may not be moved on its own now."""
         if not self.stops.allow_motion():
             return m.ERR_GENERAL
         virtuals = self.virtuals
@@ -83,34 +83,34 @@ class Gate:
         return m.OK if self._drivers_work(1 << motor) else m.ERR_GENERAL
 
     def may_move_all(self):
-        """OK, or the code that says why no operation may move motors now.
+        """Return OK, or the reason why no operation may move motors now.
 
-        It may not while the driver of any enabled motor does not work: without that motor it would
-        be another move.
+        None may while the driver of any enabled motor does not work: without that motor it would be
+        a different move.
         """
         if not self.stops.allow_motion() or not self._drivers_work(self.with_flag(m.MOTOR_ENABLED)):
             return m.ERR_GENERAL
         return m.ERR_MOVING if self.homing else m.OK  # field note 4.9
 
     def _drivers_work(self, bits):
-        """Whether the drivers of these motors and of their partners work."""
+        """Return whether the drivers of these motors and of their partners work."""
         drivers = self.drivers
         return not drivers or self.coupled(bits) & ~drivers.ready == 0
 
-    # ---------------------------------------------------------------- they are about to move
+    # ---------------------------------------------------------------- before motion
 
     def send(self, bits):
-        """Let an operation or a virtual axis send these motors somewhere."""
-        self.stop_jogging(bits)  # other motors go on jogging until their time is over
+        """Prepare these motors for an operation or a virtual motion."""
+        self.stop_jogging(bits)  # other motors go on jogging until their timeout
         self.switch_on(bits)
 
     def begin_jog(self, bit):
-        """Let a motor be jogged."""
+        """Prepare a motor for a jog."""
         self.jogging |= bit
         self.switch_on(bit)
 
     def stop_jogging(self, bits=-1):
-        """These motors are no longer jogged."""
+        """Note that these motors are no longer jogged."""
         self.jogging &= ~bits
 
     def set_homing(self, bits):
@@ -119,8 +119,7 @@ class Gate:
         self.homing = bits
 
     def switch_on(self, bits):
-        """Switch on the drivers of those of these motors that are enabled: they are about to
-        move."""
+        """Switch on the drivers of the enabled ones of these motors, which are about to move."""
         self.faults.clear()
         bits = self.coupled(bits) & self.with_flag(m.MOTOR_ENABLED) & ~self.powered
         if self.drivers:
@@ -141,18 +140,18 @@ class Gate:
     # ---------------------------------------------------------------- bits of motors
 
     def coupled(self, bits):
-        """The motors of these bits and their partners."""
+        """Return the bits of these motors and their partners."""
         for motor in range(self.axes.count - 1):
             if (bits >> motor) & 1 and self.axes[motor].partner:
                 bits |= 2 << motor
         return bits
 
     def leading(self, motor):
-        """The motor that this one follows, or itself."""
+        """Return the motor that this one follows, or itself."""
         return motor - 1 if self.axes[motor].leader else motor
 
     def with_flag(self, flag):
-        """The motors that have a flag set, one bit each."""
+        """Return the motors that have a flag set, one bit each."""
         bits = 0
         for motor in range(self.axes.count):
             if self.flags[motor] & flag:
@@ -160,7 +159,7 @@ class Gate:
         return bits
 
     def excluded(self):
-        """The motors that take no part in uploaded moves, one bit each.
+        """Return the motors left out of uploaded moves, one bit each.
 
         They are disabled or under live control, follow another, or have a disabled partner.
         """

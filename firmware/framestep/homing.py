@@ -1,9 +1,9 @@
-"""Homing: a motor looks for a switch, and its position is known from then on (field note 4.9).
+"""Homing: a motor finds its home switch, which defines its position (field note 4.9).
 
 One motor after the other: fast toward the switch, back off it, toward it again slowly. The place
-where the slow approach has found it is the `position` of the rig file. Then the motor backs off
-once more, so that the switch is free. While a motor looks for its switch, this is a limit of its
-own: Safety makes it slow down from an interrupt, whatever the main loop is busy with.
+where the slow approach finds it becomes the `position` of the rig file. Then the motor backs off
+once more, so that the switch is free. While a motor looks for its switch, the switch acts as one of
+its limits: Safety slows the motor down from an interrupt, whatever the main loop is busy with.
 
 Loaded only if a motor of the rig file has `home`. Nothing allocates after construction.
 """
@@ -19,30 +19,30 @@ from framestep.motors.bounds import update as update_bounds
 from framestep.motors.motor import MAX_ACCELERATION, TICKS_PER_SECOND
 from framestep.motors.positions import HELD, HOMED, HOMING, KNOWN, LOST, NOT_FOUND, NOT_OPENED
 from framestep.protocol import messages as m
-from framestep.stops import FAULT_HOMING, TOLD_HOMING
+from framestep.stops import FAULT_HOMING, HOMING_REPORT
 
 SETTLE_MS = const(50)  # at rest, before a switch is judged: longer than it bounces
-_PACE = const(1)  # stands for the motion's own rates where Axis.move_to() takes a speed
-_Y = const(14)  # a register of Motor.numbers to work with
+_OWN_RATES = const(1)  # a speed for Axis.move_to() that means the rates of _set_velocity()
+_Y = const(14)  # a scratch register of Motor.numbers
 
 # Phases
 _NONE = const(0)
 _SEEK = const(1)  # fast toward the switch
-_BACK = const(2)  # off it
+_BACK = const(2)  # off the switch
 _AGAIN = const(3)  # slowly toward it
-_LEAVE = const(4)  # off it, the position being known
-_ENDED = const(5)  # somebody has stopped it: the switch is its limit until it stands
+_LEAVE = const(4)  # off it, with the position known
+_ENDED = const(5)  # somebody has stopped it: until it is at rest, the switch is still its limit
 
 # Words
 _TARGET = const(0)
 _HERE = const(1)
-_WAY = const(2)
-_FOUND = const(3)  # where the switch was found
+_DISTANCE = const(2)
+_FOUND = const(3)  # position at which the switch was found
 _WORDS = const(4)
 
 
 class Homing:
-    """Homes motors. `Gate.homing` has the bits of those that are not done; whoever stops motors
+    """Homes motors. `Gate.homing` has the bits of those that are not done. Whoever stops motors
     ends homing (end()).
 
     operations: of uploaded moves. faults: a FaultLog.
@@ -75,13 +75,13 @@ class Homing:
         self.axis = self.axes[0]
         self.home = self.homes[found[0]]
         self.pin = 0  # of the switch, a bit of Hal.levels()
-        self.away = 0  # 1: downward
+        self.away = 0  # 1: away from the switch is downward
         self.found = False  # in this phase
         self.rested_at = 0  # ms
-        self.known = 0  # motors whose position was known, so that soft limits count
-        self.limits = 0  # soft limits to bring back: 1 lower, 2 upper; the partner's times 4
-        self.pins = 0  # those of the limit switch at this end, to bring back
-        self.news = 0  # motors about which the REPL is to be told
+        self.known = 0  # motors whose position was known, so that soft limits apply
+        self.limits = 0  # soft limits to restore: 1 lower, 2 upper; the partner's times 4
+        self.pins = 0  # pins of the limit switch at this end, to restore
+        self.news = 0  # motors whose result has yet to be printed on the REPL
         button = rig.home_input
         self.button = 1 << (button - 1) if button else 0
         self.was_on = inputs.values & self.button
@@ -90,8 +90,8 @@ class Homing:
     # ---------------------------------------------------------------- requests
 
     def _home(self):
-        """MSG_HOME, framestep's own (field note 4.9). No motors: all enabled ones that have `home`
-        in the rig file."""
+        """MSG_HOME, framestep's own (field note 4.9). Without motors: all enabled ones that have
+        `home` in the rig file."""
         reader = self.reader
         bits = 0
         for i in range(reader.length):
@@ -102,7 +102,7 @@ class Homing:
         return self.start(bits or self.usable())
 
     def usable(self):
-        """The motors that have `home` and may be moved, one bit each."""
+        """Return the motors that have `home` and may move, one bit each."""
         bits = 0
         for motor in self.order:
             if self.gate.enabled(motor):
@@ -110,7 +110,7 @@ class Homing:
         return bits
 
     def start(self, bits):
-        """Home the motors of these bits. Returns a code; nothing has changed unless it is OK."""
+        """Home the motors of these bits. Return a code; nothing changes unless it is OK."""
         if bits & ~self.capable:
             return m.ERR_RANGE
         if not bits or not self.gate.allow_motion():
@@ -139,7 +139,7 @@ class Homing:
         return m.OK
 
     def _refusal(self, motor):
-        """OK, or the code that says why this motor may not be homed."""
+        """Return OK, or the reason why this motor may not be homed."""
         code = self.gate.may_move(motor)
         if code != m.OK:
             return code
@@ -154,7 +154,7 @@ class Homing:
         return m.OK
 
     def _watch_button(self):
-        """Home motors whose position is not known when the input for it comes on."""
+        """Home motors of unknown position when the input for homing goes on."""
         on = self.inputs.values & self.button
         if on and not self.was_on:
             states = self.axes.positions.states
@@ -168,7 +168,7 @@ class Homing:
     # ---------------------------------------------------------------- one motor
 
     def poll(self, now):
-        """One pass. now: milliseconds modulo 2^29."""
+        """Do one pass of the main loop. now: milliseconds modulo 2^29."""
         if self.button:
             self._watch_button()
         if not self.phase:
@@ -209,7 +209,7 @@ class Homing:
         self.limits = 0
         if not (self.known >> self.motor) & 1:
             self._suspend_limits()
-        if self._active():  # it stands on its switch
+        if self._active():  # it is on its switch
             self.axis.position_to(self.words, _FOUND)
             self._go(_BACK)
         else:
@@ -225,30 +225,30 @@ class Homing:
         speed = home["speed"]
         back = self.away
         if phase == _SEEK:
-            words[_WAY] = home["travel"]
+            words[_DISTANCE] = home["travel"]
             back ^= 1
         elif phase == _AGAIN:
-            words[_WAY] = 2 * home["back_off"]
+            words[_DISTANCE] = 2 * home["back_off"]
             if not home["stall"]:
                 speed = home["slow_speed"]
             back ^= 1
         else:
-            words[_WAY] = home["back_off"]
+            words[_DISTANCE] = home["back_off"]
         start = _FOUND
         if back != self.away:
             self.axis.position_to(words, _HERE)
             start = _HERE
-        reals.add_words(words, _TARGET, words, start, words, _WAY, back)
-        self._set_pace(speed)
+        reals.add_words(words, _TARGET, words, start, words, _DISTANCE, back)
+        self._set_velocity(speed)
         self.gate.switch_on(1 << self.motor)
-        self.axis.move_to(self.hal, words, _TARGET, _PACE)
+        self.axis.move_to(self.hal, words, _TARGET, _OWN_RATES)
 
-    def _set_pace(self, speed):
-        """The velocity of the next motion, in steps/s, at most what the motor is set to; its
-        acceleration is the motor's own."""
+    def _set_velocity(self, speed):
+        """Set the velocity of the next motion, in steps/s, at most the motor's; its acceleration is
+        the motor's."""
         axis = self.axis
         r = axis.numbers
-        axis.speed = _PACE
+        axis.speed = _OWN_RATES
         axis.rates_outdated = False
         reals.put(r, MOTION_VELOCITY, min(speed, axis.velocity), 0)
         reals.put(r, _Y, TICKS_PER_SECOND, 0)
@@ -256,13 +256,13 @@ class Homing:
         reals.copy(r, MOTION_ACCELERATION, MAX_ACCELERATION)
 
     def _judge(self):
-        """The motor has come to rest at the end of a phase: go on, or say what is wrong."""
+        """At rest after a phase: begin the next one, or note what is wrong."""
         phase = self.phase
         if not self.gate.allow_motion():
             self.end()
         elif phase == _SEEK or phase == _AGAIN:
-            # A switch that was found and is open again was a disturbance, if the motor was so slow
-            # that it cannot have passed it. A stall is over as soon as the motor stands.
+            # A switch that was found but is open again was disturbed, if the motor was so slow that
+            # it cannot have passed it. (A stall, however, ends as soon as the motor rests.)
             if not self.found or (
                 phase == _AGAIN and not self._active() and not self.home["stall"]
             ):
@@ -279,14 +279,14 @@ class Homing:
             self._done()
 
     def _arrive(self):
-        """Where the switch was found is its position; the motor has come to rest some steps
-        behind."""
+        """Make the place where the switch was found the `position` of the rig file. The motor has
+        come to rest some steps beyond it."""
         words = self.words
         axis = self.axis
         axis.position_to(words, _HERE)
-        reals.add_words(words, _WAY, words, _HERE, words, _FOUND, 1)
+        reals.add_words(words, _DISTANCE, words, _HERE, words, _FOUND, 1)
         words[_FOUND] = self.home["position"]
-        reals.add_words(words, _HERE, words, _FOUND, words, _WAY, 0)
+        reals.add_words(words, _HERE, words, _FOUND, words, _DISTANCE, 0)
         if not axis.set_position(words, _HERE):
             self._fail(NOT_FOUND)
             return
@@ -295,32 +295,32 @@ class Homing:
         positions.put(self.motor, KNOWN, HOMED)
         self.axes.position_was_set(self.motor)
         self.operations.settings_changed()
-        self.reports.tell_positions()
+        self.reports.report_positions()
         self._restore_limits()
         self._go(_LEAVE)
 
     def _done(self):
-        """This motor is homed; on with the next one."""
+        """Finish this motor, and go on with the next one."""
         self.release()
-        self._tell()
+        self._note_result()
         self.gate.set_homing(self.gate.homing & ~(1 << self.motor))
         self._next()
 
     def _fail(self, reason):
-        """This motor's position is lost, and homing ends. reason: of motors/positions.py."""
+        """Mark this motor's position as lost, and end homing. reason: of motors/positions.py."""
         self.end()
         self.axes.positions.set_lost(1 << self.motor, reason)
         self.faults.note(FAULT_HOMING, 0)
-        self._tell()
+        self._note_result()
 
     def end(self, bits=-1):
-        """End homing if any of these motors is homed: they are about to be stopped."""
+        """End homing if any of these motors, which are about to be stopped, is homed."""
         if self.gate.homing & bits:
             self.gate.set_homing(0)
             self.release()
 
     def release(self):
-        """Give the motor back as it was; its switch remains its limit until it stands."""
+        """Release the motor. Its switch remains its limit until it is at rest."""
         self.phase = _ENDED
         self._restore_limits()
         self.axis.rates_outdated = True
@@ -328,7 +328,7 @@ class Homing:
             self.let_go()
 
     def let_go(self):
-        """After release(): the limit switches are those of SET_LIMITS again."""
+        """After release(): restore the limit switches of SET_LIMITS."""
         if self.phase == _ENDED:
             self.phase = _NONE
             self.safety.set_limit_pins(self.motor, self.away, self.pins)
@@ -336,7 +336,7 @@ class Homing:
     # ---------------------------------------------------------------- limits
 
     def _suspend_limits(self):
-        """Soft limits do not count: the motor's number says nothing about where it is."""
+        """Suspend soft limits, as the motor's number does not show where it is."""
         axis = self.axis
         self.limits = (1 if axis.lower_enabled else 0) | (2 if axis.upper_enabled else 0)
         axis.lower_enabled = axis.upper_enabled = False
@@ -347,7 +347,7 @@ class Homing:
         update_bounds(axis)
 
     def _restore_limits(self):
-        """They count again."""
+        """Restore the soft limits."""
         limits = self.limits
         if limits:
             self.limits = 0
@@ -360,8 +360,8 @@ class Homing:
             update_bounds(axis)
 
     def take_limit(self, bits):
-        """Motors are stopped at a limit, one bit each. Returns them without the one that has found
-        its home switch, of which nobody is told; another one that is being homed ends homing."""
+        """Filter the motors stopped at a limit, one bit each: remove the one that has found its
+        home switch, which is not reported. Another motor that is being homed ends homing."""
         own = 1 << self.motor
         if bits & own and (self.phase == _SEEK or self.phase == _AGAIN):
             safety = self.safety
@@ -374,22 +374,22 @@ class Homing:
         self.end(bits)
         return bits
 
-    # ---------------------------------------------------------------- people
+    # ---------------------------------------------------------------- reports to people
 
-    def _tell(self):
-        """The REPL is to be told how it went."""
+    def _note_result(self):
+        """Have the result printed on the REPL."""
         self.news |= 1 << self.motor
-        self.faults.note(0, TOLD_HOMING)
+        self.faults.note(0, HOMING_REPORT)
 
-    def tell(self):
-        """Print how it went. Allocates nothing."""
+    def report(self):
+        """Print the results. Allocates nothing."""
         for motor in self.order:
             if (self.news >> motor) & 1:
                 reason = self.axes.positions.reasons[motor]
                 text = "is homed"
                 if reason == NOT_FOUND:
-                    text = "has not found its home switch: its position is lost"
+                    text = "did not find its home switch: its position is lost"
                 elif reason == NOT_OPENED:
-                    text = "does not come off its home switch: its position is lost"
+                    text = "did not come off its home switch: its position is lost"
                 print("framestep: motor", motor + 1, text)
         self.news = 0

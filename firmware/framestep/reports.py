@@ -1,5 +1,4 @@
-"""What the host is told: HI, positions, and all that is sent unasked as soon as there is room for
-it."""
+"""Messages to the host: HI, positions, and everything that is sent unasked once there is room."""
 
 from framestep.base.clock import elapsed
 from framestep.protocol import messages as m
@@ -14,7 +13,7 @@ CAPABILITIES = (
 class Reports:
     """Keeps what is due to be sent until the writer has room.
 
-    header: of the tick. join() comes before the first pass. Nothing allocates after construction.
+    header: of the tick. Call join() before the first pass. Nothing allocates after construction.
     """
 
     def __init__(self, hal, rig, writer, axes, io):
@@ -28,7 +27,7 @@ class Reports:
         self.virtuals = None
         self.hi = False
         self.position = False
-        self.frame = False  # `position` is that of the frame reached last
+        self.frame = False  # `position` is for the frame reached last
         self.virtual = False
         self.end = False
         self.go = False
@@ -36,24 +35,25 @@ class Reports:
         self.hard_stop = m.HARD_STOP_FAULT if hal.watchdog.caused_reset else -1
         self.was_moving = False
         self.period_ms = rig.report_ms
-        self.sent_at = 0  # when positions were, ms
+        self.sent_at = 0  # time of the last positions, ms
 
     def join(self, moves, virtuals):
-        """Hand over what is reported about, which needs a Reports itself."""
+        """Set the parts on which it reports, which need a Reports themselves."""
         self.moves = moves
         self.operations = moves.operations
         self.virtuals = virtuals
 
-    def tell_positions(self):
-        """Have positions sent: somebody has set one."""
+    def report_positions(self):
+        """Have positions sent, as one has been set."""
         self.position = True
 
-    def tell_fault(self):
-        """Have the host told of an internal fault."""
+    def report_fault(self):
+        """Have an internal fault reported to the host."""
         self.hard_stop = m.HARD_STOP_FAULT
 
-    def nobody_listens(self):
-        """The port is closed: drop all but what stopped the motors, which the next host gets."""
+    def on_closed(self):
+        """Drop everything that is due, as the port is closed; but keep the reason of a stop for the
+        next host."""
         self.hi = self.position = self.frame = self.virtual = self.end = self.go = False
 
     def send(self, now, listened):
@@ -71,7 +71,7 @@ class Reports:
         self.was_moving = moving
         self.io.report(listened)
         if not listened:
-            self.nobody_listens()
+            self.on_closed()
             return
         if self.hi and self.send_hi(None):
             self.hi = False
@@ -86,7 +86,7 @@ class Reports:
         if self.position and self.send_positions(None, self.frame):
             self.position = self.frame = False
             self.sent_at = now
-            self.virtual = virtuals.configured  # in the next pass, as they take some computing
+            self.virtual = virtuals.configured  # sent in the next pass, as they take some computing
         if self.go:
             writer.begin(m.MSG_RT_GO, None)
             if writer.end():
@@ -97,9 +97,9 @@ class Reports:
                 self.end = False
 
     def send_hi(self, reader):
-        """Send HI: what the device is and has (field note 1.5).
+        """Send HI: what the device is and what it has (field note 1.5).
 
-        reader: of the request, or None. Returns whether there was room.
+        reader: of the request, or None. Return whether there was room.
         """
         writer = self.writer
         writer.begin(m.MSG_HI, reader)
@@ -118,10 +118,10 @@ class Reports:
         return writer.end()
 
     def send_positions(self, reader, frame=False):
-        """Send MOTOR_GET_POSITION: MOVE TIME and positions, at the same time on the pins.
+        """Send MOTOR_GET_POSITION: MOVE TIME and positions at the same time on the pins.
 
-        reader: of the request, or None. frame: those of the frame reached last (field note 4.6).
-        Returns whether there was room.
+        reader: of the request, or None. frame: send those of the frame reached last (field note
+        4.6). Return whether there was room.
         """
         writer = self.writer
         writer.begin(m.MSG_MOTOR_GET_POSITION, reader)

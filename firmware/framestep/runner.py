@@ -1,13 +1,13 @@
-"""Runs a controller beside MicroPython's REPL.
+"""Runs a controller alongside MicroPython's REPL.
 
 With two ports the controller runs in the background: a timer calls it from MicroPython's scheduler,
-and the REPL works as ever. With one port, which is the REPL's, it runs in the foreground.
+and the REPL works as usual. With one port, which is the REPL's, it runs in the foreground.
 
 A pass runs with the heap locked. It needs no heap, and MicroPython then puts call frames of more
 than eleven words on the stack. Otherwise it would search the whole heap for room, and collect it if
-it is full, which takes 30 ms for each frame. What runs outside the lock has smaller frames (a test
+it is full, which takes 30 ms for each frame. Code outside of the lock has smaller frames (a test
 counts them), or may take long. If a program on the REPL has taken all memory, everything goes on,
-and all reports that need no memory are made.
+including all reports that need no memory.
 """
 
 import io
@@ -26,17 +26,17 @@ from framestep.hal import DEEPEST, PASS
 from framestep.moves.path.move_check import UNREPORTED
 from framestep.protocol.messages import CONDITION_POSITIONS_UNSAVABLE, CONDITION_WATCHDOG_RESET
 from framestep.pulse.stepper import TICKS
-from framestep.stops import TOLD_HOMING
+from framestep.stops import HOMING_REPORT
 
 _PASS_MS = const(1)
-_BEHIND_TICK_US = const(50)  # of the passes: see _prepare()
-_SAYINGS = const(16)
+_BEHIND_TICK_US = const(50)  # from a tick to a pass: see _prepare()
+_LINES = const(16)
 _BEAT_MS = const(128)
 _CTRL_C = const(3)
 
 
 class _CtrlC(io.IOBase):
-    """A terminal on which somebody has pressed Ctrl-C."""
+    """A terminal on which Ctrl-C has been pressed."""
 
     def readinto(self, buffer):
         buffer[0] = _CTRL_C
@@ -51,7 +51,7 @@ class _CtrlC(io.IOBase):
 
 @micropython.viper
 def _interrupt(terminal, notify, ctrl_c):
-    """Raise a KeyboardInterrupt in what this has interrupted, as soon as that goes on."""
+    """Raise a KeyboardInterrupt in the interrupted code, as soon as it goes on."""
     before = terminal(ctrl_c)
     notify(None)
     terminal(before)
@@ -65,10 +65,10 @@ class Runner:
         hal.report_driver = self.report_driver
         self.background = background
         self._inside = hal.inside
-        # lines about drivers since the last were printed; only the newest are kept
-        self._sayings = 0
-        self._saying_motors = bytearray(_SAYINGS)
-        self._saying_texts = [""] * _SAYINGS
+        # lines about drivers that have yet to be printed; only the newest are kept
+        self._lines = 0
+        self._line_motors = bytearray(_LINES)
+        self._line_texts = [""] * _LINES
         # Made now, as there may be no memory for them later
         self._pass_callback = hal.pass_callback(self._pass)
         self._blink_callback = self._blink
@@ -76,12 +76,12 @@ class Runner:
         self._controller = None
         self.failure = None  # the exception that ended the passes
         self.alive = False  # passes go on
-        self.task = None  # what framestep.repl wants done between two passes
+        self.task = None  # a function of framestep.repl to call between two passes
         self._traceback_task = self._traceback
         self._failing = False  # a pass was broken off: the next one stops the motors
         self._failed = False  # that is to be printed
         self._news = False  # that, or lines about drivers, are to be printed
-        self._struck = False  # Ctrl-C came in a pass: it is passed on to the program on the REPL
+        self._struck = False  # Ctrl-C came in a pass; pass it on to the program on the REPL
         self._ctrl_c = _CtrlC()
 
     def report_driver(self, motor, text):
@@ -89,14 +89,14 @@ class Runner:
 
         Allocates nothing.
         """
-        place = self._sayings % _SAYINGS
-        self._saying_motors[place] = motor
-        self._saying_texts[place] = text
-        self._sayings += 1
+        place = self._lines % _LINES
+        self._line_motors[place] = motor
+        self._line_texts[place] = text
+        self._lines += 1
         self._news = True
 
     def run(self, controller):
-        """Run the controller: in the background, and return at once; or until Ctrl-C on its
+        """Run the controller: in the background, returning at once; or until Ctrl-C on its
         port."""
         self._controller = controller
         if self.background:
@@ -119,14 +119,14 @@ class Runner:
             self.failure = error
             self._broken()
         finally:
-            self._hal.port.stop()  # the REPL has it again
-            self._tell_all()
+            self._hal.port.stop()  # gives it back to the REPL
+            self._report_all()
 
     def _prepare(self):
-        """Wait for the moment between two ticks at which all passes are to begin.
+        """Wait for the moment between two ticks at which all passes will begin.
 
-        The pass that reads a GO releases the motors a millisecond and a half after it has begun.
-        Were that near a tick, it would come before it one time and behind it the next, and runs
+        The pass that reads a GO releases the motors a millisecond and a half after it has begun. If
+        that were close to a tick, it would sometimes come before and sometimes after it, and runs
         would begin up to 2 ms apart instead of 1 (`make bench`: go_ms_spread).
         """
         state = self._hal.kernel.state
@@ -136,7 +136,7 @@ class Runner:
         sleep_us(_BEHIND_TICK_US)
 
     def _poll(self):
-        """One pass in the foreground. Returns what the controller's poll() does."""
+        """Do one pass in the foreground. Return the result of the controller's poll()."""
         heap_lock()
         self._inside[PASS] = 1
         try:
@@ -145,8 +145,8 @@ class Runner:
             self._inside[PASS] = 0
             heap_unlock()
 
-    # MicroPython raises a Ctrl-C that is pending at the next branch. So there is none here in front
-    # of _turn(), which expects it, nor behind the last line, which passes it on.
+    # MicroPython raises a pending Ctrl-C at the next branch. So there is no branch before _turn(),
+    # which expects it, nor after the last line, which passes it on.
     def _pass(self, _timer):
         heap_lock()
         try:
@@ -163,16 +163,16 @@ class Runner:
     def _turn(self):
         """Do one pass in the background, whatever is raised in it.
 
-        A Ctrl-C is meant for a program that runs on the REPL.
+        A Ctrl-C is meant for a program on the REPL.
         """
         controller = self._controller
         try:
             if not self.alive or stack_use() > DEEPEST:
                 # The passes ended while this one waited in the scheduler. Or a program is deep in
-                # calls, so that the stack might not do for a pass; the next one comes in 1 ms.
+                # calls, so that the stack may be too small for a pass; the next one comes in 1 ms.
                 return
         except KeyboardInterrupt:
-            self._struck = True  # where nothing is half done
+            self._struck = True  # at a point where nothing is half done
         try:
             if self._failing:
                 controller.stops.fault_stop()
@@ -189,12 +189,12 @@ class Runner:
             return
         try:
             if (self._news or controller.faults.unreported) and not controller.reports.was_moving:
-                self._tell()
+                self._report()
         except KeyboardInterrupt:
-            self._struck = True  # the REPL's port was full, and what was to be told is cut short
+            self._struck = True  # the REPL's port was full, and the report is cut short
 
     def _after(self):
-        """Do what allocates, and so is not for a pass."""
+        """Do what allocates, and so cannot be done in a pass."""
         if self._failing and self.alive:
             return  # the pass has left its work half done
         task = self.task
@@ -210,12 +210,12 @@ class Runner:
                 self._struck = True
 
     def _end(self):
-        """An exception has ended the passes."""
+        """Stop after an exception has ended the passes."""
         self.stop()
         self._controller.stops.crash_stop()
 
     def _broken(self):
-        """An exception has ended the passes in the foreground."""
+        """Stop after an exception has ended the passes in the foreground."""
         heap_lock()
         try:
             self._end()
@@ -228,7 +228,7 @@ class Runner:
         print("framestep: stopped by a fault in the firmware; a reset starts it again")
         sys.print_exception(self.failure)  # type: ignore[attr-defined]
 
-    def _tell(self):
+    def _report(self):
         """Print why motors were stopped, and what drivers do. Allocates nothing.
 
         Not on the protocol's port, and not while motors move, as the REPL's host may keep the board
@@ -250,33 +250,30 @@ class Runner:
             )
         elif unreported & UNREPORTED and exceeded[WHAT]:
             print(
-                "framestep: the last move asks too much of motor",
+                "framestep: the last move exceeds a limit of motor",
                 exceeded[MOTOR] + 1,
                 "at frame",
                 exceeded[FRAME],
                 "- see status()",
             )
-        if unreported & TOLD_HOMING:
-            self._controller.homing.tell()
+        if unreported & HOMING_REPORT:
+            self._controller.homing.report()
         if self._failed:
             self._failed = False
-            print(
-                "framestep: Ctrl-C came in the middle of the controller's work; "
-                "the motors were ramped down"
-            )
-        sayings = self._sayings
-        self._sayings = 0
-        if sayings > _SAYINGS:
-            print("framestep: drivers:", sayings - _SAYINGS, "earlier lines are lost")
-        for i in range(max(0, sayings - _SAYINGS), sayings):
+            print("framestep: Ctrl-C interrupted the controller; the motors were ramped down")
+        lines = self._lines
+        self._lines = 0
+        if lines > _LINES:
+            print("framestep: drivers:", lines - _LINES, "earlier lines are lost")
+        for i in range(max(0, lines - _LINES), lines):
             print(
                 "framestep: driver of motor",
-                self._saying_motors[i % _SAYINGS],
-                self._saying_texts[i % _SAYINGS],
+                self._line_motors[i % _LINES],
+                self._line_texts[i % _LINES],
             )
 
-    def _tell_all(self):
-        """After the protocol has given the port back to the REPL: print all that had to wait."""
+    def _report_all(self):
+        """Print all that had to wait, after the port has been given back to the REPL."""
         try:
             from framestep import texts
 
@@ -287,7 +284,7 @@ class Runner:
                 print("framestep:", line)
         except MemoryError:
             pass
-        self._tell()
+        self._report()
 
     def _blink(self, _timer):
         """Flash the LED after the passes have ended."""
@@ -295,7 +292,7 @@ class Runner:
         self._hal.led(glow(LED_FAULT, self._beat))
 
     def stop(self):
-        """End the passes: the motors ramp down, the watchdog is off, the REPL works as before."""
+        """End the passes: ramp the motors down, switch the watchdog off; the REPL goes on."""
         self.alive = False
         self._hal.passes.deinit()
         heap_lock()

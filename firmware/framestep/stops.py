@@ -1,6 +1,6 @@
-"""How everything is stopped when something goes wrong, and the host's STOP_ALL.
+"""Stopping everything when something goes wrong, and the host's STOP_ALL.
 
-ARCHITECTURE.md has a table of all that stops motors. Nothing here allocates.
+ARCHITECTURE.md has a table of everything that stops motors. Nothing here allocates.
 """
 
 from framestep.base.clock import elapsed
@@ -9,34 +9,34 @@ from framestep.motors.positions import DRIVER, STEPS
 from framestep.protocol import messages as m
 from framestep.pulse import stepper
 
-# Bits of `fault`, above the kernel's FAULT_ bits; their texts are in texts.py
+# Bits of `fault`, above the kernel's FAULT_ bits; their texts are in faults.py
 FAULT_LOST = const(0x10)
 FAULT_ESTOP = const(0x20)
 FAULT_LIMIT = const(0x40)
 FAULT_DRIVER = const(0x80)
 FAULT_TAKEN = const(0x100)
-FAULT_HOMING = const(0x400)  # what the REPL is told about it comes from homing.py
+FAULT_HOMING = const(0x400)  # homing.py prints its text
 
-TOLD_HOMING = const(0x400)  # of `unreported`: homing has something to tell
+HOMING_REPORT = const(0x400)  # bit of `unreported`: homing has a result to print
 
 SECOND_STOP_MS = const(1000)  # field note 4.4
 
 
 class FaultLog:
     """Why motors were stopped, FAULT_ bits: `fault` until a motor is sent somewhere again,
-    `unreported` until the REPL has been told; that one has what else it is to be told, too."""
+    `unreported` until it is printed on the REPL. `unreported` also has bits for other lines."""
 
     def __init__(self):
         self.fault = 0
         self.unreported = 0
 
     def note(self, fault, unreported):
-        """Note why the motors are stopped, and what the REPL is to be told."""
+        """Note why the motors are stopped, and what to print on the REPL."""
         self.fault |= fault
         self.unreported |= unreported
 
     def clear(self):
-        """Motors are sent somewhere: what stopped them is over."""
+        """Clear the fault, as motors are sent somewhere."""
         self.fault = 0
 
 
@@ -82,10 +82,10 @@ class Stops:
         self.broken = broken
         self.header = hal.kernel.state
         self.positions = axes.positions
-        self.stop_all_at = -1  # when the last STOP_ALL came, ms
+        self.stop_all_at = -1  # time of the last STOP_ALL, ms
 
     def allow_motion(self):
-        """Whether any motor may be moved."""
+        """Return whether any motor may be moved."""
         return not self.broken and not self.safety.tripped and self.check_pins()
 
     def stop_everything(self):
@@ -98,7 +98,7 @@ class Stops:
         self.gate.switch_off(self.axes.released)
 
     def crash_stop(self):
-        """After an exception in a pass: stop_everything(), and tell the host at once (note 8.4)."""
+        """After an exception in a pass: stop everything, and report it at once (note 8.4)."""
         self.stop_everything()
         writer = self.writer
         writer.begin(m.MSG_MOTOR_HARD_STOP, None)
@@ -107,14 +107,14 @@ class Stops:
         self.port.send(writer)
 
     def fault_stop(self):
-        """After an internal fault: stop_everything(), and tell the host soon (field note 8.4)."""
+        """After an internal fault: stop everything, and report it soon (field note 8.4)."""
         self.stop_everything()
         self.gate.stop_jogging()
         self._end_homing()
-        self.reports.tell_fault()
+        self.reports.report_fault()
 
     def on_host_lost(self):
-        """The host has closed the port or does not read: all ramp down (field note 1.11)."""
+        """Ramp all motors down, as the host has closed the port or does not read (note 1.11)."""
         virtuals = self.virtuals
         ready = self.hal.ready()
         self.operations.host_lost(ready, virtuals.engaged)
@@ -122,16 +122,16 @@ class Stops:
             virtuals.stop()
             self.axes.stop(1, virtuals.engaged, True)
         else:
-            virtuals.halt()  # no motor may turn round on the way to rest
+            virtuals.halt()  # no motor may turn before it is at rest
             self.axes.stop()
         self.io.safe()
         self.run_outputs.abort()
         self.gate.stop_jogging()
         self._end_homing()
-        self.reports.nobody_listens()
+        self.reports.on_closed()
 
     def on_stop_input(self):
-        """A stop input has become active: hard-stop what it is for (field note 8.4)."""
+        """Hard-stop what a stop input is for that has become active (field note 8.4)."""
         axes = self.axes
         virtuals = self.virtuals
         operations = self.operations
@@ -171,7 +171,7 @@ class Stops:
             self.homing.end()
 
     def on_fault(self, lost):
-        """The kernel has found a fault, or the engine has lost commands of the motors `lost`."""
+        """Handle a fault of the kernel, or lost commands of the motors `lost`."""
         header = self.header
         self._note(header[stepper.FAULTS] | (FAULT_LOST if lost else 0))
         header[stepper.FAULTS] = 0
@@ -185,7 +185,7 @@ class Stops:
         self.fault_stop()
 
     def on_driver_failure(self, bits):
-        """The drivers of these motors have failed (io/tmc2209.py).
+        """Handle a failure of these motors' drivers (io/tmc2209.py).
 
         Those that were on have lost their positions, and everything comes to rest.
         """
@@ -198,10 +198,10 @@ class Stops:
             self.fault_stop()
 
     def check_pins(self):
-        """Returns whether all pins are as the HAL has set them up.
+        """Return whether all pins are as the HAL has set them up.
 
-        If a program on the REPL has changed some, the HAL takes them back, everything stops, and
-        motors that may have missed pulses have lost their positions.
+        If a program on the REPL has changed some, the HAL takes them back and everything stops.
+        Motors that may have missed pulses have lost their positions.
         """
         hal = self.hal
         lost = hal.reclaim()
@@ -213,7 +213,7 @@ class Stops:
         return False
 
     def stop_all(self):
-        """MSG_MOTOR_STOP_ALL: all motors ramp down. Flags are ignored.
+        """MSG_MOTOR_STOP_ALL: ramp all motors down. Flags are ignored.
 
         Within SECOND_STOP_MS of another one, or while JOG_ALL comes to rest on a frame, it is the
         hard stop (field notes 4.4 and 6.10). Returns OK.

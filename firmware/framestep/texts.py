@@ -1,5 +1,5 @@
-"""Conditions as text: for the REPL, and for `framestep status` on the host. Loaded when somebody
-asks; allocates."""
+"""Conditions as text: for the REPL, and for `framestep status` on the host. Loaded on demand.
+Allocates."""
 
 from framestep.faults import FAULTS, outcome
 from framestep.motors.positions import (
@@ -49,44 +49,40 @@ REASONS = {
     STEPS: "steps were not made",
     BROKEN_OFF: "the power or the firmware failed while motors moved",
     BEFORE: "lost before the power failed",
-    RESTORED: "as remembered from before power-up",
+    RESTORED: "restored from before power-up",
     DRIVER_OFF: "the driver has been off since it was known",
     SET: "set by the host",
     DRIVER: "its driver has failed",
     UNPOWERED: "the E-stop cut the power in motion",
     HOMED: "set by homing",
-    HOMING: "homing was begun and is not done",
+    HOMING: "homing has begun and is not done",
     NOT_FOUND: "homing did not find its switch",
     NOT_OPENED: "its home switch did not open",
     SERVO: "a servo goes where its pulses say",
 }
 CONDITIONS = {
-    CONDITION_RIG_FILE_INVALID: "the rig file has a mistake: nothing moves (the REPL says which)",
+    CONDITION_RIG_FILE_INVALID: "the rig file has a mistake: nothing moves (the REPL shows it)",
     CONDITION_ESTOP: "the E-stop is held",
-    CONDITION_POSITIONS_SAVED: "positions are remembered: power may go",
+    CONDITION_POSITIONS_SAVED: "positions are saved: the power may be cut",
     CONDITION_POSITIONS_PENDING: (
-        "positions are not remembered yet: wait until the motors have stood for 2 seconds"
+        "positions are not saved yet: wait until the motors have rested for 2 seconds"
     ),
-    CONDITION_POSITIONS_UNSAVABLE: (
-        "positions cannot be remembered: the flash or its files do not take them"
-    ),
+    CONDITION_POSITIONS_UNSAVABLE: "positions cannot be saved: the flash or its files fail",
     CONDITION_WATCHDOG_RESET: (
-        "the watchdog has started the board: the firmware hung while motors moved"
+        "the watchdog restarted the board: the firmware hung while motors moved"
     ),
-    CONDITION_EXCEEDED: "the last move asks too much of a motor, or does not fit into memory",
+    CONDITION_EXCEEDED: "the last move exceeds a motor's limits, or does not fit into memory",
     CONDITION_DRIVER: "a driver does not work and its motor does not move (the REPL says why)",
     CONDITION_OVERLAY: "an overlay is in use: edited modules replace the image's (framestep flash)",
     CONDITION_OVERLAY_LEFT_OUT: (
         "an overlay was left out: the image's own modules run (framestep flash, or flash --clean)"
     ),
 }
-LIMITS_COUNT = (
-    "soft limits count from a lost position, so they do not protect; RESET_POSITION sets it"
-)
+LIMITS_COUNT = "soft limits do not protect a motor whose position is lost; RESET_POSITION sets it"
 
 
 def trust(state, reason):
-    """Such as "lost: not set since power-up"."""
+    """Return the text of a state and its reason, such as "lost: not set since power-up"."""
     return "%s: %s" % (
         STATES.get(state, "state %d" % state),
         REASONS.get(reason, "reason %d" % reason),
@@ -97,7 +93,7 @@ EXCEEDED = {
     EXCEEDED_VELOCITY: "its velocity by %d steps/s: refused",
     EXCEEDED_ACCELERATION: "its acceleration by %d steps/s²; it is refused with strict_moves only",
     EXCEEDED_BOARD: "what the board can make: refused",
-    EXCEEDED_SLOWED: "what it is set to: JOG_ALL goes at %d frames in 1000 s",
+    EXCEEDED_SLOWED: "its limits: JOG_ALL goes at %d frames in 1000 s",
     EXCEEDED_UPPER: "its upper soft limit: refused",
     EXCEEDED_LOWER: "its lower soft limit: refused",
     EXCEEDED_PREROLL: "a limit or its acceleration in the pre-roll: refused",
@@ -106,14 +102,13 @@ EXCEEDED = {
 
 
 def exceeded(what, motor, frame, by, room=0):
-    """A line about what the last move exceeds, or none.
+    """Return a list with a line about what the last move exceeds, or an empty list.
 
     what: EXCEEDED_. motor: from 1. by, room: see framestep.base.results.
     """
     if what == EXCEEDED_MEMORY:
         return [
-            "the last upload does not fit into memory: what was refused needs %d bytes, %d are free"
-            % (by, room)
+            "the last upload does not fit into memory: it needs %d bytes, %d are free" % (by, room)
         ]
     if what not in EXCEEDED:
         return []
@@ -124,19 +119,19 @@ def exceeded(what, motor, frame, by, room=0):
 
 
 def conditions(bits):
-    """A line for each of the CONDITION_ bits of MSG_CONDITION."""
+    """Return a line for each of the CONDITION_ bits of MSG_CONDITION."""
     return [CONDITIONS[bit] for bit in sorted(CONDITIONS) if bits & bit]
 
 
 def faults(bits):
-    """A line for each bit of Controller.fault."""
+    """Return a line for each bit of FaultLog.fault."""
     return [text + outcome(bit) for bit, text in FAULTS if bits & bit]
 
 
 def positions(controller):
-    """A line for each motor: its position as reported to the host, and how far that can be trusted.
+    """Return a line for each motor: its position as reported, and how far that can be trusted.
 
-    One more line if some position is lost.
+    Adds a line if some position is lost.
     """
     axes = controller.axes
     found = axes.positions

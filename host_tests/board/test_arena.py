@@ -100,7 +100,7 @@ def test_ten_thousand_frames_without_lights():
         assert refused[0] >= 2
         told = session.ask(p.GetExceeded())
         assert 0 <= told.room < told.by == 34 * -(-1000 // 28)
-        line = f"what was refused needs {told.by} bytes, {told.room} are free"
+        line = f"it needs {told.by} bytes, {told.room} are free"
         assert repl.finish(4).splitlines() == [
             "framestep: the upload does not fit into memory; bytes needed and free: "
             f"{told.by} {told.room}"

@@ -163,7 +163,7 @@ def test_faults_in_words(session):
     assert (
         repl.exec("import framestep.repl; status()")
         .splitlines()[2]
-        .startswith("framestep has stopped by a fault")
+        .startswith("framestep was stopped by a fault")
     )
 
 
@@ -175,7 +175,7 @@ def test_a_move_that_asks_too_much_is_told_unasked():
         repl.exec("import time")
         session.speed(2, 1000, 20000)
         session.upload({1: [10 * k for k in range(20)], 2: [0] * 10 + [100] * 10})
-        line = "framestep: the last move asks too much of motor 2 at frame 11 - see status()"
+        line = "framestep: the last move exceeds a limit of motor 2 at frame 11 - see status()"
         repl.start("time.sleep_ms(100)")
         session.refuse(Ack.ERR_RANGE, run_request(fps=24, end=20))
         assert repl.finish(1).splitlines() == [line]

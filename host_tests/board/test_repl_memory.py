@@ -148,7 +148,7 @@ def test_a_rig_file_is_judged_and_its_code_let_go(refused):
     before = refused.run(modules)
     assert judged('{"name": "a", "motor_count": 3}') == [
         True,
-        "right for Raspberry Pi Pico: 'a', 0 motors set",
+        "valid for Raspberry Pi Pico: 'a', 0 motors set",
     ]
     right, why = judged('{"motor_count": 99}')
     assert right is False

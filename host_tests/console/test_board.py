@@ -95,7 +95,7 @@ def test_a_jog_the_load_and_a_new_rig_file(stage, device):
     expect(rig.get_by_role("status")).to_contain_text("motor_count")
     text.fill('{"name": "after", // a comment\n "motor_count": 3}')
     rig.get_by_role("button", name="Check").click()
-    expect(rig.get_by_role("status")).to_contain_text("right for Raspberry Pi Pico: 'after'")
+    expect(rig.get_by_role("status")).to_contain_text("valid for Raspberry Pi Pico: 'after'")
     rig.get_by_role("button", name="Put onto the board").click()
     expect(rig.get_by_role("status")).to_contain_text("after on socket://")
     expect(page.locator("#who")).to_contain_text("after, firmware")

@@ -177,7 +177,7 @@ def test_it_brings_what_goes_onto_each_board(installed, board):
     )
     assert installed.python(script, board).strip() == board_data(board)["name"]
     example = installed.folder / "framestep_tools/data/boards" / board / "rig.json"
-    assert "is right for" in installed.run("rig", "check", example, "--board", board)
+    assert "is valid for" in installed.run("rig", "check", example, "--board", board)
     assert installed.run("rig", "example", "--board", board) == example.read_text()
 
 

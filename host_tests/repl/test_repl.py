@@ -80,7 +80,7 @@ def test_status_through_a_run(bench):
     session.wait_idle()  # on the end frame again
     look()
     assert found == [
-        "the motors go to where a run begins",
+        "the motors move to the start of a run",
         "a run waits for GO",
         "a run is on,",
         "nothing moves",
@@ -105,7 +105,7 @@ def test_move(bench):
     assert says(repl.move, 8, -11) == ["refused: that is past the lower soft limit"]
     session.board._board.set_input("estop", 0)
     session.run(0.05)
-    assert says(repl.move, 8, 20)[0].startswith("refused: the rig may not move it: E-stop held")
+    assert says(repl.move, 8, 20)[0].startswith("refused: it may not move: E-stop held")
     assert "the E-stop was pressed; the motors were ramped down" in says(repl.status)
     assert session.position(8) == 200
 
@@ -115,7 +115,7 @@ def test_nothing_of_dragonframes_is_disturbed(bench):
     session, says = bench
     session.accept(RtRunMove(24000, 1, 25, 500, 500))
     session.run(0.01)
-    assert says(repl.move, 8, 200) == ["refused: the motors go to where a run begins"]
+    assert says(repl.move, 8, 200) == ["refused: the motors move to the start of a run"]
     session.wait_idle()
     assert says(repl.move, 1, 200) == ["refused: a run waits for GO"]
     session.accept(RtGo())
@@ -208,7 +208,7 @@ def test_without_a_controller(bench, monkeypatch):
     monkeypatch.setattr(boot.runner, "alive", False)
     assert says(repl.move, 1, 5) == ["refused: framestep has been stopped"]
     monkeypatch.setattr(boot.runner, "failure", ValueError())
-    assert says(repl.status)[2] == "framestep has stopped by a fault in the firmware"
+    assert says(repl.status)[2] == "framestep was stopped by a fault in the firmware"
     monkeypatch.setattr(boot, "controller", None)
     for command in (repl.status, repl.io, repl.timing, repl.rig, repl.stop):
         assert says(command) == ["framestep has not been started"]

@@ -188,7 +188,7 @@ class Motors:
         self.axes.positions.set_known(motor)
         self.axes.position_was_set(motor)
         self.operations.settings_changed()
-        self.reports.tell_positions()
+        self.reports.report_positions()
         return m.OK
 
     def _configure(self):

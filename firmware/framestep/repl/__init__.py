@@ -1,18 +1,18 @@
-"""Short commands for the REPL, which works beside the protocol's port.
+"""Short commands for the REPL, which work while the protocol's port is in use.
 
     import framestep.repl
 
     status()       what the controller does, where the motors are, how much can be uploaded
-    move(1, 200)   motor 1 to step 200
-    home(1)        motor 1 looks for its home switch; home(): all that have one
-    jog()          motors by keys; jog(2, 3000): motor 2 first, at 3000 of 10000
-    stop()         all motors come to rest
+    move(1, 200)   move motor 1 to step 200
+    home(1)        home motor 1; home(): all motors that have a home switch
+    jog()          jog motors by keys; jog(2, 3000): motor 2 first, at 3000 of 10000
+    stop()         bring all motors to rest
     io()           outputs, inputs, switches; io(1, True): output 1 on
-    timing()       what a tick costs, the worst lateness, the depth of the queues
+    timing()       cost of a tick, worst lateness, depth of the queues
     rig()          the settings of the rig file
 
-While an operation of Dragonframe waits or runs, what would move a motor is refused with an
-explanation. The code of a command (framestep/repl) is loaded for the call and dropped after it.
+While an operation of Dragonframe waits or runs, commands that would move a motor are refused with
+an explanation. The code of a command (framestep/repl) is loaded for the call and dropped after it.
 """
 
 import gc
@@ -51,21 +51,20 @@ def status():
 
 
 def move(motor, step):
-    """Move a motor (1 …) to a step at its speed, within its limits. Prints why if it is refused."""
+    """Move a motor (1 …) to a step at its speed, within its limits. Prints why it is refused."""
     _call("motion", "move", motor, step)
 
 
 def home(*motors):
     """Home motors (1 …), one after the other; without a number all that have `home` in the rig
-    file. Prints why if it is refused; how it went is printed in the end."""
+    file. Prints why it is refused, or the results in the end."""
     _call("motion", "home", motors)
 
 
 def jog(motor=1, speed=1000):
-    """Jog by keys: + and - move as long as they are held, 1 … 9 choose the motor, any other key
-    ends.
+    """Jog by keys: + and - move while they are held, 1 … 9 choose the motor, any other key ends.
 
-    speed: 1 … 10000, of the motor's own. A motor stops when no key has come for the rig's
+    speed: 1 … 10000, of the motor's own. A motor stops if no key comes for the rig's
     jog_timeout_ms.
     """
     _call("motion", "jog", motor, speed)
@@ -88,7 +87,7 @@ def timing():
 
 
 def rig():
-    """Print the settings of the rig file, including those that it leaves at their defaults."""
+    """Print the settings of the rig file, including defaults."""
     _call("state", "rig")
 
 

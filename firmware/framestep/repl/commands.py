@@ -1,7 +1,7 @@
-"""What the commands of framestep.repl share.
+"""Functions that the commands of framestep.repl share.
 
 Each call loads its command's code, because memory is scarce. A command runs between two passes of
-the main loop, so a pass never sees anything half done.
+the main loop, so a pass never finds anything half done.
 """
 
 from framestep import boot
@@ -15,7 +15,7 @@ if not CPYTHON:
 REFUSALS = {
     m.ERR_MOVING: "it moves, is being homed, or an operation of Dragonframe has it",
     m.ERR_GENERAL: (
-        "the rig may not move it: E-stop held, rig file wrong, driver failed, motor disabled or led"
+        "it may not move: E-stop held, rig file wrong, driver failed, motor disabled or coupled"
     ),
     m.ERR_RANGE: "there is no such motor or value",
     m.ERR_SOFT_UP: "that is past the upper soft limit",
@@ -26,7 +26,7 @@ REFUSALS = {
 
 
 def between(function, *arguments):
-    """Call a function between two passes. Returns what it returns."""
+    """Call a function between two passes. Return its result."""
     runner = boot.runner
     if CPYTHON or not runner.alive:
         return function(*arguments)
@@ -40,7 +40,7 @@ def between(function, *arguments):
         except Exception as error:
             failure = error
         finally:
-            done = True  # after a Ctrl-C, too
+            done = True  # even after a Ctrl-C
 
     runner.task = call
     while not done and runner.alive:
@@ -54,7 +54,7 @@ def locked(function, *arguments):
     """Call a function with the heap locked, as in a pass, so that a full heap does not slow it
     down.
 
-    With two arguments at most.
+    Takes at most two arguments.
     """
     if CPYTHON:
         return function(*arguments)
@@ -70,7 +70,7 @@ def locked(function, *arguments):
 
 
 def operation(controller):
-    """What Dragonframe's operation is doing, as text; None if there is none."""
+    """Return what Dragonframe's operation is doing, as text; None if there is none."""
     if controller.virtuals.engaged:
         return "a virtual move is on"
     operations = controller.operations
@@ -89,25 +89,25 @@ def operation(controller):
     return (
         "%s waits for GO" % name
         if operations.state == READY
-        else "the motors go to where %s begins" % name
+        else "the motors move to the start of %s" % name
     )
 
 
 def dead():
-    """Why nothing can be done, as text; None as long as the controller runs."""
+    """Return why nothing can be done, as text; None while the controller runs."""
     if boot.controller is None:
         return "framestep has not been started"
     if boot.runner.alive:
         return None
     return (
-        "framestep has stopped by a fault in the firmware"
+        "framestep was stopped by a fault in the firmware"
         if boot.runner.failure
         else "framestep has been stopped"
     )
 
 
 def refusal(code):
-    """Print why a request was refused. Returns True if it was not."""
+    """Print why a request was refused. Return True if it was not."""
     if code == m.OK:
         return True
     print("refused:", REFUSALS.get(code, "0x%04X" % code) if isinstance(code, int) else code)

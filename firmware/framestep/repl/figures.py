@@ -1,4 +1,4 @@
-"""timing(): what a tick costs. live(): the same as numbers, for a program that keeps asking."""
+"""timing(): the cost of a tick. live(): the same as numbers, for a program that asks repeatedly."""
 
 from array import array
 
@@ -16,17 +16,17 @@ from framestep.pulse.stepper import (
 )
 from framestep.repl.commands import dead
 
-_QUIET_US = const(3)  # gaps up to this long are the measuring loop itself
-_WINDOW_US = const(4000)  # at a time: passes wait meanwhile
+_QUIET_US = const(3)  # shorter gaps come from the measuring loop itself
+_WINDOW_US = const(4000)  # watched at a time: passes wait meanwhile
 _WINDOWS = const(50)
-_LIVE_US = const(1000)  # of live(): no pass waits for longer
+_LIVE_US = const(1000)  # of live(): a pass waits no longer than this
 _LIVE_WINDOWS = const(3)
 
 
 @micropython.viper
 def _gaps(clock: ptr32, us: int, out: ptr32):
-    """Watch a microsecond counter for `us`: out[0] += the length of all gaps in it, out[1] = the
-    longest one."""
+    """Watch a microsecond counter for `us`: out[0] += the total length of its gaps, out[1] = the
+    longest gap."""
     begun = clock[0]
     last = begun
     while last - begun < us:
@@ -61,9 +61,9 @@ def timing():
 
 
 def live():
-    """Print what timing() tells as a list: [µs of interrupts in a tick, µs of the longest, worst
-    lateness of a tick in µs, its limit, segments that a queue holds, [[motor, segments that wait],
-    …] of those that move]. It takes three milliseconds; passes come between them."""
+    """Print the figures of timing() as a list: [µs of interrupts in a tick, µs of the longest,
+    worst lateness of a tick in µs, its limit, segments that a queue holds, [[motor, waiting
+    segments], …] of the moving motors]. Takes three milliseconds; passes come in between."""
     why = dead()
     if why:
         print(why)
@@ -75,8 +75,8 @@ def live():
 
 
 def _interrupts(state, windows, us):
-    """How long interrupts take, watched for so many windows of `us`: (µs in a tick on average, µs
-    of the longest)."""
+    """Measure interrupts in a number of windows of `us` each: (µs in a tick on average, µs of the
+    longest)."""
     out = array("i", [0, 0])
     ticks = 0
     for _ in range(windows):
@@ -87,7 +87,7 @@ def _interrupts(state, windows, us):
 
 
 def _queues(kernel):
-    """[motor, segments that wait] of each motor that moves."""
+    """Return [motor, waiting segments] of each motor that moves."""
     found = []
     for motor in range(boot.controller.count):
         if boot.controller.axes[motor].moving:

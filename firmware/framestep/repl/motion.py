@@ -11,7 +11,7 @@ _FAR = const(2147483647)  # beyond any position
 
 
 def _send(motor, target, speed):
-    """A code, or why not as text. speed: 1 … 10000, or None for a move."""
+    """Move or jog a motor. Return a code, or the reason as text. speed: 1 … 10000; None: move."""
     controller = boot.controller
     held = dead() or operation(controller)
     if held:
@@ -25,12 +25,12 @@ def _send(motor, target, speed):
 
 
 def move(motor, step):
-    """Move a motor (1 …) to a step, with its speed and inside its limits. Whether it was taken."""
+    """Move a motor (1 …) to a step, at its speed and within its limits. Return whether it may."""
     return refusal(between(_send, motor, step, None))
 
 
 def _home(motors):
-    """A code, or why not as text."""
+    """Begin homing. Return a code, or the reason as text."""
     controller = boot.controller
     held = dead() or operation(controller)
     if held:
@@ -61,10 +61,9 @@ def stop():
 
 
 def jog(motor=1, speed=1000):
-    """Jog by keys: + and - move as long as they are held, 1 … 9 choose the motor, any other key
-    ends.
+    """Jog by keys: + and - move while they are held, 1 … 9 choose the motor, any other key ends.
 
-    speed: 1 … 10000, of the motor's own. A motor stops when no key has come for the rig's
+    speed: 1 … 10000, of the motor's own. A motor stops if no key comes for the rig's
     jog_timeout_ms.
     """
     print("+ and - jog motor %d, 1 to 9 choose another, any other key ends" % motor)

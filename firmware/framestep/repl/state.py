@@ -40,7 +40,7 @@ def _report():
 
 
 def status():
-    """Print what the controller does, where its motors are and how far that can be trusted, and
+    """Print what the controller does, the motors' positions and how far they can be trusted, and
     how much fits into an upload."""
     if boot.controller is None:
         print(dead())
@@ -50,7 +50,7 @@ def status():
 
 
 def _pins(entries, on):
-    """Lines about outputs or inputs; on(i) tells whether number i, from 0, is on."""
+    """Return lines about outputs or inputs. on(i): whether number i, from 0, is on."""
     return [
         "%d, pin %d: %s" % (i + 1, entry["pin"], "on" if on(i) else "off")
         for i, entry in enumerate(entries)
@@ -108,7 +108,7 @@ def io(output=None, on=None):
 
 
 def rig():
-    """Print the settings of the rig file, including those that it leaves at their defaults."""
+    """Print the settings of the rig file, including defaults."""
     if boot.controller is None:
         print(dead())
         return

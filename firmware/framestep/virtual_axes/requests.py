@@ -157,7 +157,7 @@ class Virtuals(VirtualAxes):
         if code:
             return code
         line.adopt(rig)
-        self.reports.tell_positions()
+        self.reports.report_positions()
         return m.OK
 
     # ---------------------------------------------------------------- positions

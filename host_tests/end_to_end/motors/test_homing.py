@@ -619,9 +619,9 @@ def test_repl(monkeypatch, capsys):
     assert trust(session) == (KNOWN, HOMED)
     assert says() == ""
     session.wait_idle()
-    board.controller.homing.tell()
+    board.controller.homing.report()
     assert capsys.readouterr().out == (
-        "framestep: motor 3 has not found its home switch: its position is lost\n"
+        "framestep: motor 3 did not find its home switch: its position is lost\n"
     )
     board = simulated().board._board
     monkeypatch.setattr(boot, "controller", board.controller)

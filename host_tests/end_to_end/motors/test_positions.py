@@ -165,7 +165,7 @@ def test_the_status_command_says_so(monkeypatch, capsys):
         "motor 1: -7, known: set by the host",
         "motor 2: 0, lost: not set since power-up",
         "the E-stop is held",
-        "soft limits count from a lost position, so they do not protect; RESET_POSITION sets it "
+        "soft limits do not protect a motor whose position is lost; RESET_POSITION sets it "
         "(framestep zero)",
     ]
     board._board.controller.handlers.pop(m.MSG_CONDITION)  # as another device has it

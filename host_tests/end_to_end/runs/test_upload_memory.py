@@ -93,10 +93,7 @@ def test_what_is_asked_and_what_is_free(rig, request_, part, needs):
     assert rig.unreported()
     rig.refused(request_)
     assert not rig.unreported(), "once for an upload"
-    line = (
-        "the last upload does not fit into memory: "
-        f"what was refused needs {needs} bytes, {free} are free"
-    )
+    line = f"the last upload does not fit into memory: it needs {needs} bytes, {free} are free"
     assert line in lines(ask(rig.client))
     boot.controller, boot.runner = rig.board._board.controller, SimpleNamespace(alive=True)
     try:

@@ -59,7 +59,7 @@ def test_a_right_file(tmp_path, capsys):
     file.write_text('{"name": "Krän", "motors": [{"invert": true}, {}], "outputs": [{"pin": 22}]}')
     assert cli.app.status(["rig", "check", str(file), "--board", "pico"]) == 0
     assert (
-        capsys.readouterr().out == f"{file} is right for Raspberry Pi Pico: 'Krän', 2 motors set\n"
+        capsys.readouterr().out == f"{file} is valid for Raspberry Pi Pico: 'Krän', 2 motors set\n"
     )
     assert cli.app.status(["rig", "check", str(file), "--board", "toaster"]) == 1
     assert "no board 'toaster': there are " in capsys.readouterr().err
@@ -194,7 +194,7 @@ def test_a_draft_is_checked_as_what_the_board_would_get(tmp_path, capsys):
     file.write_text(rig_file.commented('{"name": "http://draft"}'), encoding="utf-8-sig")
     assert cli.app.status(["rig", "check", str(file)]) == 0
     assert capsys.readouterr().out == (
-        f"{file} is right for Raspberry Pi Pico: 'http://draft', 0 motors set; "
+        f"{file} is valid for Raspberry Pi Pico: 'http://draft', 0 motors set; "
         f"it has // comments, which a board does not read: framestep rig edit {file} "
         "sends it without them\n"
     )

@@ -515,7 +515,7 @@ def test_a_rig_file_with_comments_and_a_mistake(monkeypatch):
     work = BoardWork("/dev/none", "x")
     monkeypatch.setattr(work, "_device", Board)
     assert (
-        "right for Raspberry Pi Pico: 'slider'" in work.check_rig('{"name": "slider"} // x')["text"]
+        "valid for Raspberry Pi Pico: 'slider'" in work.check_rig('{"name": "slider"} // x')["text"]
     )
     with pytest.raises(RigFileError, match="motor_count"):
         work.check_rig('{"motor_count": 99}')

@@ -37,7 +37,7 @@ def rig_check(
         )
         return
     print(
-        f"{file} is right for {board_data(board)['name']}: "
+        f"{file} is valid for {board_data(board)['name']}: "
         f"{found.name.decode()!r}, {len(found.motors)} motors set"
         + (
             "; it has // comments, which a board does not read: "

@@ -45,7 +45,7 @@ class BoardWork:
             board = device.board()
         found = rig_file.check(rig_file.parse(_bare(text), "rig.json"), board, "rig.json")
         return {
-            "text": f"right for {board['name']}: {found.name.decode()!r}, "
+            "text": f"valid for {board['name']}: {found.name.decode()!r}, "
             f"{len(found.motors)} motors set"
         }
 
