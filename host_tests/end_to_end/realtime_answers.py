@@ -1,5 +1,5 @@
-"""What is answered to each message in each state of the real-time operations: the table that
-docs/internals/realtime.md shows.
+"""Answers to each message in each state of the real-time operations: the source of
+docs/internals/realtime.md.
 
 python -m host_tests.end_to_end.realtime_answers > docs/internals/realtime.md
 """
@@ -12,9 +12,8 @@ STATES = {
     "upload": "between UPLOAD_MOVE_BEGIN and UPLOAD_MOVE_END",
     "idle": "a move is uploaded, nothing prepared, all at rest",
     "move": "the same while a motor moves: by MOVE, JOG or POSITION_FRAME",
-    "way": "RUN_MOVE, SHOOT_FRAME or SHOOT_FRAME2 acknowledged, "
-    "motors on their way to where it begins",
-    "ready": "the motors are there, GO is awaited",
+    "way": "RUN_MOVE, SHOOT_FRAME or SHOOT_FRAME2 acknowledged, motors move to its start",
+    "ready": "the motors are at the start and wait for GO",
     "run": "a RUN_MOVE runs",
     "back": "a loop goes back to its start",
     "stop": "a RUN_MOVE ramps down after STOP or STOP_ALL",
@@ -106,43 +105,42 @@ ANSWERS = (
 
 _NOTES = """\
 Codes are the last two digits of a response code: 12 ERR_MOVING, 13 ERR_UNSUPPORTED, 15 ERR_GENERAL, 16
-ERR_NOT_IN_POSITION; OK is 0x0010 or an answer with data. No virtual axes are configured; a device that has none
-answers 13 there. "--": the motor at rest is meant there, in the next row. The payload is one that is in range; what is
-out of range is answered 14, 17, 18, 20 to 23 where the table says OK. A motor has a part in an operation if it has
-uploaded positions (or is named in SHOOT_FRAME) and is enabled and not under live control.
+ERR_NOT_IN_POSITION. OK is 0x0010 or an answer with data. "--": see the next row, for a motor at rest.
 
-What follows an OK:
+The table assumes that no virtual axes are configured; a device without virtual axes answers 13 there. It also assumes payloads in
+range. Where it says OK, a payload out of range gets 14, 17, 18 or 20 to 23. A motor has a part in an operation if it has
+uploaded positions (or is named in SHOOT_FRAME), is enabled, and is not under live control.
 
-* While motors are on their way, MOVE and JOG turn a motor away from where the operation begins: GO then answers 16
-  until it is back there. POSITION_FRAME and UPLOAD_MOVE_BEGIN drop what is prepared (GO: 15), RUN_MOVE and
-  SHOOT_FRAME replace it once all are at rest. JOG_ALL is taken in `ready` only where the motors happen to stand on an
-  uploaded frame.
-* STOP of a motor that has a part, and STOP_ALL, end a prepared or running operation by ramps; RT_END follows once all
-  stand, exactly once for RUN_MOVE and SHOOT_FRAME, never for JOG_ALL, which lands on a whole frame instead. A second
-  STOP_ALL within a second stops harder, JOG_ALL as well, wherever that is. A lost host stops everything without
-  RT_END.
-* STOP_LOOP lets the pass under way be the last. On the way back to a loop's start none follows any more. Before GO it
-  makes a single pass of the loop. Where there is no loop, nothing happens.
-* After the last pass of a RUN_MOVE, with RT_END, the motors set off to the end frame's position, as by POSITION_FRAME:
-  the state is `move` then. After a STOP they stay where they are.
-* MOTOR_STATUS has the bits of all motors with a part set from the acknowledgement of GO to RT_END, pauses between
-  passes included, and those of a motor on its way from the acknowledgement until it stands: where it is zero, GO,
-  RUN_MOVE, SHOOT_FRAME and POSITION_FRAME are taken.
-* An operation without a motor (lights alone, or no motor that blurs) has no bit in MOTOR_STATUS: it is `ready` as soon
-  as RUN_MOVE or SHOOT_FRAME is acknowledged, runs while MOTOR_STATUS is zero, answers 12 meanwhile as any other, and
-  RT_END tells its end. POSITION_FRAME then sets lights and triggers only; JOG_ALL answers 16.
+After an OK:
+
+* In `way`, MOVE and JOG turn a motor away from the start: GO then answers 16 until it is back there. POSITION_FRAME and
+  UPLOAD_MOVE_BEGIN drop the prepared operation (GO: 15). RUN_MOVE and SHOOT_FRAME replace it once all motors are at rest. JOG_ALL is
+  accepted in `ready` only if the motors happen to be on an uploaded frame.
+* STOP of a motor that has a part, and STOP_ALL, end a prepared or running operation by ramps. RT_END follows once all motors are
+  at rest: exactly once for RUN_MOVE and SHOOT_FRAME, never for JOG_ALL, which lands on a whole frame instead. A second
+  STOP_ALL within a second stops harder; JOG_ALL then stops anywhere. A lost host stops everything without RT_END.
+* STOP_LOOP makes the current lap the last. On the way back to a loop's start, no further lap follows. Before GO it
+  makes a single lap of the loop. Without a loop it changes nothing.
+* After the last lap of a RUN_MOVE, with RT_END, the motors set off to the end frame's position, as by POSITION_FRAME:
+  the state is then `move`. After a STOP they stay where they are.
+* MOTOR_STATUS has the bits of all motors with a part set from the acknowledgement of GO to RT_END, including pauses between
+  laps. A motor that moves to the start has its bit set from the acknowledgement until it is at rest. When all bits are zero, GO,
+  RUN_MOVE, SHOOT_FRAME and POSITION_FRAME are accepted.
+* An operation without a motor (lights alone, or no motor that blurs) has no bit in MOTOR_STATUS. It is `ready` as soon
+  as RUN_MOVE or SHOOT_FRAME is acknowledged, and runs while MOTOR_STATUS is zero. Meanwhile it answers 12 like any other, and
+  RT_END reports its end. POSITION_FRAME then sets lights and triggers only; JOG_ALL answers 16.
 * A device without DMX answers 13 to DMX and RT_UPLOAD_MOVE_DMX.
 
-Positions, light levels and triggers share one memory, first come, first served; [protocol-notes.md](protocol-notes.md),
-note 5.7, has the arithmetic. A section that does not fit is answered ERR_RANGE (0x0014) and changes nothing: the
-upload stays as it was, can be ended without it and run.
+Positions, light levels and triggers share one memory, first come, first served. [Protocol notes](protocol-notes.md),
+note 5.7, have the arithmetic. A section that does not fit gets ERR_RANGE (0x0014) and changes nothing: the
+upload stays as it was, and can be ended and run without it.
 """  # noqa: E501
 
 _DIAGRAM = """\
                  prepare              all there               GO
     idle --------------------> way -------------> ready -------------> run, shoot, jog
      ^                          |                   |                   |   |     ^
-     |                          | stop              | stop         stop |   | end | another pass
+     |                          | stop              | stop         stop |   | end | another lap
      |                          v                   v                   v   v     |
      +---- RT_END, at rest --- stop <---------------+-------------------+  back --+
      +---- RT_END ------------------------------------------------------------+

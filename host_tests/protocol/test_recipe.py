@@ -44,9 +44,9 @@ assert f"{kind}: (5, 0)" in board["framestep/protocol/messages.py"]
 
 
 def blocks():
-    """The pieces of text that the recipe shows."""
+    """Return the pieces of text that the recipe shows, between its fences."""
     recipe = (ROOT / "CONTRIBUTING.md").read_text().split("## Add a message")[1].split("\n## ")[0]
-    found = re.findall(r"(?:^ {7}.*\n(?:\n+(?= {7}))?)+", recipe, re.MULTILINE)
+    found = re.findall(r"^ +```\w*\n(.*?)^ +```$", recipe, re.MULTILINE | re.DOTALL)
     return [textwrap.dedent(text) for text in found]
 
 
