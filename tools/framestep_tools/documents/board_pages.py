@@ -231,7 +231,7 @@ def supplies(board: Mapping[str, Any]) -> list[str]:
         "| 3V3 | supply of the drivers' logic | VIO (VDD) of every driver; never VMOT |",
         (
             "| GND | common ground "
-            "| GND beside VIO of every driver, of every switch, and of the motors' supply |"
+            "| GND next to VIO of every driver, of every switch, and of the motors' supply |"
         ),
         (
             "| – | pull-up of EN "
