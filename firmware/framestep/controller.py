@@ -1,4 +1,4 @@
-"""The main loop: answers each message, plans ahead, and looks after queues, inputs and faults.
+"""The main loop: answers requests, plans ahead, and looks after queues, inputs and faults.
 
 One pass is poll(). Nothing in it allocates.
 """
@@ -21,18 +21,18 @@ from framestep.pulse import stepper
 from framestep.reports import Reports
 from framestep.stops import FaultLog, Stops
 
-_HOUSEKEEP_MS = const(4)  # between two passes with all of _housekeep()
+_HOUSEKEEP_MS = const(4)  # between two passes with a complete _housekeep()
 # After any activity _ACTIVE_PASSES less _IDLE_EVERY calls of _housekeep() do all of it; when idle,
-# one call in _IDLE_EVERY does
+# only one call in _IDLE_EVERY does.
 _ACTIVE_PASSES = const(12)
 _IDLE_EVERY = const(4)
 _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledgement
-# A frame that is still incomplete STALL_MS after its first byte is dropped, unless bytes came in
-# the last _QUIET_MS: then the passes themselves may have been held up
+# A frame that is incomplete STALL_MS after its first byte is dropped, unless bytes came in the last
+# _QUIET_MS: then the passes themselves may have been held up.
 STALL_MS = const(200)
 _QUIET_MS = const(10)
 
-# The LED: a bit for each 128 ms, the lowest first, and the colour if the LED has colours
+# The LED: a bit for each 128 ms, the lowest first, and the colour for LEDs that have colours
 LED_WAITING = (0x0001, 0x000030)
 LED_CONNECTED = (0xFFFF, 0x080808)
 LED_MOVING = (0x5555, 0x002000)
@@ -40,7 +40,7 @@ LED_FAULT = (0x0015, 0x300000)
 
 
 def glow(light, beat):
-    """The colour of the LED in one of 16 beats, 0xRRGGBB; 0 is dark. light: one of LED_."""
+    """Return the LED's colour in one of 16 beats, 0xRRGGBB; 0 is dark. light: one of LED_."""
     return light[1] if (light[0] >> beat) & 1 else 0
 
 
@@ -100,8 +100,8 @@ class Controller:
         self.backlog = False  # requests wait until there is room for their answers
         self.was_open = False
         self.openings = 0
-        self.heard_at = 0  # when the last bytes came
-        self.begun_at = 0  # and the first ones of a frame that is not whole yet
+        self.heard_at = 0  # time of the last bytes
+        self.begun_at = 0  # time of the first bytes of an incomplete frame
         self.beat = 0
         parts = [self.moves, self.io]
         if rig.virtuals:
@@ -182,10 +182,10 @@ class Controller:
         }
         for part in parts:
             self.handlers.update(part.handlers)
-            part.handlers = None  # gives its memory back
+            part.handlers = None  # frees its memory
 
     def _restore(self):
-        """Bring back the positions of before the power cut. Returns the journal, None without
+        """Restore the positions of before the power cut. Return the journal, or None without
         one."""
         from framestep.io.position_journal import PositionJournal
         from framestep.io.restore import restore
@@ -195,14 +195,14 @@ class Controller:
             restore(journal)
             return journal
         except OSError as error:
-            if self.rig.ports == 2:  # else the REPL's port is the protocol's
-                print("framestep: positions cannot be remembered:", error)
+            if self.rig.ports == 2:  # otherwise the REPL's port is the protocol's
+                print("framestep: positions cannot be saved:", error)
             return None
 
     # ---------------------------------------------------------------- the main loop
 
     def poll(self, now):
-        """One pass. now: milliseconds modulo 2^29 or more. Returns whether a request came."""
+        """Do one pass. now: milliseconds modulo 2^29 or more. Return whether a request came."""
         now &= WRAP
         self.now = self.reader.now = now
         alarm = sample(self.header, self.axes.samples)
@@ -227,7 +227,7 @@ class Controller:
             self.moves.run_outputs.poll()
         if alarm and self.operations.state == RUNNING and self.operations.reached():
             self.reports.position = self.reports.frame = True
-            self.active_passes = _ACTIVE_PASSES  # a run of lights alone moves nothing
+            self.active_passes = _ACTIVE_PASSES  # a run of lights only does not move anything
             self._housekeep(now, False, news)
             return busy
         since = elapsed(now, self.housekept_at)
@@ -248,10 +248,10 @@ class Controller:
         return busy
 
     def _housekeep(self, now, whole, news):
-        """Look after queues, faults and reports: every few milliseconds.
+        """Look after queues, faults and reports, every few milliseconds.
 
-        Not in each pass, so that requests are answered soon. whole: plan as well; otherwise that is
-        left to the next pass. news: of Io.poll().
+        Not in each pass, so that requests are answered soon. whole: plan as well; otherwise the
+        next pass does so. news: result of Io.poll().
         """
         if elapsed(now, self.watchdog.checked_at) >= CHECK_MS:
             self.stops.check_pins()
@@ -268,7 +268,7 @@ class Controller:
             self.active_passes -= 1
             return
         else:
-            self.active_passes = _IDLE_EVERY  # for what could not be sent before
+            self.active_passes = _IDLE_EVERY  # for messages that could not be sent before
         if self.gate.jogging:
             self.motors.end_jogs(now)
         if self.homing:
@@ -291,14 +291,14 @@ class Controller:
         self.unsent = self.port.send(self.writer)
 
     def _plan(self, now):
-        """Plan a piece, such as a frame or segments of one motor; the next pass plans the rest."""
+        """Plan a piece, such as a frame or segments of one motor; the next pass goes on."""
         planned = self.virtuals.poll(now)
         if self.moves.poll():
             planned = True
         self.planning = self.axes.feed(planned) or planned
 
     def _listen(self):
-        """Read the port and answer what has come. Returns whether there was anything."""
+        """Read the port and answer requests. Return whether there was one."""
         port = self.port
         reader = self.reader
         is_open = port.open
@@ -320,7 +320,7 @@ class Controller:
         return self._attend(reader, taken)
 
     def _attend(self, reader, taken):
-        """Answer the requests that the reader has. Returns whether there was any.
+        """Answer the requests that the reader has. Return whether there was one.
 
         taken: how many bytes have come in this pass.
         """
@@ -335,8 +335,8 @@ class Controller:
             if found == NOTHING:
                 if reader.waiting <= taken:
                     self.begun_at = self.now
-                # Counted from the frame's beginning: after a damaged length, the bytes of a host
-                # that goes on asking would be taken for its payload for seconds.
+                # Count from the frame's beginning: after a damaged length, the bytes of a host that
+                # goes on sending would be taken for its payload for seconds.
                 if (
                     reader.waiting
                     and elapsed(self.now, self.begun_at) > STALL_MS
@@ -359,14 +359,14 @@ class Controller:
         return busy
 
     def _handle(self, reader):
-        """Carry a request out. Returns the code to acknowledge it with, 0 if it has its answer."""
+        """Carry out a request. Return the code to acknowledge it with, 0 if it is answered."""
         kind = reader.type
         if (
             kind != m.MSG_MOTOR_STATUS
             and kind != m.MSG_MOTOR_GET_POSITION
             and kind != m.MSG_RT_UPLOAD_MOVE_AXIS
         ):
-            self.planning = True  # at once, not when it is time for housekeeping
+            self.planning = True  # at once, not at the next housekeeping
         state = self.operations.state
         if (state == READY or state == LEAVING) and kind not in m.KEEPS_PLAN:
             if state == READY:
@@ -398,16 +398,16 @@ class Controller:
 
     # ---------------------------------------------------------------- requests: device
     #
-    # A handler returns the code to acknowledge with, or 0 where it has answered itself.
+    # A handler returns the code to acknowledge with, or 0 if it has answered itself.
 
     def _hi(self):
-        """MSG_HI. The answer says what the board can do (field notes 1.4 and 1.5)."""
+        """MSG_HI: answer with what the board can do (field notes 1.4 and 1.5)."""
         self.reports.send_hi(self.reader)
         self.reports.hi = False
         return 0
 
     def _get_position(self):
-        """MSG_MOTOR_GET_POSITION. The answer: MOVE TIME and positions (note 4.6)."""
+        """MSG_MOTOR_GET_POSITION: answer with MOVE TIME and positions (note 4.6)."""
         self.reports.send_positions(self.reader)
         return 0
 
@@ -424,7 +424,7 @@ class Controller:
         return 0
 
     def condition(self):
-        """The state of the board: CONDITION_ bits. framestep.texts has the texts."""
+        """Return the state of the board: CONDITION_ bits. framestep.texts has the texts."""
         bits = self.overlay
         if self.broken:
             bits |= m.CONDITION_RIG_FILE_INVALID

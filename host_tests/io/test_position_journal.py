@@ -415,7 +415,7 @@ def test_without_a_flash(capsys, monkeypatch):
 
     monkeypatch.setattr(HostHal, "flash", flash)
     session = power_up(Guarded())
-    assert "cannot be remembered" in capsys.readouterr().out
+    assert "cannot be saved" in capsys.readouterr().out
     assert session.ask(GetCondition()).bits == m.CONDITION_POSITIONS_UNSAVABLE
     session.accept(MotorResetPosition(1, 5), MotorMove(1, 100))
     session.wait_idle()

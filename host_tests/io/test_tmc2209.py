@@ -219,7 +219,7 @@ def test_a_driver_that_does_not_answer():
     wired.run(1)
     assert wired.drivers.ready == 0b1101
     assert not wired.failed
-    assert wired.said == ["2 does not answer (has it power, and the right address?)"]
+    assert wired.said == ["2 does not answer (check its power and its address)"]
     wired.chips[1].powered = True
     wired.run(1.5)
     assert wired.drivers.ready == 0b1111
@@ -351,7 +351,7 @@ def test_states_in_words():
     wired.run(0.5)
     assert wired.drivers.states_in_words() == [
         "driver of motor 1 works",
-        "driver of motor 2 does not answer (has it power, and the right address?)",
+        "driver of motor 2 does not answer (check its power and its address)",
     ]
 
 

@@ -55,7 +55,7 @@ def test_status_of_drivers(monkeypatch, capsys):
     repl.status()
     lines = capsys.readouterr().out.splitlines()
     assert "driver of motor 1 works" in lines
-    assert "driver of motor 2 does not answer (has it power, and the right address?)" in lines
+    assert "driver of motor 2 does not answer (check its power and its address)" in lines
     repl.move(2, 100)
     assert "driver failed" in capsys.readouterr().out
 

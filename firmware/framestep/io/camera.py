@@ -5,7 +5,7 @@ Nothing allocates after construction.
 
 
 class Camera:
-    """The shutter and meter outputs. On a board without their pins nothing happens."""
+    """The shutter and meter outputs. Does nothing on a board without their pins."""
 
     def __init__(self, hal, rig):
         self.hal = hal
@@ -20,9 +20,9 @@ class Camera:
         return 0 if pin is None else self.hal.output(pin, 0 if high else 1)
 
     def pins(self, shutter_mask, meter_mask, shutter, meter):
-        """The pins to drive high to switch the outputs whose mask is not 0.
+        """Return the pins to drive high to switch the outputs whose mask is not 0.
 
-        `down` are those to drive low.
+        `down` becomes the pins to drive low.
         """
         high = 0
         low = 0

@@ -28,7 +28,7 @@ _INPUT_PINS = const(5)
 
 @micropython.viper
 def _pins(w: ptr32, mask: int, values: int) -> int:
-    """The pins to drive high for the outputs of `mask`; w[_TO_LOWER] = the pins to drive low."""
+    """Return the pins to drive high for the outputs of `mask`. w[_TO_LOWER] = pins to drive low."""
     n = w[_COUNT]
     high = 0
     low = 0
@@ -56,7 +56,7 @@ class Outputs:
         self.count = len(settings)
         self.words = array("i", [0] * (_PINS + self.count))
         self.words[_COUNT] = self.count
-        self.safe_mask = 0  # outputs that a fault sets to their safe level; the others keep theirs
+        self.safe_mask = 0  # outputs that a fault sets to their safe level; others do not change
         self.safe_values = 0
         for i, output in enumerate(settings):
             on = 1 if output["on"] == "high" else 0
@@ -71,10 +71,10 @@ class Outputs:
                 self.safe_mask |= 1 << i
 
     def pins(self, mask, values):
-        """The pins to drive high to set the outputs of `mask` to the bits of `values`.
+        """Return the pins to drive high to set the outputs of `mask` to the bits of `values`.
 
-        `down` are those to drive low. Both are small integers. Bits past the last output are
-        ignored.
+        `down` becomes the pins to drive low. Both are small integers. Bits beyond the last output
+        are ignored.
         """
         return _pins(self.words, mask, values)
 
@@ -95,7 +95,7 @@ class Outputs:
 
 @micropython.viper
 def _debounce(w: ptr32, levels: int, now: int) -> int:
-    """Take in the levels of all pins. Returns 1 if a debounced level has changed."""
+    """Update with the levels of all pins. Return 1 if a debounced level has changed."""
     levels &= w[ALL_INPUTS]
     moved = levels ^ w[RAW]
     w[RAW] = levels
@@ -119,7 +119,7 @@ def _debounce(w: ptr32, levels: int, now: int) -> int:
 
 @micropython.viper
 def _values(w: ptr32) -> int:
-    """The inputs that are on, one bit each."""
+    """Return the inputs that are on, one bit each."""
     on = w[STABLE] ^ w[_ACTIVE_LOW]
     n = w[_INPUTS]
     values = 0
@@ -150,7 +150,7 @@ class Inputs:
         words[RAW] = words[STABLE] = hal.levels() & words[ALL_INPUTS]
 
     def poll(self, now, levels):
-        """Take in the levels of the pins. Returns whether an input has changed.
+        """Update with the levels of the pins. Return whether an input has changed.
 
         now: milliseconds modulo 2^29. levels: Hal.levels().
         """

@@ -1,7 +1,7 @@
-"""DMX light levels: set at once, or ramped in a straight line (field note 8.1).
+"""DMX light levels: set at once, or ramped linearly (field note 8.1).
 
-The HAL puts them on the wire. A channel ramps while its level and its target differ. Nothing
-allocates after construction.
+The HAL sends them. A channel ramps while its level and its target differ. Nothing allocates after
+construction.
 """
 
 from array import array
@@ -12,13 +12,13 @@ from framestep.base.native import addressof, as_word, const, micropython, ptr8, 
 from framestep.hal import CHANGED, CHANNELS
 
 MARK = const(2)  # bit of a channel's byte in put_marked()
-# channels that a pass looks at: all have had their turn before a frame is sent
+# channels updated in a pass: each channel gets its turn before a frame is sent
 _PER_PASS = const(64)
 
-# Words of Lights.words, besides CHANGED
-RAMPING = const(1)  # channels that ramp
+# Words of Lights.words, in addition to CHANGED
+RAMPING = const(1)  # number of channels that ramp
 _LENGTH = const(2)  # of a ramp, ms
-_CURSOR = const(3)  # last channel looked at
+_CURSOR = const(3)  # last channel updated
 
 
 @micropython.viper
@@ -89,7 +89,7 @@ def _ramp(ramp: ptr32, words: ptr32, first: int, source: ptr8, at: int, count: i
 
 @micropython.viper
 def _advance(ramp: ptr32, words: ptr32, now: int):
-    """Move the ramps of the next _PER_PASS channels on."""
+    """Update the ramps of the next _PER_PASS channels."""
     levels = ptr8(ramp[0])
     targets = ptr8(ramp[1])
     length = words[_LENGTH]
@@ -139,7 +139,7 @@ class Lights:
         self._one = bytearray(1)
 
     def level(self, channel):
-        """The present level of a channel (1 … 512), 0 … 255."""
+        """Return the present level of a channel (1 … 512), 0 … 255."""
         return self.levels[channel]
 
     def set(self, channel, level):
@@ -154,12 +154,12 @@ class Lights:
     def put_marked(self, first, last, source, marks):
         """Set channels first … last whose bit MARK is set in marks[channel] to source[channel].
 
-        Clears the marks. One call for channels that lie apart; it takes 0.6 µs a channel.
+        Clears the marks. A single call for scattered channels; takes 0.6 µs a channel.
         """
         _put_marked(self.levels, self._targets, self.words, first, last, source, marks)
 
     def ramp(self, now, channel, source, at, count):
-        """As put(), but by ramps that begin at `now` (milliseconds modulo 2^29)."""
+        """Like put(), but by ramps that begin at `now` (milliseconds modulo 2^29)."""
         if self.words[_LENGTH] == 0:
             _put(self.levels, self._targets, self.words, channel, source, at, count)
             return
@@ -167,7 +167,7 @@ class Lights:
         _ramp(self._ramp, self.words, channel, source, at, count)
 
     def fits(self, channel, count):
-        """Whether all these channels exist."""
+        """Return whether all these channels exist."""
         return 1 <= channel <= self.count and channel + count - 1 <= self.count
 
     def take(self, buffer):
@@ -181,6 +181,6 @@ class Lights:
         return self.words[RAMPING] != 0
 
     def poll(self, now):
-        """Move the ramps on: an eighth of the channels in each pass of the main loop."""
+        """Update the ramps: an eighth of the channels in each pass of the main loop."""
         if self.words[RAMPING]:
             _advance(self._ramp, self.words, now)

@@ -1,14 +1,14 @@
-"""Positions that outlive a power cut: a journal of records in flash.
+"""Positions that survive a power cut: a journal of records in flash.
 
-A record holds where all motors stand. It is written once they have stood for STILL_MS and no
-operation is under way, never in motion. The newest record with a right checksum counts.
+A record has the positions of all motors. It is written once they have been at rest for STILL_MS and
+no operation is under way, never in motion. The newest record with a correct checksum counts.
 
 Before anything makes a record untrue (the first motion, RESET_POSITION) its mark is cleared. Flash
 can do that without erasing, in half a millisecond, and nothing moves meanwhile. So after a power
-cut or any reset the newest record says how it was: with the mark set the motors stood, and the
-positions are HELD; with the mark cleared they moved, and the positions are LOST, the numbers being
-those from before the motion. A record that a power cut leaves unfinished has a wrong checksum. Then
-the one before it counts, whose mark was cleared when the motion began.
+cut or any reset the newest record shows the state. If its mark is set, the motors were at rest, and
+the positions are HELD. If it is cleared, they moved, and the positions are LOST; the numbers date
+from before the motion. A record that a power cut leaves unfinished has a wrong checksum. Then the
+record before it counts, whose mark was cleared when the motion began.
 
 Wear. A block takes `slots` records until it is erased, and the blocks take turns. With four blocks
 of 30 slots, and flash good for 100 000 erasures, that is 12 million records: 2000 a day for 16
@@ -34,8 +34,8 @@ PAGE_BYTES = const(256)
 NUMBER = const(0)  # counts up from record to record
 FORM = const(1)  # LAYOUT and the number of motors
 LOST_ONES = const(2)  # motors whose position was lost, one bit each
-LOAD_POSITIONS = const(3)  # where the loads are
-STEPS = const(15)  # where the motors are: the difference is the offset
+LOAD_POSITIONS = const(3)  # positions of the loads
+STEPS = const(15)  # positions of the motors; the difference is the offset
 CHECK = const(30)  # CRC-32 of the words before it
 MARK = const(31)  # -1 while the record is true
 _WORDS = const(32)
@@ -45,11 +45,11 @@ _CRC = const(-306674912)  # 0xEDB88320, the polynomial of CRC-32, reflected
 
 @micropython.viper
 def checksum(data: ptr8, count: int, out: ptr32, i: int):
-    """out[i] = CRC-32 of the first `count` bytes, as in zlib. (A result would be an object.)"""
+    """out[i] = CRC-32 of the first `count` bytes, as in zlib (a return value would be an object)"""
     crc = -1
     top = 1
     top <<= 30
-    top += top - 1  # 2^31 - 1, which as a constant would be an object
+    top += top - 1  # 2^31 - 1; as a constant it would be an object
     at = 0
     while at < count:
         crc ^= data[at + 0]
@@ -66,7 +66,7 @@ def checksum(data: ptr8, count: int, out: ptr32, i: int):
 
 @micropython.viper
 def _fill(page: ptr32):
-    """Make all bytes those of erased flash."""
+    """Set all bytes to those of erased flash."""
     i = 0
     while i < PAGE_BYTES // 4:
         page[i + 0] = -1
@@ -102,8 +102,7 @@ def _erased(page: ptr32, at: int) -> bool:
 
 
 class PositionJournal:
-    """Keeps the positions of `axes` in a Flash (hal/contract.py). io/restore.py brings them
-    back."""
+    """Keeps the positions of `axes` in a Flash (hal/contract.py). io/restore.py restores them."""
 
     def __init__(self, flash, axes):
         self.flash = flash
@@ -115,7 +114,7 @@ class PositionJournal:
         )
         self.page = array("i", [0] * (PAGE_BYTES // 4))
         self.slots = flash.bytes // SLOT_BYTES
-        self.block = flash.blocks - 1  # where the newest record is
+        self.block = flash.blocks - 1  # block of the newest record
         self.slot = self.slots - 1
         self.number = 0
         self.working = True
@@ -135,7 +134,7 @@ class PositionJournal:
             self.working = self.flash.program(self.block, at & ~(PAGE_BYTES - 1), self.page)
 
     def poll(self, now, busy):
-        """One pass: write a record when it is time.
+        """Do one pass: write a record if it is time.
 
         now: milliseconds modulo 2^29. busy: something moves, or an operation is prepared.
         """
@@ -151,7 +150,7 @@ class PositionJournal:
                 self.positions.saved = self.working
 
     def _has_known_position(self):
-        """Whether any position is not lost."""
+        """Return whether any position is not lost."""
         states = self.positions.states
         for motor in range(self.axes.count):
             if states[motor] != LOST:
@@ -159,7 +158,7 @@ class PositionJournal:
         return False
 
     def _write(self):
-        """Write where the motors stand. False if the flash does not take it."""
+        """Write the motors' positions. Return False if the flash fails."""
         record = self.record
         axes = self.axes
         for i in range(_WORDS):
@@ -190,7 +189,7 @@ class PositionJournal:
         return False
 
     def _advance(self):
-        """Go to the next free slot. False if the flash does not erase."""
+        """Go to the next free slot. Return False if the flash does not erase."""
         while True:
             self.slot += 1
             if self.slot >= self.slots:

@@ -14,20 +14,20 @@ from framestep.io.lights import RAMPING, Lights
 from framestep.io.safety import ACTIVE, CAUGHT, ESTOP, LOWER, REST, SWITCHES
 from framestep.protocol import messages as m
 
-# What a pass has to do, from words of Safety, Inputs and Lights
+# Work of a pass, found from words of Safety, Inputs and Lights
 _SWITCHES = const(1)
 _INPUTS = const(2)
 _RAMPS = const(4)
 _LEVELS = const(8)
-# Bits that poll() returns
+# Bits of poll()
 NEWS = const(_SWITCHES | _INPUTS)  # a switch or an input has changed
 STOP = const(32)  # a stop input has become active
-GO = const(64)  # the input for GO has come on
+GO = const(64)  # the input for GO has gone on
 
 
 @micropython.viper
 def _due(table: ptr32, levels: int) -> int:
-    """What this pass has to do. table: the addresses of the words."""
+    """Return the work of this pass. table: addresses of the words."""
     switches = ptr32(table[0])
     inputs = ptr32(table[1])
     lights = ptr32(table[2])
@@ -46,7 +46,8 @@ def _due(table: ptr32, levels: int) -> int:
 def send_stops(writer, safety, is_open):
     """Send MSG_MOTOR_HARD_STOP for each stop input that has acted, as far as there is room.
 
-    See field note 8.4. With the port closed limits are not reported; the E-stop waits for a host.
+    See field note 8.4. While the port is closed limits are not reported; the E-stop waits for a
+    host.
     """
     if not is_open:
         safety.drop_limit_reports()
@@ -69,7 +70,7 @@ def send_stops(writer, safety, is_open):
 
 
 class Io:
-    """What a rig has besides motors: `lights`, `gio`, `camera`, and the stop inputs of `safety`."""
+    """The parts of a rig besides motors: `lights`, `gio`, `camera`, the stop inputs of `safety`."""
 
     def __init__(self, hal, rig, reader, writer, safety):
         self.safety = safety
@@ -95,7 +96,7 @@ class Io:
             self.handlers[m.MSG_DMX] = self._dmx
 
     def poll(self, now):
-        """One pass. now: milliseconds modulo 2^29. Returns bits of NEWS, STOP and GO."""
+        """Do one pass. now: milliseconds modulo 2^29. Return bits of NEWS, STOP and GO."""
         self.now = now
         levels = self._read_levels()
         due = _due(self._table, levels)
@@ -123,13 +124,13 @@ class Io:
         self.camera.safe()
 
     def report(self, is_open):
-        """Send what is due, as far as there is room. With the port closed it is dropped."""
+        """Send what is due, as far as there is room. While the port is closed it is dropped."""
         send_stops(self.writer, self.safety, is_open)
         if self.inputs_due and (not is_open or self._send_inputs(None)):
             self.inputs_due = False
 
     def _send_inputs(self, reader):
-        """Send GIO_IN: inputs 0, one bit each, 1 for on. Returns whether there was room."""
+        """Send GIO_IN: inputs from bit 0 on, 1 for on. Return whether there was room."""
         writer = self.writer
         writer.begin(m.MSG_GIO_IN, reader)
         writer.u32(self.gio.inputs.values)
@@ -138,7 +139,7 @@ class Io:
     # ---------------------------------------------------------------- requests
 
     def _dmx(self):
-        """MSG_DMX: levels from a channel on; a ramp is 0 or 1 (field note 8.1)."""
+        """MSG_DMX: levels from a channel on; `ramp` is 0 or 1 (field note 8.1)."""
         reader = self.reader
         ramp = reader.u8(m.Dmx.ramp)
         channel = reader.u16(m.Dmx.channel)
@@ -155,13 +156,13 @@ class Io:
     def _gio_out(self):
         """MSG_GIO_OUT: one bit each, 1 for on (field note 8.3).
 
-        Bits past the last output are ignored.
+        Bits beyond the last output are ignored.
         """
         self.gio.put(0xFFFF, self.reader.u16(m.GioOut.outputs))
         return m.OK
 
     def _gio_in(self):
-        """MSG_GIO_IN. The answer says which inputs are on (field note 8.3)."""
+        """MSG_GIO_IN: answer with the inputs that are on (field note 8.3)."""
         self._send_inputs(self.reader)
         return 0
 

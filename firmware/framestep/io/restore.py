@@ -1,4 +1,4 @@
-"""Brings positions back from the journal. Needed once, at power-up, so a module of its own."""
+"""Restores positions from the journal. A module of its own, as it is needed only at power-up."""
 
 from framestep.io.position_journal import (
     CHECK,
@@ -19,7 +19,7 @@ from framestep.pulse import stepper
 
 
 def restore(journal):
-    """Set the motors' positions from the newest record. To be called before anything moves.
+    """Set the motors' positions from the newest record. Call it before anything moves.
 
     journal: a PositionJournal. Allocates.
     """
@@ -40,7 +40,7 @@ def restore(journal):
     journal.flash.read(journal.block, journal.slot * SLOT_BYTES, record)
     axes = journal.axes
     if record[FORM] != LAYOUT + axes.count:
-        return  # the rig had another number of motors then
+        return  # the rig had a different number of motors
     moved = record[MARK] != -1
     for motor in range(axes.count):
         axis = axes[motor]

@@ -1,15 +1,15 @@
 """Stop inputs: the E-stop button and the hardware limit switches (field notes 3.3 and 8.4).
 
-Each switch is one bit of the word that Hal.levels() returns. A switch is active as soon as four
-readings in a row say so (this filters spikes), and released after RELEASE_MS of inactive readings.
+Each switch is one bit of the word of Hal.levels(). A switch counts as active once four readings in
+a row find it so (this filters spikes), and as released after RELEASE_MS of inactive readings.
 
 A limit acts on the motors to which SET_LIMITS has assigned its set, and only if they move toward
 it. The E-stop acts on all motors, and nothing may move while it is held. It makes the motors stop;
 it does not cut their power.
 
 A change of a pin calls on_switch_change() in an interrupt. From the next tick on the motors ramp
-down, all in the same tick, whatever the main loop is busy with. Later poll() ends what they were
-doing, and tells the host.
+down, all in the same tick, whatever the main loop is busy with. Later poll() ends their operations
+and reports to the host.
 
 Nothing allocates after construction.
 """
@@ -25,19 +25,19 @@ from framestep.pulse.stepper import DOWN, MODE, RUN, STOP, VELOCITY, halt
 
 RELEASE_MS = const(20)
 _READINGS = const(3)  # after the first one
-ESTOP = const(24)  # result of unreported(): the E-stop has been pressed;
-LOWER = const(12)  # motor 0 is at its lower limit, as in the bits of _approaching()
-_STANDSTILL = const(4194)  # a lower velocity counts as rest: a step per second, Q22 steps per tick
+ESTOP = const(24)  # result of unreported(): the E-stop was pressed
+LOWER = const(12)  # the same: motor 0 is at its lower limit, as in the bits of _approaching()
+_STANDSTILL = const(4194)  # lower velocities count as rest: a step per second, Q22 steps per tick
 
 # Words of Safety.words
 SWITCHES = const(0)  # pins of all switches
 REST = const(1)  # their levels while none is active
 _SEEN = const(2)  # switches active at the last reading
-ACTIVE = const(3)  # the same, and those active less than RELEASE_MS ago
-_SINCE = const(4)  # when _SEEN changed
+ACTIVE = const(3)  # these, and switches that were active less than RELEASE_MS ago
+_SINCE = const(4)  # time of the last change of _SEEN
 CAUGHT = const(5)  # switches that an interrupt has found active
-_AT_LIMIT = const(6)  # motors that it has stopped at a limit, as _approaching() returns them
-_COUNT = const(7)  # motors; for each of them three words follow:
+_AT_LIMIT = const(6)  # motors that it has stopped at a limit, as returned by _approaching()
+_COUNT = const(7)  # number of motors; for each of them three words follow:
 _MOTORS = const(8)
 _BLOCK = const(0)  # address of its state block
 _UPPER_PIN = const(1)  # of the limit switch at its upper end, or 0
@@ -49,7 +49,7 @@ _MOVES = const(RUN | STOP)  # modes
 
 @micropython.viper
 def _update(w: ptr32, levels: int, now: int) -> int:
-    """Take in the levels and what interrupts have found. Returns _AT_LIMIT. Interrupts are off."""
+    """Update with the levels and what interrupts have found. Return _AT_LIMIT. Interrupts are off."""
     seen = (levels ^ w[REST]) & w[SWITCHES]
     struck = w[_AT_LIMIT]
     if (seen ^ w[_SEEN]) | w[CAUGHT]:
@@ -67,9 +67,9 @@ def _update(w: ptr32, levels: int, now: int) -> int:
 
 @micropython.viper
 def _approaching(w: ptr32, active: int) -> int:
-    """The motors that move toward an active limit.
+    """Return the motors that move toward an active limit.
 
-    The upper ones count from bit 0, the lower ones from bit LOWER.
+    Upper limits have the bits from 0 on, lower limits from LOWER on.
     """
     bits = 0
     i = 0
@@ -78,7 +78,7 @@ def _approaching(w: ptr32, active: int) -> int:
         if (w[at + _UPPER_PIN] | w[at + _LOWER_PIN]) & active:
             block = ptr32(w[at + _BLOCK])
             if block[MODE] & _MOVES:
-                # Velocity and pulses both: the end of a motion away may tremble within a step.
+                # Check velocity and pulses: the end of a motion away may tremble within a step.
                 v = block[VELOCITY]
                 if v > _STANDSTILL:
                     if w[at + _UPPER_PIN] & active and block[DOWN] == 0:
@@ -93,7 +93,7 @@ def _approaching(w: ptr32, active: int) -> int:
 
 @micropython.viper
 def _ends(w: ptr32, motor: int) -> int:
-    """The active limits of a motor: 1 the upper one, 2 the lower one."""
+    """Return the active limits of a motor: 1 the upper one, 2 the lower one."""
     at = _MOTORS + motor * _MOTOR_WORDS
     active = w[ACTIVE]
     ends = 0
@@ -105,8 +105,8 @@ def _ends(w: ptr32, motor: int) -> int:
 
 
 @micropython.viper
-def _way(target: ptr32, i: int, here: ptr32) -> int:
-    """The limit on the way from `here` to target[i], as _ends() returns it; 0 if it is there."""
+def _limit_toward(target: ptr32, i: int, here: ptr32) -> int:
+    """Return the limit in the direction of target[i], as in _ends(); 0 if the motor is there."""
     if target[i + 0] > here[0]:
         return 1
     if target[i + 0] < here[0]:
@@ -140,15 +140,15 @@ class Safety:
         self._steepest = kernel_rate(ACCELERATION_LIMIT)
         self._here = array("i", [0])
         self.tripped = False  # the E-stop is held
-        self.at_limit = 0  # motors being stopped at a limit, as _approaching() returns them
-        # what is still to be reported
+        self.at_limit = 0  # motors being stopped at a limit, as returned by _approaching()
+        # reports that are due
         self._report_estop = False
         self._report_limits = 0
         if self.words[SWITCHES]:
             hal.watch(self.words[SWITCHES], self.on_switch_change)
 
     def _switch(self, pin, contact):
-        """Make a pin the input of a switch to ground. Returns its bit in Hal.levels()."""
+        """Make a pin the input of a switch to ground. Return its bit in Hal.levels()."""
         if pin < 0:
             return 0
         bit = self.hal.input(pin, "up")
@@ -158,7 +158,8 @@ class Safety:
         return bit
 
     def active_sets(self, end):
-        """The limit sets whose switch at an end is active, one bit each. end: 0 upper, 1 lower."""
+        """Return the limit sets whose switch at an end is active, one bit each. end: 0 upper, 1
+        lower."""
         bits = 0
         for i in range(len(self.sets)):
             if self.is_active(self.sets[i][end]):
@@ -166,11 +167,11 @@ class Safety:
         return bits
 
     def has(self, number):
-        """Whether a limit set of this number exists. 0 stands for none and always exists."""
+        """Return whether a limit set of this number exists. 0 means none and always exists."""
         return number <= len(self.sets)
 
     def assign(self, motor, number, swapped):
-        """Assign a limit set, or none (0), to a motor (from 0). swapped: exchange its two ends."""
+        """Assign a limit set, or none (0), to a motor (from 0). swapped: swap its two ends."""
         high = 0
         low = 0
         if number:
@@ -185,7 +186,7 @@ class Safety:
         return self.words[_MOTORS + motor * _MOTOR_WORDS + _LOWER_PIN - upper]
 
     def set_limit_pins(self, motor, upper, pins):
-        """Take these pins for the limit switches at one end of a motor. upper: 1 or 0."""
+        """Use these pins for the limit switches at one end of a motor. upper: 1 or 0."""
         self.words[_MOTORS + motor * _MOTOR_WORDS + _LOWER_PIN - upper] = pins
 
     def is_active(self, pins):
@@ -193,14 +194,14 @@ class Safety:
         return self.words[ACTIVE] & pins != 0
 
     def limit_blocking(self, motor, target, i):
-        """Whether an active limit keeps a motor (from 0) from going to target[i].
+        """Check whether an active limit keeps a motor (from 0) from going to target[i].
 
-        Returns OK, ERR_HARD_UP or ERR_HARD_LOW.
+        Return OK, ERR_HARD_UP or ERR_HARD_LOW.
         """
         if self.words[ACTIVE] == 0:
             return results.OK
         self.axes[motor].position_to(self._here, 0)
-        ends = self.active_limits(motor) & _way(target, i, self._here)
+        ends = self.active_limits(motor) & _limit_toward(target, i, self._here)
         if ends == 0:
             return results.OK
         return results.ERR_HARD_UP if ends == 1 else results.ERR_HARD_LOW
@@ -211,7 +212,8 @@ class Safety:
         return self.words[ACTIVE] != 0
 
     def active_limits(self, motor):
-        """The active limits of a motor (from 0) and of the one coupled to it: 1 upper, 2 lower."""
+        """Return the active limits of a motor (from 0) and of its coupled motor: 1 upper, 2
+        lower."""
         axis = self.axes[motor]
         ends = _ends(self.words, motor)
         if axis.partner:
@@ -227,7 +229,7 @@ class Safety:
                 return i
 
     def _steady(self, levels):
-        """The levels; a switch counts as active if it is so in all of several readings."""
+        """Return the levels; a switch counts as active only if several readings find it so."""
         rest = self.words[REST]
         levels ^= rest
         for _ in range(_READINGS):
@@ -236,7 +238,7 @@ class Safety:
 
     @micropython.viper
     def on_switch_change(self, _source):
-        """A switch has changed: stop the motors that it concerns.
+        """Stop the motors that a changed switch concerns.
 
         Called in a hard interrupt. No tick comes meanwhile.
         """
@@ -262,9 +264,9 @@ class Safety:
         halt(block, bits, self._steepest, self.factor)
 
     def poll(self, now, levels):
-        """Read the switches. Only needed while one is active, or has been until now.
+        """Read the switches. Needed only while one is active, or has been until now.
 
-        now: milliseconds modulo 2^29. levels: Hal.levels(). Returns whether the caller has to act:
+        now: milliseconds modulo 2^29. levels: Hal.levels(). Return whether the caller has to act:
         `tripped` has become True, or motors have been added to `at_limit`.
         """
         words = self.words
@@ -275,7 +277,7 @@ class Safety:
         return self._judge(words, bits)
 
     def _judge(self, words, bits):
-        """Update `tripped` and `at_limit`. bits: of _AT_LIMIT. Returns as poll()."""
+        """Update `tripped` and `at_limit`. bits: of _AT_LIMIT. Return as in poll()."""
         news = False
         held = words[ACTIVE] & self._estop != 0
         if held != self.tripped:
@@ -291,7 +293,7 @@ class Safety:
         return news
 
     def motors_at_limit(self):
-        """The motors to be stopped at a limit, one bit each; of coupled motors the leader."""
+        """Return the motors to be stopped at a limit, one bit each; of coupled motors the leader."""
         bits = self.at_limit | (self.at_limit >> LOWER)
         motors = 0
         for i in range(self.axes.count):
@@ -301,7 +303,7 @@ class Safety:
         return motors
 
     def unreported(self):
-        """What has stopped motors and is still to be reported; -1: nothing.
+        """Return what has stopped motors and has yet to be reported; -1: nothing.
 
         ESTOP; a motor (from 0) that has come to its upper limit; or LOWER plus a motor that has
         come to its lower one.
@@ -316,12 +318,12 @@ class Safety:
         return -1
 
     def reported(self, what):
-        """What unreported() returned has been reported."""
+        """Note that a result of unreported() has been reported."""
         if what == ESTOP:
             self._report_estop = False
         else:
             self._report_limits &= ~(1 << what)
 
     def drop_limit_reports(self):
-        """Stops at limits need not be reported any more."""
+        """Drop the reports of stops at limits."""
         self._report_limits = 0

@@ -6,13 +6,13 @@ Telegrams (TMC2209 datasheet, "UART single wire interface"), each byte with its 
     write    05, address, register | 80, four bytes of value (highest first), CRC
     read     05, address, register, CRC;  answer  05, FF, register, four bytes of value, CRC
 
-What is sent comes back as an echo, since TX and RX share the wire. An answer differs from it, and
-from noise, by its address FF and its CRC. A write has no answer, so IFCNT, which counts good
+What is sent comes back as an echo, since TX and RX share the wire. An answer differs from the echo,
+and from noise, by its address FF and its CRC. A write has no answer, so IFCNT, which counts good
 writes, is read after each one.
 
-A driver that does not answer, has a fault, or has been reset by a drop of its supply is not
-`ready`: its motor does not move. It is asked again every RETRY_MS, and set up from the beginning as
-soon as it answers. A pass of the main loop does one thing and never waits. Nothing allocates after
+A driver that does not answer, has a fault, or was reset by a drop of its supply is not `ready`: its
+motor does not move. It is asked again every RETRY_MS, and set up from the beginning once it
+answers. A pass of the main loop does one thing and never waits. Nothing allocates after
 construction.
 """
 
@@ -21,7 +21,7 @@ from array import array
 from framestep.base.clock import after, elapsed
 from framestep.base.native import const, micropython, ptr8
 
-POLL_MS = const(50)  # from the check of one driver to that of the next
+POLL_MS = const(50)  # from the check of one driver to the next
 RETRY_MS = const(1000)
 PATIENCE_MS = const(8)  # an answer takes 1.3 ms
 TRIES = const(4)
@@ -49,13 +49,13 @@ FAULTS = const(0x73E)  # TOO_HOT | SHORT | RESET | STOPPED | LOW_SUPPLY
 # Flags that this module adds
 SILENT = const(0x800)
 NO_ECHO = const(0x1000)
-DEAF = const(0x2000)  # it answers, but does not take what is written
+DEAF = const(0x2000)  # it answers, but does not accept writes
 _TROUBLE = const(0x3F3E)  # FAULTS | SILENT | NO_ECHO | DEAF
 
 # texts, causes first: of several flags only the first one is reported
 WORDS = (
     (NO_ECHO, "gets no echo on the wire: RX, TX and PDN_UART are not connected"),
-    (SILENT, "does not answer (has it power, and the right address?)"),
+    (SILENT, "does not answer (check its power and its address)"),
     (DEAF, "answers, but does not take its settings"),
     (TOO_HOT, "has switched off, too hot"),
     (SHORT, "has switched off: a short in the motor or its cable"),
@@ -72,7 +72,7 @@ _REST = const(0)
 _WRITTEN = const(1)
 _ASKED = const(2)
 
-_BASE = const(-1)  # step of a set-up: IFCNT before the first write
+_BASE = const(-1)  # first step of a set-up: IFCNT before the first write
 
 # States of a driver
 _NEW = const(0)
@@ -82,7 +82,7 @@ _FAILED = const(2)
 
 @micropython.viper
 def crc(data: ptr8, at: int, count: int) -> int:
-    """CRC-8 of a telegram: polynomial x⁸ + x² + x + 1, each byte taken from its lowest bit on."""
+    """Return a telegram's CRC-8: polynomial x⁸ + x² + x + 1, each byte from its lowest bit on."""
     result = 0
     i = at
     end = at + count
@@ -102,7 +102,7 @@ def crc(data: ptr8, at: int, count: int) -> int:
 
 @micropython.viper
 def _start(data: ptr8, at: int, count: int, register: int) -> int:
-    """Where from `at` on a whole answer about this register may begin; -1: nowhere."""
+    """Return where from `at` on a complete answer about this register may begin, or -1."""
     last = count - _ANSWER
     while at <= last:
         if data[at + 2] == register:
@@ -114,7 +114,8 @@ def _start(data: ptr8, at: int, count: int, register: int) -> int:
 
 
 def answer(heard, count, register):
-    """Where in `count` bytes the answer about a register begins; -1 if it is not there yet."""
+    """Return where in `count` bytes the answer about a register begins, or -1 if it is not there
+    yet."""
     at = _start(heard, 0, count, register)
     while at >= 0 and crc(heard, at, _ANSWER - 1) != heard[at + _ANSWER - 1]:
         at = _start(heard, at + 1, count, register)
@@ -136,8 +137,8 @@ class Drivers:
         self.tables = [rig.drivers[i] for i in self.motors]
         self.addresses = bytes([hal.board["drivers"]["address"][i] for i in self.motors])
         self.count = len(self.motors)
-        self.flags = array("i", [0] * self.count)  # present ones
-        self.told = array("i", [0] * self.count)  # those that have been reported
+        self.flags = array("i", [0] * self.count)  # present flags
+        self.reported = array("i", [0] * self.count)  # flags that have been reported
         self.opens = bytearray(self.count)
         self.states = bytearray(self.count)  # _NEW
         self.failed_at = array("i", [0] * self.count)
@@ -146,14 +147,14 @@ class Drivers:
             bits |= 1 << motor
         self.good = ((1 << hal.motors) - 1) & ~bits
         self.ready = 0 if self.count else self.good  # until each driver has been tried once
-        self.writes = 0  # confirmed ones, modulo 2^29
+        self.writes = 0  # confirmed writes, modulo 2^29
         self._steps = len(self.tables[0]) // _ENTRY if self.count else 0
         self._frame = bytearray(_ANSWER)
         self._heard = bytearray(_HEARD)
         self._filled = 0
         self._phase = _REST
         self._register = 0
-        self._at = 0  # when this phase began
+        self._at = 0  # time at which this phase began
         self._rest_ms = 0
         self._tries = 0
         self._again = 0
@@ -167,9 +168,9 @@ class Drivers:
     # ---------------------------------------------------------------- the wire
 
     def poll(self, now):
-        """One pass. now: milliseconds modulo 2^29.
+        """Do one pass. now: milliseconds modulo 2^29.
 
-        Returns the motors whose driver has just failed, one bit each.
+        Return the motors whose driver has just failed, one bit each.
         """
         waited = elapsed(now, self._at)
         if self._phase == _REST:
@@ -207,7 +208,7 @@ class Drivers:
     def _ask(self, register, now):
         """Send a read request."""
         wire = self.wire
-        wire.receive(self._heard, 0, _HEARD)  # echo of a write, answers that came too late
+        wire.receive(self._heard, 0, _HEARD)  # drop the echo of a write, and late answers
         self._filled = 0
         frame = self._frame
         frame[0] = 5
@@ -234,7 +235,7 @@ class Drivers:
         self._at = now
         self.wire.send(frame, _ANSWER)
 
-    # ---------------------------------------------------------------- what is done with a driver
+    # ---------------------------------------------------------------- one driver
 
     def _go_on(self, now):
         """Begin the next exchange."""
@@ -252,7 +253,7 @@ class Drivers:
             self._ask(_GSTAT if step == self._steps else _DRV_STATUS, now)
 
     def _next(self, now):
-        """Turn to the next driver."""
+        """Go on to the next driver."""
         n = self._driver + 1
         if n == self.count:
             n = 0
@@ -265,7 +266,7 @@ class Drivers:
         self._rest(now, 1 if self.states[n] == _NEW else POLL_MS)
 
     def _answered(self, at, now):
-        """Take in a register's value, four bytes from heard[at] on."""
+        """Read a register's value, four bytes from heard[at] on."""
         heard = self._heard
         last = heard[at + 3]
         step = self._step
@@ -287,7 +288,7 @@ class Drivers:
             self._again = 0
             self._step = step + 1
         else:
-            # The same count: the write was lost; repeat it. Another one: the driver was reset.
+            # The same count: the write was lost; repeat it. A different one: the driver was reset.
             if last != self._confirmed:
                 self._confirmed = last
                 self._step = 0
@@ -297,9 +298,9 @@ class Drivers:
         return 0
 
     def _finish(self, flags, now):
-        """Be done with this driver for now. flags: of the driver.
+        """Finish with this driver for now. flags: of the driver.
 
-        Returns its motor's bit if the driver has failed, else 0.
+        Return its motor's bit if the driver has failed, else 0.
         """
         n = self._driver
         motor = self.motors[n]
@@ -316,44 +317,44 @@ class Drivers:
         elif not worked:
             self.states[n] = _WORKS
             self.good |= 1 << motor
-        self._tell(n, motor, flags, worked)
+        self._report(n, motor, flags, worked)
         self._next(now)
         return failed
 
-    def _tell(self, n, motor, flags, worked):
+    def _report(self, n, motor, flags, worked):
         """Report what is new."""
-        told = self.told[n]
+        reported = self.reported[n]
         if flags & _TROUBLE:
-            # of several things the first in WORDS is the cause
+            # of several flags the first in WORDS is the cause
             for i in range(len(WORDS)):
                 if flags & WORDS[i][0]:
-                    if worked or not told & WORDS[i][0]:
+                    if worked or not reported & WORDS[i][0]:
                         self.report_driver(motor + 1, WORDS[i][1])
-                    told = WORDS[i][0]
+                    reported = WORDS[i][0]
                     break
         else:
-            if told & _TROUBLE:
+            if reported & _TROUBLE:
                 self.report_driver(motor + 1, WORKS_WORDS)
-                told &= ~_TROUBLE
-            if flags & HOT and not told & HOT:
+                reported &= ~_TROUBLE
+            if flags & HOT and not reported & HOT:
                 self.report_driver(motor + 1, HOT_WORDS)
-            if self.opens[n] == OPEN_CHECKS and not told & OPEN:
+            if self.opens[n] == OPEN_CHECKS and not reported & OPEN:
                 self.report_driver(motor + 1, OPEN_WORDS)
-                told |= OPEN
+                reported |= OPEN
             elif not flags & OPEN and self.opens[n] == 0:
-                told &= ~OPEN
-            told = (told & ~HOT) | (flags & HOT)
-        self.told[n] = told
+                reported &= ~OPEN
+            reported = (reported & ~HOT) | (flags & HOT)
+        self.reported[n] = reported
 
     def states_in_words(self):
-        """A line for each driver, for the REPL. Allocates."""
+        """Return a line for each driver, for the REPL. Allocates."""
         lines = []
         for n in range(self.count):
             text = "is being set up" if self.states[n] == _NEW else "works"
             if self.states[n] == _WORKS and self.flags[n] & HOT:
                 text = HOT_WORDS
             for bits, words in WORDS:
-                if self.states[n] == _FAILED and self.told[n] & bits:
+                if self.states[n] == _FAILED and self.reported[n] & bits:
                     text = words
             lines.append("driver of motor %d %s" % (self.motors[n] + 1, text))
         return lines

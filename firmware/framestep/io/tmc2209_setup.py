@@ -1,5 +1,5 @@
-"""The registers of a TMC2209 for the driver settings of the rig file. Loaded to read that file;
-allocates.
+"""Registers of a TMC2209 for the driver settings of the rig file. Loaded to read that file.
+Allocates.
 
 Register numbers and fields: the makers' register reference, analogdevicesinc/TMC-API
 tmc/ic/TMC2209; formulas: TMC2209 datasheet, "Selecting sense resistors" (current), TPOWERDOWN and
@@ -7,8 +7,8 @@ CHOPCONF in its register tables.
 """
 
 _CLOCK_HZ = 12_000_000  # the chip's own, trimmed in the factory
-_FULL_SCALE_UV = (320_000, 180_000)  # over the sense resistor, by VSENSE
-_INNER_MOHM = 20  # what the chip itself adds to the sense resistor
+_FULL_SCALE_UV = (320_000, 180_000)  # across the sense resistor, by VSENSE
+_INNER_MOHM = 20  # resistance that the chip adds to the sense resistor
 _ROOT_2 = 1_414_214  # millionths
 _SCALES = 32
 
@@ -26,12 +26,12 @@ _SGTHRS = 0x40
 _LONGEST = (1 << 20) - 1  # TCOOLTHRS
 
 _SPREAD = 1 << 2  # GCONF
-# pdn_disable, mstep_reg_select, multistep_filt; current not by VREF
+# pdn_disable, mstep_reg_select, multistep_filt; current not from VREF
 _UART_RULES = (1 << 6) | (1 << 7) | (1 << 8)
 # 3·8 bit times before an answer: less is not allowed with several drivers on a wire
 _SENDDELAY = 2 << 8
 _TOFF = 3
-# TBL 24 clocks, HSTRT 5, HEND 0: the makers' values for a motor of any kind
+# TBL 24 clocks, HSTRT 5, HEND 0: the makers' values for any motor
 _CHOPPER = (2 << 15) | (5 << 4)
 _VSENSE = 1 << 17
 _MRES = 24
@@ -42,10 +42,10 @@ _FREEWHEEL = 1 << 20
 
 
 def scale(run_ma, sense_mohm):
-    """(IRUN, VSENSE) for a run current of `run_ma` mA (RMS) or the next lower one; None if out of
-    range.
+    """Return (IRUN, VSENSE) for a run current of `run_ma` mA (RMS) or the next lower one, or None
+    if it is out of range.
 
-    I = (IRUN + 1)/32 · full scale / (sense resistor + 20 mΩ) / √2; the lower full scale gives finer
+    I = (IRUN + 1)/32 · full scale / (sense resistor + 20 mΩ) / √2. The lower full scale gives finer
     microsteps.
     """
     for vsense in (1, 0):
@@ -57,15 +57,15 @@ def scale(run_ma, sense_mohm):
 
 
 def most_ma(sense_mohm):
-    """The greatest run current in mA (RMS) with this sense resistor."""
+    """Return the greatest run current in mA (RMS) with this sense resistor."""
     return _FULL_SCALE_UV[0] * 1_000_000 // ((sense_mohm + _INNER_MOHM) * _ROOT_2)
 
 
 def registers(driver):
-    """Register numbers and values in the order in which they are written, five bytes each.
+    """Return register numbers and values in the order of writing, five bytes each.
 
-    driver: a dictionary with the keys of framestep.rig.settings.DRIVER_SETTINGS. ValueError for
-    a current that is out of range.
+    driver: a dictionary with the keys of framestep.rig.settings.DRIVER_SETTINGS. Raises ValueError
+    for a current out of range.
     """
     found = scale(driver["run_ma"], driver["sense_mohm"])
     if found is None:
@@ -106,13 +106,14 @@ def registers(driver):
 
 
 def with_stall(table, threshold, speed, microsteps):
-    """The same registers, with StallGuard on.
+    """Return the same registers with StallGuard on.
 
-    DIAG then tells of a stall, SG_RESULT at most twice the threshold (1 … 255), while the motor is
-    faster than two thirds of `speed` (steps/s): slower, and so at the beginning of a motion, the
-    chip cannot tell. SGTHRS takes the place of COOLCONF, which has its value from a reset.
+    DIAG then reports a stall (SG_RESULT at most twice the threshold, 1 … 255) while the motor is
+    faster than two thirds of `speed` (steps/s). Below that, and so at the beginning of a motion,
+    the chip cannot detect one. SGTHRS takes the place of COOLCONF, which keeps its value from a
+    reset.
     """
-    # TSTEP: clocks from one 256th of a full step to the next, the longer the slower
+    # TSTEP: clocks from one 256th of a full step to the next, so longer at lower velocities
     longest = _CLOCK_HZ * microsteps * 3 // (256 * speed * 2)
     found = bytearray(table)
     for at in range(0, len(found), 5):

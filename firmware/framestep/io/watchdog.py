@@ -1,11 +1,11 @@
 """Feeds the watchdog while a motor moves, and detects a host that has stopped reading.
 
 The watchdog runs only while a motor moves. So it never restarts a board at rest on which somebody
-uses the REPL, copies files or does a soft reset. It is fed every CHECK_MS as long as three things
-are alive: the main loop, which calls check(); the tick, whose count must have gone on; and the
-host, which must have read something within HOST_UNREAD_MS. If it is not fed for TIMEOUT_MS it
-restarts the board: drivers off, HARD_STOP 100. As a rule the motors are at rest by then: without
-the main loop their queues run dry after some tenths of a second, and the tick ramps them down.
+uses the REPL, copies files or does a soft reset. It is fed every CHECK_MS while three things are
+alive: the main loop, which calls check(); the tick, whose count must have increased; and the host,
+which must have read something within HOST_UNREAD_MS. If it is not fed for TIMEOUT_MS it restarts
+the board: drivers off, HARD_STOP 100. As a rule the motors are at rest by then: without the main
+loop their queues run dry after some tenths of a second, and the tick ramps them down.
 
 A host that has the port open but does not read gets no answers and cannot stop the rig. It counts
 as lost, and the motors ramp down (field note 1.11).
@@ -36,10 +36,10 @@ class Watchdog:
         self.armed = False
         self._ticks = 0
         self._taken = 0
-        self._heard_at = 0  # when the host last read something, or there was nothing to read
+        self._heard_at = 0  # last time at which the host read, or there was nothing to read
 
     def check(self, now, moving, is_open):
-        """To be called every CHECK_MS. Returns whether a motor moves though the host is lost.
+        """Check the three, every CHECK_MS. Return whether a motor moves although the host is lost.
 
         now: milliseconds modulo 2^29. moving: whether a motor moves. is_open: whether a host has
         the port open.

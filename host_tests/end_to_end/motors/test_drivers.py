@@ -69,9 +69,7 @@ def test_enabled_only_once_set_up():
 def test_a_dead_driver_holds_up_its_motor_and_every_run():
     talk, board = session(dead=(2,))
     talk.run(SET_UP_S)
-    assert said(board) == [
-        "driver of motor 2 does not answer (has it power, and the right address?)"
-    ]
+    assert said(board) == ["driver of motor 2 does not answer (check its power and its address)"]
     assert talk.ask(GetCondition()).bits == m.CONDITION_DRIVER
     talk.refuse(m.ERR_GENERAL, MotorMove(2, 100))
     talk.accept(MotorMove(1, 100))
