@@ -49,7 +49,7 @@ _MOVES = const(RUN | STOP)  # modes
 
 @micropython.viper
 def _update(w: ptr32, levels: int, now: int) -> int:
-    """Update with the levels and what interrupts have found. Return _AT_LIMIT. Interrupts are off."""
+    """Update with levels and what interrupts have found. Return _AT_LIMIT. Interrupts are off."""
     seen = (levels ^ w[REST]) & w[SWITCHES]
     struck = w[_AT_LIMIT]
     if (seen ^ w[_SEEN]) | w[CAUGHT]:
@@ -293,7 +293,7 @@ class Safety:
         return news
 
     def motors_at_limit(self):
-        """Return the motors to be stopped at a limit, one bit each; of coupled motors the leader."""
+        """Return the motors to be stopped at a limit, a bit each; of coupled motors the leader."""
         bits = self.at_limit | (self.at_limit >> LOWER)
         motors = 0
         for i in range(self.axes.count):

@@ -1,14 +1,14 @@
 """Fletcher-16 with K=8 and modulus 255 (spec: Computing and Validating the Checksum).
 
-`fletcher16(buffer, start, count)` gives the specification's `(sum2 << 8) | sum1`, each sum 0 to
-254; over a whole undamaged message that is 0. `check_bytes(sums)` gives the two bytes to append,
+`fletcher16(buffer, start, count)` returns the specification's `(sum2 << 8) | sum1`, each sum 0 to
+254; over a whole undamaged message that is 0. `check_bytes(sums)` returns the two bytes to append,
 the first in the low byte. Neither allocates on the board.
 
 The kernel reads half words. As 256 leaves a remainder of 1, a half word counts like the sum of its
-two bytes modulo 255, so the first sum takes it whole. With A the running first sum after each half
-word, the second sum grows by 2·ΣA less the bytes at odd places, which come after their neighbour
-and are counted once too often. Those are summed two at a time, in the two halves of a word. 256
-bytes keep every sum below 2^31; then it is folded, because 256·q + r counts like q + r.
+two bytes modulo 255, so the first sum takes it as a whole. With A the running first sum after each
+half word, the second sum grows by 2·ΣA minus the bytes at odd offsets, which come after their
+neighbour and would be counted once too often. These are summed two at a time, in the two halves of
+a word. 256 bytes keep every sum below 2^31. Then the sums are folded: 256·q + r counts like q + r.
 """
 
 from framestep.base.native import CPYTHON, const, micropython, ptr8, ptr16, ptr32
@@ -17,7 +17,7 @@ if CPYTHON:
     from itertools import accumulate
 
     def fletcher16(buffer, start, count):
-        """Both sums over `count` bytes from `start`, as (sum2 << 8) | sum1."""
+        """Return both sums over `count` bytes from `start` on, as (sum2 << 8) | sum1."""
         part = memoryview(buffer)[start : start + count]
         return ((sum(accumulate(part)) % 255) << 8) | (sum(part) % 255)
 
@@ -26,8 +26,8 @@ else:
 
     @micropython.viper
     def fletcher16(buffer: ptr16, start: int, count: int) -> int:
-        # The first two locals are the ones that viper keeps in registers on ARM: from here on
-        # `buffer` is the place in the bytes and `start` the first sum.
+        # On ARM, viper keeps the first two locals in registers. So from here on `buffer` is the
+        # address and `start` the first sum.
         buffer = ptr16(int(buffer) + start)
         start = 0
         second = 0
@@ -85,7 +85,7 @@ else:
 
 @micropython.viper
 def check_bytes(sums: int) -> int:
-    """The bytes that bring a message with these sums to 0: first | second << 8, each 1 to 255."""
+    """Return the bytes that bring these sums to 0: first | second << 8, each 1 to 255."""
     low = sums & 0xFF
     first = low + (sums >> 8)
     while first >= 255:

@@ -1,9 +1,9 @@
-"""Frames in and out of plain byte buffers. Nothing here allocates once the reader and the writer
-are made. Both are in one file, as they share the layout of a frame.
+"""Frames in and out of byte buffers. Nothing here allocates once the reader and the writer are
+made. Both are in one file, as they share the layout of a frame.
 
-In both buffers a frame lies in one piece, so payload fields are read and written in place, by their
-offset. A DWORD of 2^30 and more would be an object on the board's heap. For those `u30`,
-`start_index` and `i32` return a special value; `copy_i32_to` and `put_i32s_from` copy any DWORD
+In both buffers a frame is in one piece, so payload fields are read and written in place, by their
+offset. A DWORD of 2^30 and more would be an object on the board's heap. For such values `u30`,
+`start_index` and `i32` return a special value. `copy_i32_to` and `put_i32s_from` copy any DWORD
 between a payload and an array('i') without making a number of it.
 """
 
@@ -20,27 +20,27 @@ from framestep.protocol.messages import (
     MSG_FLAG_ACK,
 )
 
-# What FrameReader.poll() found
+# Results of FrameReader.poll()
 NOTHING = const(0)
 FRAME = const(1)
 DAMAGED = const(2)
 
-NOT_SMALL = const(-0x4000_0000)  # i32() of a value that is not within ±(2^30 - 1)
+NOT_SMALL = const(-0x4000_0000)  # result of i32() for a value outside of ±(2^30 - 1)
 
 # The reader's state words
 _NEXT = const(0)  # where the search goes on
-_FILL = const(1)  # end of the bytes held
+_FILL = const(1)  # end of the bytes in the buffer
 _SIZE = const(2)
-_HEAD = const(3)  # the frame found
+_HEAD = const(3)  # start of the frame found
 _TYPE = const(4)
 _LENGTH = const(5)
 
 # The writer's state words
 _TAKE = const(0)  # first byte not yet taken
 _END = const(1)  # end of the last finished frame
-_PUT = const(2)  # where the next byte goes
+_PUT = const(2)  # index of the next byte
 _LIMIT = const(3)  # size of the buffer
-_FULL = const(4)  # 1 when a byte of this frame found no room
+_FULL = const(4)  # 1 if there was no room for a byte of this frame
 _TAKEN = const(5)  # bytes taken so far, modulo 2^30
 
 _D = const(0x44)
@@ -49,9 +49,9 @@ _F = const(0x46)
 
 @micropython.viper
 def _search(buffer: ptr8, state: ptr32) -> int:
-    """Find the next whole frame from NEXT on, good or damaged. Returns its size in bytes, or 0.
+    """Find the next whole frame from NEXT on, good or damaged. Return its size in bytes, or 0.
 
-    NEXT skips what cannot be the beginning of a frame.
+    NEXT skips bytes that cannot be the beginning of a frame.
     """
     at = state[_NEXT]
     fill = state[_FILL]
@@ -82,23 +82,23 @@ def _search(buffer: ptr8, state: ptr32) -> int:
 
 
 class FrameReader:
-    """Finds frames in a stream of bytes, in whatever pieces it comes (field notes 1.6 to 1.8).
+    """Finds frames in a stream of bytes, however it is divided (field notes 1.6 to 1.8).
 
     After poll() has returned FRAME or DAMAGED these are valid until the next feed() or poll():
-    `type`, `length` (of the payload, bytes), `head` and `payload` (where frame and payload begin in
+    `type`, `length` (of the payload, bytes), `head` and `payload` (offsets of frame and payload in
     `buffer`). Of a DAMAGED frame use only type and ID (at `head`), to answer ERR_CHECKSUM. The
-    accessors take offsets within the payload and check nothing: messages.payload_fits() comes
+    accessors take offsets within the payload and check nothing, so call messages.payload_fits()
     first.
 
     `waiting` counts the bytes that poll() has not yet used: 0 after the last frame; after NOTHING
-    those of a frame that has begun. The caller watches the clock and calls drop_partial() if the
-    rest does not come.
+    those of an incomplete frame. The caller watches the clock and calls drop_partial() if the rest
+    does not come.
     """
 
     def __init__(self, size=LARGEST_FRAME + 44):
-        """size: of the buffer in bytes, by default that of a USB transfer.
+        """size: of the buffer in bytes, by default enough for a USB transfer.
 
-        ValueError below 1048 (field note 1.6).
+        Raises ValueError below 1048 (field note 1.6).
         """
         if size < LARGEST_FRAME:
             raise ValueError(
@@ -111,11 +111,11 @@ class FrameReader:
         self.head = 0
         self.payload = HEADER_BYTES
         self.waiting = 0
-        self.now = 0  # when the pass began that reads, ms; the caller sets it
+        self.now = 0  # beginning of the pass that reads, ms; set by the caller
 
     @micropython.viper
     def feed(self, source, start: int, count: int) -> int:
-        """Take up to `count` bytes of `source` from `start` on. Returns how many it took.
+        """Take up to `count` bytes of `source` from `start` on. Return how many it took.
 
         Offer the rest after the next poll(). Once poll() has returned NOTHING there is room for the
         rest of any frame.
@@ -125,8 +125,7 @@ class FrameReader:
         at = state[_NEXT]
         fill = state[_FILL]
         if at == fill:
-            # Nothing held: begin where source and buffer have the same place in a word, which
-            # copies fastest.
+            # Nothing held: begin at the same alignment as the source, which copies fastest.
             fill = start & 3
             state[_NEXT] = fill
         elif at > 0 and state[_SIZE] - fill < count:
@@ -142,7 +141,7 @@ class FrameReader:
 
     @micropython.viper
     def poll(self) -> int:
-        """Find the next frame. Returns FRAME, DAMAGED (wrong checksum) or NOTHING.
+        """Find the next frame. Return FRAME, DAMAGED (wrong checksum) or NOTHING.
 
         Call it until it returns NOTHING or nothing is waiting.
         """
@@ -168,42 +167,41 @@ class FrameReader:
         return found
 
     def drop_partial(self):
-        """Drop the frame that has begun: skip its marker. poll() goes on with the bytes behind
-        it."""
+        """Drop the incomplete frame: skip its marker. poll() goes on with the bytes after it."""
         state = self._state
         skipped = state[_FILL] - state[_NEXT]
         state[_NEXT] += 2 if skipped > 2 else skipped
         self.waiting = 0
 
     def clear(self):
-        """Drop all bytes, as after the port has been closed."""
+        """Drop all bytes, for example after the port has been closed."""
         self._state[_NEXT] = 0
         self._state[_FILL] = 0
         self.waiting = 0
-        self.now = 0  # when the pass began that reads, ms; the caller sets it
+        self.now = 0
 
     @micropython.viper
     def u8(self, i: int) -> int:
-        """The BYTE at payload offset `i`."""
+        """Return the BYTE at payload offset `i`."""
         return ptr8(self.buffer)[int(self.payload) + i]
 
     @micropython.viper
     def u16(self, i: int) -> int:
-        """The WORD at payload offset `i`, 0 to 65535."""
+        """Return the WORD at payload offset `i`, 0 to 65535."""
         buffer = ptr8(self.buffer)
         i += int(self.payload)
         return buffer[i] | (buffer[i + 1] << 8)
 
     @micropython.viper
     def i16(self, i: int) -> int:
-        """The signed WORD at payload offset `i`."""
+        """Return the signed WORD at payload offset `i`."""
         buffer = ptr8(self.buffer)
         i += int(self.payload)
         return ((buffer[i] | (buffer[i + 1] << 8)) ^ 0x8000) - 0x8000
 
     @micropython.viper
     def u30(self, i: int) -> int:
-        """The unsigned DWORD at payload offset `i`; -1 if it is 2^30 or more."""
+        """Return the unsigned DWORD at payload offset `i`; -1 if it is 2^30 or more."""
         buffer = ptr8(self.buffer)
         i += int(self.payload)
         high = buffer[i + 3]
@@ -213,7 +211,7 @@ class FrameReader:
 
     @micropython.viper
     def start_index(self, i: int) -> int:
-        """The DWORD at payload offset `i` without its high bit; -1 if that is 2^30 or more.
+        """Return the DWORD at payload offset `i` without its high bit; -1 if it is 2^30 or more.
 
         See the specification, MSG_RT_UPLOAD_MOVE_AXIS.
         """
@@ -226,7 +224,7 @@ class FrameReader:
 
     @micropython.viper
     def i32(self, i: int) -> int:
-        """The signed DWORD at payload offset `i`, or NOT_SMALL unless it is within ±(2^30 - 1)."""
+        """Return the signed DWORD at payload offset `i`, or NOT_SMALL outside of ±(2^30 - 1)."""
         buffer = ptr8(self.buffer)
         i += int(self.payload)
         high = (buffer[i + 3] ^ 0x80) - 0x80
@@ -250,10 +248,10 @@ class FrameReader:
 
 @micropython.viper
 def _open(buffer: ptr8, state: ptr32, source: ptr8, head: int, kind: int):
-    """Write a header without its length; the ID is that of the frame at `head` in `source`, or 0
-    when `head` is -1.
+    """Write a header without its length. Its ID is that of the frame at `head` in `source`, or 0 if
+    `head` is -1.
 
-    Bytes that wait to be taken move to the front if the largest frame would not fit behind them.
+    Bytes that wait to be taken move to the front if the largest frame would not fit after them.
     """
     at = state[_END]
     taken = state[_TAKE]
@@ -308,7 +306,7 @@ def _put(buffer: ptr8, state: ptr32, value: int, width: int):
 
 @micropython.viper
 def _finish(buffer, words) -> bool:
-    """Write length and check bytes. If the frame does not fit, withdraw it and return False."""
+    """Write length and check bytes. If the frame does not fit, drop it and return False."""
     state = ptr32(words)
     to = ptr8(buffer)
     start = state[_END]
@@ -346,14 +344,14 @@ def _text(buffer: ptr8, state: ptr32, text: ptr8, count: int, width: int):
 class FrameWriter:
     """Holds outgoing frames until the port takes their bytes.
 
-    begin() a frame, add its fields one by one, and end() it; only then does take() return it. A
-    frame for which there is no room is dropped as a whole: end() returns False and nothing of it is
-    sent. One frame is written at a time, of 1048 bytes at most. take() and clear() may be called
-    between any two steps of it, for example from a scheduled callback.
+    Call begin(), add the fields one by one, and call end(); only then does take() return the frame.
+    If there is no room for a frame, it is dropped as a whole: end() returns False, and no part of
+    it is sent. One frame is written at a time, of at most 1048 bytes. take() and clear() may be
+    called between any two of these steps, for example from a scheduled callback.
     """
 
     def __init__(self, size=4096):
-        """size: of the buffer in bytes. ValueError if the largest frame would not fit."""
+        """size: of the buffer in bytes. Raises ValueError if the largest frame would not fit."""
         if size < LARGEST_FRAME:
             raise ValueError(
                 "a FrameWriter needs a buffer of at least %d bytes, not %d" % (LARGEST_FRAME, size)
@@ -373,8 +371,8 @@ class FrameWriter:
 
     @micropython.viper
     def room(self) -> int:
-        """The largest payload for a frame begun now, in bytes; below 0 if not even an empty one
-        fits."""
+        """Return the largest payload for a frame begun now, in bytes; negative if not even an empty
+        frame fits."""
         state = ptr32(self._state)
         room = state[_LIMIT] - state[_END] + state[_TAKE] - FRAME_OVERHEAD
         return room if room < LARGEST_PAYLOAD else LARGEST_PAYLOAD
@@ -394,11 +392,11 @@ class FrameWriter:
         _put(self._buffer, self._state, value, 1)
 
     def u16(self, value):
-        """Append the low WORD of `value`, in the same way."""
+        """Append the low WORD of `value`; otherwise like u8()."""
         _put(self._buffer, self._state, value, 2)
 
     def u32(self, value):
-        """Append `value` as a DWORD, in the same way."""
+        """Append `value` as a DWORD; otherwise like u8()."""
         _put(self._buffer, self._state, value, 4)
 
     @micropython.viper
@@ -425,12 +423,12 @@ class FrameWriter:
 
     @micropython.viper
     def end(self) -> bool:
-        """Finish the frame: True, or False when it did not fit and has been withdrawn."""
+        """Finish the frame. Return True, or False if it did not fit and has been dropped."""
         return bool(_finish(self._buffer, self._state))
 
     @micropython.viper
     def ack(self, reader, code: int, dword_acks: int) -> bool:
-        """Write a whole acknowledgement of the frame in `reader`.
+        """Write a complete acknowledgement of the frame in `reader`. Return as end().
 
         code: sent as a WORD, or as a DWORD if `dword_acks` (field note 1.4).
         """
@@ -442,7 +440,7 @@ class FrameWriter:
 
     @micropython.viper
     def take(self, to, limit: int) -> int:
-        """Move up to `limit` bytes of finished frames to the start of `to`. Returns how many."""
+        """Move up to `limit` bytes of finished frames to the start of `to`. Return how many."""
         state = ptr32(self._state)
         at = state[_TAKE]
         count = state[_END] - at
@@ -455,7 +453,7 @@ class FrameWriter:
         return count
 
     def clear(self):
-        """Drop all that has not been taken. A frame that has begun is dropped when it ends."""
+        """Drop all bytes not yet taken. A frame that has begun is dropped when it ends."""
         state = self._state
         state[_TAKE] = state[_END]
         state[_FULL] = 1

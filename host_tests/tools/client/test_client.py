@@ -109,7 +109,7 @@ def test_refusal(size):
         RequestRefused, match=r"MOTOR_STOP was refused with ERR_MOVING \(0x0012\)"
     ) as refused:
         client.request(p.MotorStop(1))
-    assert "something moves that must stand for it. It was MotorStop(motor=1)" in str(refused.value)
+    assert "something moves that must be at rest. It was MotorStop(motor=1)" in str(refused.value)
     assert refused.value.code is p.Ack.ERR_MOVING
     assert refused.value.request == p.MotorStop(1)
     assert client.code(p.MotorStop(1)) is p.Ack.ERR_MOVING

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class Ack(IntEnum):
-    """Response codes. A code that the specification does not know gets a name of its own, such as
+    """Response codes. A code that the specification does not know gets a name such as
     UNKNOWN_0x0042."""
 
     OK = codes.OK
@@ -38,13 +38,13 @@ class Ack(IntEnum):
 
     @property
     def description(self) -> str:
-        """What it means for whoever asked."""
+        """The meaning of the code for whoever made the request."""
         return _DESCRIPTIONS.get(self, "the specification has no such code")
 
     @classmethod
     def unpack(cls, data: bytes) -> "Ack":
-        """Either dialect: the code is a WORD, or a DWORD with the code in its low word (field note
-        1.4)."""
+        """Read a code in either dialect: a WORD, or a DWORD with the code in its low word (field
+        note 1.4)."""
         if len(data) not in (2, 4):
             raise ValueError(f"a response code has 2 or 4 bytes, this one has {len(data)}")
         return cls(int.from_bytes(data[:2], "little"))
@@ -53,19 +53,18 @@ class Ack(IntEnum):
 _DESCRIPTIONS = {
     Ack.OK: "it is done or begun",
     Ack.ERR_CHECKSUM: "it arrived damaged",
-    Ack.ERR_MOVING: "something moves that must stand for it",
+    Ack.ERR_MOVING: "something moves that must be at rest",
     Ack.ERR_UNSUPPORTED: "the device does not know it",
     Ack.ERR_RANGE: (
         "there is no such motor, frame or value, "
         "or it needs more velocity or acceleration than is set"
     ),
     Ack.ERR_GENERAL: (
-        "E-stop held, motor off, driver failed, rig file wrong, "
-        "or a request missing that goes before"
+        "E-stop held, motor off, driver failed, rig file wrong, or an earlier request is missing"
     ),
     Ack.ERR_NOT_IN_POSITION: "the motors are not where it begins",
-    Ack.ERR_PREROLL: "in its pre-roll a motor would pass a limit, or needs a longer one",
-    Ack.ERR_POSTROLL: "in its post-roll a motor would pass a limit, or needs a longer one",
+    Ack.ERR_PREROLL: "in the pre-roll a motor would pass a limit, or needs more time",
+    Ack.ERR_POSTROLL: "in the post-roll a motor would pass a limit, or needs more time",
     Ack.ERR_AIM_COD: "the aim point is too near",
     Ack.ERR_SOFT_UP: "it leads past the upper soft limit",
     Ack.ERR_SOFT_LOW: "it leads past the lower soft limit",

@@ -1,4 +1,4 @@
-"""The numbers of the DMC v2 protocol that belong to no single message: the frame's, response codes,
+"""Numbers of the DMC v2 protocol that belong to no single message: frame format, response codes,
 flags.
 
 Sources: the specification (edition 2024-08-13), and the field notes where marked.
@@ -19,7 +19,7 @@ PROTOCOL_VERSION = const(2)
 
 MSG_FLAG_ACK = const(0x8000)
 
-# -- Response codes (spec: MSG_FLAG_ACK). base/results.py numbers those that the core returns
+# -- Response codes (spec: MSG_FLAG_ACK). base/results.py has the numbers that the core returns
 
 OK = const(results.OK)
 ERR_CHECKSUM = const(0x0011)
@@ -93,13 +93,13 @@ VIRT_MOTOR_ROLL = const(6)
 
 CONDITION_RIG_FILE_INVALID = const(0x01)  # the rig file has a mistake, nothing moves
 CONDITION_ESTOP = const(0x02)  # the E-stop is held
-CONDITION_WATCHDOG_RESET = const(0x04)  # the watchdog has started the board
+CONDITION_WATCHDOG_RESET = const(0x04)  # the watchdog has restarted the board
 CONDITION_DRIVER = const(0x08)  # a driver does not work, its motor does not move
-CONDITION_POSITIONS_SAVED = const(0x10)  # positions are remembered as they are now
-CONDITION_POSITIONS_PENDING = const(0x20)  # they will be once the motors stand
-CONDITION_POSITIONS_UNSAVABLE = const(0x40)  # they should be, but cannot
+CONDITION_POSITIONS_SAVED = const(0x10)  # the present positions are saved
+CONDITION_POSITIONS_PENDING = const(0x20)  # they will be saved once the motors are at rest
+CONDITION_POSITIONS_UNSAVABLE = const(0x40)  # they cannot be saved
 
-# the last move asked a motor for more than it is set to: MSG_EXCEEDED
+# the last move exceeded a motor's limits: MSG_EXCEEDED
 CONDITION_EXCEEDED = const(0x80)
 
 CONDITION_OVERLAY = const(0x100)  # modules on the file system replace the image's
@@ -116,7 +116,7 @@ EXCEEDED_PREROLL = const(results.EXCEEDED_PREROLL)
 EXCEEDED_POSTROLL = const(results.EXCEEDED_POSTROLL)
 EXCEEDED_MEMORY = const(results.EXCEEDED_MEMORY)
 
-SET_LOWER = const(0x01)  # of MSG_EXCEEDED, what is set for a motor: a lower soft limit,
+SET_LOWER = const(0x01)  # of MSG_EXCEEDED, settings of a motor: it has a lower soft limit,
 SET_UPPER = const(0x02)  # an upper one;
 SET_ENABLED = const(0x04)  # it is enabled;
 SET_FOLLOWS = const(0x08)  # it follows another one;

@@ -1,4 +1,4 @@
-"""What the device sends, asked for or not."""
+"""Messages from the device, asked for or not."""
 
 from collections.abc import Sequence
 from typing import Annotated
@@ -7,7 +7,7 @@ from .payload import I32, U8, U16, U32, Payload, Steps, Text32
 
 
 class DeviceInfo(Payload):
-    """Who the device is and what it can do (spec: MSG_HI)."""
+    """What the device is and what it can do (spec: MSG_HI)."""
 
     name: Text32
     major: U8
@@ -42,26 +42,26 @@ class Status(Payload):
 
     @property
     def idle(self) -> bool:
-        """True when neither a motor nor a light is on its way."""
+        """Whether neither a motor moves nor a light ramps."""
         return not self.motor_bits and not self.dmx
 
 
 class Moving(Payload):
-    """Whether the motor moves (spec: MSG_MOTOR_MOVE); a device of the dmc-lite dialect acknowledges
+    """Whether the motor moves (spec: MSG_MOTOR_MOVE). A device of the dmc-lite dialect acknowledges
     instead."""
 
     moving: U8
 
 
 class Positions(Payload):
-    """Where the motors are, in steps; `move_time` in thousandths of a frame (spec:
+    """Positions of the motors, in steps; `move_time` in thousandths of a frame (spec:
     MSG_MOTOR_GET_POSITION)."""
 
     move_time: I32
     steps: Steps = ()
 
 
-MSG_MOTOR_HARD_STOP = 0x003A  # only sent, never asked
+MSG_MOTOR_HARD_STOP = 0x003A  # only sent, never requested
 
 
 class HardStop(Payload, number=MSG_MOTOR_HARD_STOP):
@@ -80,19 +80,19 @@ class PositionTrust(Payload):
 
 
 class Condition(Payload):
-    """What the specification has no message for: CONDITION_ bits, and how far each position can be
-    trusted."""
+    """The board's state, for which the specification has no message: CONDITION_ bits, and how far
+    each position can be trusted."""
 
     bits: U32
     positions: Annotated[Sequence[PositionTrust], PositionTrust] = ()
 
 
 class Exceeded(Payload):
-    """What the last move asks too much of: a number of framestep.protocol.messages EXCEEDED_ (0: of
-    nothing), the motor, the scene frame, and by how many steps/s or steps/s². Then what is set for
-    a motor, that one or the one that was named (bits: SET_), and limit sets with an active switch,
-    a bit each. With EXCEEDED_MEMORY `by` is the bytes that what was refused needs, `room` those
-    that were free, and motor and frame say nothing. Older devices end earlier."""
+    """The limit that the last move exceeded: a number of framestep.protocol.messages EXCEEDED_ (0:
+    none), the motor, the scene frame, and by how many steps/s or steps/s². Then the settings of a
+    motor, that one or the one in the request (bits: SET_), and limit sets with an active switch, a
+    bit each. With EXCEEDED_MEMORY `by` is the bytes needed, `room` the bytes that were free, and
+    motor and frame are meaningless. Older devices send fewer fields."""
 
     what: U8
     motor: U8
@@ -110,7 +110,7 @@ class Exceeded(Payload):
 
 
 class VirtPositions(Payload):
-    """Virtual axes in units · 100000, aim point · 1000 where the device has one (spec:
+    """Virtual axes in units · 100000, and the aim point · 1000 if the device has one (spec:
     MSG_VIRT_GET_POSITION)."""
 
     track: I32

@@ -17,7 +17,7 @@ MSG_HI = 0x0001
 
 
 class Hi(Request[DeviceInfo], number=MSG_HI, keeps_plan=True):
-    """Ask who is there."""
+    """Ask what the device is."""
 
 
 MSG_DMX = 0x0020
@@ -67,14 +67,15 @@ MSG_CONDITION = 0x4600
 
 
 class GetCondition(Request[Condition], number=MSG_CONDITION, keeps_plan=True):
-    """Ask what the specification has no message for; only framestep answers."""
+    """Ask for the board's state, for which the specification has no message; only framestep
+    answers."""
 
 
-MSG_EXCEEDED = 0x4601  # what the last move asked too much of (field note 5.5)
+MSG_EXCEEDED = 0x4601  # which limit the last move exceeded (field note 5.5)
 
 
 class GetExceeded(Request[Exceeded], number=MSG_EXCEEDED, keeps_plan=True):
-    """Ask what the last move asked too much of, and what is set for a motor; only framestep
+    """Ask which limit the last move exceeded, and for the settings of a motor; only framestep
     answers."""
 
     motor: U8 | None = None
@@ -84,7 +85,7 @@ MSG_HOME = 0x4602  # homes motors (field note 4.9)
 
 
 class Home(Request[Ack], number=MSG_HOME, moves=True):
-    """Home motors; none: all that the rig file has set up for it. Only framestep answers (field
+    """Home motors; none: all that the rig file has set up for homing. Only framestep answers (field
     note 4.9)."""
 
     motors: Levels = b""
@@ -123,14 +124,14 @@ MSG_MOTOR_GET_POSITION = 0x0034
 
 
 class MotorGetPosition(Request[Positions], number=MSG_MOTOR_GET_POSITION, keeps_plan=True):
-    """Ask where the motors are."""
+    """Ask for the motors' positions."""
 
 
 MSG_MOTOR_RESET_POSITION = 0x0035
 
 
 class MotorResetPosition(Request[Ack], number=MSG_MOTOR_RESET_POSITION):
-    """Call the place where a motor stands `position`, in steps; nothing moves."""
+    """Define a motor's present position as `position`, in steps; nothing moves."""
 
     motor: U8
     position: I32
@@ -140,7 +141,7 @@ MSG_MOTOR_JOG = 0x0036
 
 
 class MotorJog(Request[Ack], number=MSG_MOTOR_JOG, moves=True):
-    """Jog toward a position: speed 1 (inching) to 10000 (the motor's own velocity and
+    """Jog toward a position, at a speed of 1 (inching) to 10000 (the motor's own velocity and
     acceleration)."""
 
     motor: U8
@@ -162,7 +163,7 @@ MSG_MOTOR_SET_SPEED = 0x0038
 
 
 class MotorSetSpeed(Request[Ack], number=MSG_MOTOR_SET_SPEED):
-    """Set a motor's maxima: velocity in steps/s, acceleration in steps/s²."""
+    """Set a motor's greatest velocity in steps/s and acceleration in steps/s²."""
 
     motor: U8
     velocity: U32
@@ -173,8 +174,8 @@ MSG_MOTOR_SET_LIMITS = 0x0039
 
 
 class MotorSetLimits(Request[Ack], number=MSG_MOTOR_SET_LIMITS):
-    """Set a motor's software limits in steps, and its hardware limit set (0 none, 0x80 swaps high
-    and low)."""
+    """Set a motor's soft limits in steps, and its limit switch set (0 none, 0x80 swaps high and
+    low)."""
 
     motor: U8
     lower_enable: U8
@@ -185,4 +186,4 @@ class MotorSetLimits(Request[Ack], number=MSG_MOTOR_SET_LIMITS):
 
 
 class MotorHardStop(Request[Ack], number=MSG_MOTOR_HARD_STOP, only_sent=True):
-    """Sent by devices only; a request so that tests can send it and check the refusal."""
+    """Only sent by devices; a request so that tests can send it and check that it is refused."""

@@ -1,18 +1,17 @@
-"""What a message is declared with, and how its data section is made and read: one field after the
-other.
+"""Base classes of messages: declaring, packing and unpacking the data section, field by field.
 
     class MotorJog(Request[Ack], number=MSG_MOTOR_JOG, moves=True):
         motor: U8
         speed: U16
         destination: I32
 
-    MotorJog.speed                 # 1: where the field begins in the data section
+    MotorJog.speed                 # 1: offset of the field in the data section
     MotorJog(1, 10_000, 50).speed  # 10000
     MotorJog.SIZE                  # 7
 
-The class becomes a frozen dataclass. `pack` makes the data section, `unpack` reads one. Both raise
-ValueError with what was expected and what was found where something does not fit. An optional
-argument at the end is None where the message leaves it out.
+The class becomes a frozen dataclass. `pack` makes the data section, `unpack` reads one. If
+something does not fit, both raise ValueError with what was expected and what was found. An optional
+field at the end is None if the message leaves it out.
 """
 
 import operator
@@ -41,7 +40,7 @@ else:
 
 
 class Numbers(Protocol):
-    """Whole numbers one after the other: a list, a range, a numpy array."""
+    """Integers in a sequence: a list, a range, a numpy array."""
 
     def __len__(self) -> int: ...
     def __iter__(self) -> Iterator[Any]: ...
@@ -54,7 +53,7 @@ I16 = Annotated[int, "h"]
 U32 = Annotated[int, "I"]
 I32 = Annotated[int, "i"]
 Text32 = Annotated[str, "32s"]
-# The rest of the data section, as many as there are
+# As many values as the rest of the data section has
 Levels = Annotated[Sequence[int], "*B"]
 Steps = Annotated[Numbers, "*i"]
 
@@ -63,9 +62,9 @@ _layouts: dict[type, list[tuple[str, Any, bool]]] = {}
 
 
 def layout(cls: type) -> list[tuple[str, Any, bool]]:
-    """(name, code, may be left out) of each field. The code is struct's, with '*' before it where
-    values repeat to the end of the data, or the class of records that do. A field without a code is
-    not among them: its class packs it in its own way."""
+    """Return (name, code, whether it may be left out) of each field. The code is struct's, after
+    '*' if values repeat to the end of the data; or the class of records that repeat. Fields without
+    a code are not included: their class packs them itself."""
     if cls in _layouts:
         return _layouts[cls]
     hints = get_type_hints(cls, include_extras=True)
@@ -98,7 +97,7 @@ class Payload:
         if len(layout(cls)) < len(fields(cls)):
             cls.ENTRY = 1  # any number of bytes may follow the declared fields
         for name, code, optional in layout(cls):
-            setattr(cls, name, cls.SIZE)  # an instance has its own value under that name
+            setattr(cls, name, cls.SIZE)  # an instance has its own value of that name
             if isinstance(code, type):
                 cls.ENTRY = code.SIZE
             elif code[0] == "*":
@@ -109,7 +108,7 @@ class Payload:
                 cls.LEAST += 0 if optional else size
 
     def pack(self) -> bytes:
-        """The data section's bytes."""
+        """Return the bytes of the data section."""
         parts, left_out = [], None
         for name, code, _ in layout(type(self)):
             value = getattr(self, name)
@@ -130,7 +129,7 @@ class Payload:
 
     @classmethod
     def unpack(cls, data: bytes) -> "Self":
-        """Read a data section; ValueError where it is not of this layout."""
+        """Read a data section. Raises ValueError if it does not have this layout."""
         said, rest = cls.unpack_known(data)
         if rest:
             raise ValueError(f"{cls.__name__}: {rest} of {len(data)} bytes are left over")
@@ -138,8 +137,8 @@ class Payload:
 
     @classmethod
     def unpack_known(cls, data: bytes) -> "tuple[Self, int]":
-        """Read the known fields of a data section, and how many bytes follow them (field note
-        1.8)."""
+        """Read the known fields of a data section. Also return how many bytes follow them (field
+        note 1.8)."""
         values, rest = {}, memoryview(data)
         for name, code, optional in layout(cls):
             if optional and not rest:
@@ -166,8 +165,8 @@ def pack_field(code: str, value: Any) -> bytes:
 
 
 def _pack_values(code: str, values: Numbers) -> bytes:
-    """Values one after the other; OverflowError if one of them is no whole number or outside the
-    type's range."""
+    """Pack values one after the other. Raises OverflowError if one of them is not an integer or
+    outside of the type's range."""
     try:
         numbers = [operator.index(value) for value in values]
     except TypeError as error:
@@ -207,12 +206,11 @@ R = TypeVar("R")
 
 
 class Request(Payload, Generic[R]):
-    """A message for the device; R is the class of its answer, Ack where there is only a response
-    code.
+    """A message to the device. R is the class of its answer; Ack if there is only a response code.
 
-    moves: it sets motors in motion, or is what they wait for. keeps_plan: a prepared run keeps what
-    it has planned although this comes before GO. only_sent: the device sends it and answers
-    ERR_UNSUPPORTED to it; a request all the same, so that tests can send it.
+    moves: it sets motors in motion, or motors wait for it. keeps_plan: a prepared run keeps its
+    plan if this comes before GO. only_sent: the device sends it, and refuses it with
+    ERR_UNSUPPORTED; it is a request so that tests can send it.
     """
 
     REPLY: ClassVar[Any]

@@ -10,7 +10,7 @@ MSG_RT_UPLOAD_MOVE_BEGIN = 0x0100
 
 
 class RtUploadMoveBegin(Request[Ack], number=MSG_RT_UPLOAD_MOVE_BEGIN):
-    """Forget the uploaded move and begin one over these scene frames, both included."""
+    """Drop the uploaded move and begin one with these scene frames, both included."""
 
     start_frame: I32
     end_frame: I32
@@ -20,8 +20,8 @@ MSG_RT_UPLOAD_MOVE_AXIS = 0x0101
 
 
 class RtUploadMoveAxis(Request[Ack], number=MSG_RT_UPLOAD_MOVE_AXIS):
-    """Positions of a motor, frame by frame from an index: 0 is the start frame, its high bit says
-    that these are the last ones and the final one repeats."""
+    """Positions of a motor, frame by frame from an index; 0 is the start frame. The index' high bit
+    marks the last ones: the final one repeats to the end."""
 
     motor: U8
     start_index: U32
@@ -40,7 +40,7 @@ class RtUploadMoveDmx(Request[Ack], number=MSG_RT_UPLOAD_MOVE_DMX):
 
 
 class Trigger(Payload):
-    """Outputs that are on at one frame (its index, 0 is the start frame)."""
+    """Outputs that are on at one frame (its index; 0 is the start frame)."""
 
     index: U32
     outputs: U32
@@ -50,7 +50,7 @@ MSG_RT_UPLOAD_MOVE_TRIGGERS = 0x0104
 
 
 class RtUploadMoveTriggers(Request[Ack], number=MSG_RT_UPLOAD_MOVE_TRIGGERS):
-    """Outputs of the move, frame by frame; those outside the mask are left alone."""
+    """Outputs of the move, frame by frame; outputs outside of the mask do not change."""
 
     mask: U32
     triggers: Annotated[Sequence[Trigger], Trigger] = ()
@@ -60,14 +60,14 @@ MSG_RT_UPLOAD_MOVE_END = 0x0103
 
 
 class RtUploadMoveEnd(Request[Ack], number=MSG_RT_UPLOAD_MOVE_END):
-    """The upload is complete."""
+    """End the upload: it is complete."""
 
 
 MSG_RT_POSITION_FRAME = 0x0110
 
 
 class RtPositionFrame(Request[Ack], number=MSG_RT_POSITION_FRAME, moves=True):
-    """Send all motors to an uploaded frame."""
+    """Move all motors to an uploaded frame."""
 
     frame: I32
 
@@ -76,7 +76,7 @@ MSG_RT_RUN_MOVE = 0x0111
 
 
 class RtRunMove(Request[Ack], number=MSG_RT_RUN_MOVE, moves=True):
-    """Go to the pre-roll position of a run and wait for RtGo.
+    """Move to the pre-roll position of a run and wait for RtGo.
 
     `fps_milli` is frames per second · 1000, times are in ms. Flags: 1 ping-pong, 2 loop, 0x10
     camera at start and stop, 0x20 camera at each frame, between the two shutter angles (0 to 360).
@@ -97,7 +97,7 @@ class RtRunMove(Request[Ack], number=MSG_RT_RUN_MOVE, moves=True):
 
 
 class BlurMotor(Payload):
-    """Where a motor is at shutter angle 0 and at 360, in steps."""
+    """Positions of a motor at shutter angles 0 and 360, in steps."""
 
     motor: U8
     position_a: I32
@@ -108,8 +108,8 @@ MSG_RT_SHOOT_FRAME = 0x0112
 
 
 class RtShootFrame(Request[Ack], number=MSG_RT_SHOOT_FRAME, moves=True):
-    """Get ready to shoot one frame in motion: direction 1 forward, exposure in ms, blur in tenths
-    of a percent."""
+    """Prepare to shoot one frame in motion: direction 1 forward, exposure in ms, blur in tenths of
+    a percent."""
 
     frame: I32
     direction: U8
@@ -122,7 +122,7 @@ MSG_RT_SHOOT_FRAME2 = 0x0115
 
 
 class RtShootFrame2(Request[Ack], number=MSG_RT_SHOOT_FRAME2, moves=True):
-    """Get ready to shoot one frame in motion; the shutter opens and closes at these angles (field
+    """Prepare to shoot one frame in motion; the shutter opens and closes at these angles (field
     note 7.2)."""
 
     frame: I32
@@ -136,21 +136,21 @@ MSG_RT_GO = 0x0113
 
 
 class RtGo(Request[Ack], number=MSG_RT_GO, moves=True, keeps_plan=True):
-    """Start what RtRunMove or RtShootFrame made ready."""
+    """Start what RtRunMove or RtShootFrame has prepared."""
 
 
-MSG_RT_END = 0x0114  # only sent, never asked
+MSG_RT_END = 0x0114  # only sent, never requested
 
 
 class RtEnd(Request[Ack], number=MSG_RT_END, only_sent=True):
-    """Unasked from the device: the run or the shot is over."""
+    """Report from the device, unasked: the run or the shot is over."""
 
 
 MSG_RT_STOP_LOOP = 0x0116
 
 
 class RtStopLoop(Request[Ack], number=MSG_RT_STOP_LOOP):
-    """Let the loop end at its next end point."""
+    """End the loop at its next end point."""
 
 
 MSG_RT_JOG_ALL = 0x0120

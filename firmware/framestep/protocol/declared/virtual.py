@@ -1,4 +1,4 @@
-"""Virtual axes: requests, and how a rig is described."""
+"""Virtual axes: requests, and the description of a rig."""
 
 import struct
 from collections.abc import Sequence
@@ -63,7 +63,7 @@ class VirtGetPosition(Request[VirtPositions], number=MSG_VIRT_GET_POSITION, keep
 
 
 class VirtAimPoint(Payload):
-    """Aim at a point, in units · 1000; the device answers with the same (field note 9.7)."""
+    """Aim at a point, in units · 1000; the device repeats it in its answer (field note 9.7)."""
 
     enable: U8
     x: I32 = 0
@@ -79,7 +79,7 @@ class SetVirtAimPoint(VirtAimPoint, Request[VirtAimPoint], number=MSG_VIRT_AIM_P
 
 
 class VirtualAxis(Payload):
-    """One motor of a virtual configuration: motor 0 where the axis is absent (field note 9.2)."""
+    """One motor of a virtual configuration; motor 0 if the axis is absent (field note 9.2)."""
 
     motor: U32
     steps_per_unit_milli: U32
@@ -94,14 +94,14 @@ MSG_VIRT_CONFIG = 0x0200
 
 
 class VirtConfig(Request[Ack], number=MSG_VIRT_CONFIG):
-    """Configure the virtuals; each type has its own data (spec: MSG_VIRT_CONFIG, field notes 2, 9.2
-    and 9.3).
+    """Configure the virtual axes; each type has its own data (spec: MSG_VIRT_CONFIG, field notes 2,
+    9.2 and 9.3).
 
     type 0     nothing else
-    type 1     six axes, lengths (boom, extension, nodal x, y, z) · 1000, and if wanted the table
+    type 1     six axes, lengths (boom, extension, nodal x, y, z) · 1000, and optionally the table
                and the safe distance
     type 2     two axes: swing and pan, without positions
-    type 3, 4  as type 1 without the table; the two lengths of the arm only in type 3
+    type 3, 4  like type 1 without the table; the two lengths of the arm only in type 3
     """
 
     type: U8 = 0
