@@ -137,7 +137,8 @@ class Strain:
         self.damaged: set[int] = set()
         self.number = 0
         self.counts: collections.Counter[str] = collections.Counter()
-        self.slowest = 0
+        self.slowest = 0  # ns
+        self.slowest_of = ""  # its request, and what ran on the REPL
         self.told: collections.Counter[str] = collections.Counter()
         self.edges: collections.Counter[int] = collections.Counter()
         self.positions: list[int] = []
@@ -202,7 +203,10 @@ class Strain:
         sent = self.waiting.pop(frame.id, None)
         if sent is None or frame.type & ~REPLY != sent[1]:
             raise self.broken(f"an answer to nothing, type 0x{frame.type:X}, ID {frame.id}")
-        self.slowest = max(self.slowest, self.board.now_ns - sent[0])
+        waited = self.board.now_ns - sent[0]
+        if waited > self.slowest:
+            self.slowest = waited
+            self.slowest_of = f"of 0x{sent[1]:X}, the REPL {self.piece if self.busy else 'at rest'}"
         code = struct.unpack_from("<H", frame.payload)[0] if frame.type & REPLY else 0
         self.counts["answers"] += 1
         self.counts["refused" if code not in (0, m.OK) else "taken"] += 1
@@ -485,7 +489,8 @@ class Strain:
         for line, count in self.told.most_common():
             self.say(f"{count:7} × {line}")
         self.say(
-            f"slowest answer {self.slowest / 1e6:.0f} ms, worst tick {self.late_us} µs late, "
+            f"slowest answer {self.slowest / 1e6:.0f} ms {self.slowest_of}, "
+            f"worst tick {self.late_us} µs late, "
             f"interrupts off for {self.masked_us:.0f} µs, {self.least_queued} ticks queued at least"
         )
 
