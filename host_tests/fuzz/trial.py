@@ -81,6 +81,7 @@ class Trial:
         self.idle_since: int | None = 0  # MOTOR_STATUS has been 0 since
         self.last_status = -1
         self.full_at = 0  # since when the host reads nothing
+        self.skipped_from, self.skipped_to = 0, -1  # ms without ticks, the last in a row
         self.upset = 0  # goals are known of requests from this one on
         self.motion = 0  # number of the last request that may move something
         self.stale = -1  # until when that is so: see `late`
@@ -151,13 +152,17 @@ class Trial:
             self.stale = self.ms + argument + 100
             if argument >= 8:
                 self.stops.reason = self.ms + argument + 1500
-        elif verb == "skip" and argument >= 2:
-            self.stale = self.ms + argument + 100
-            self.stops.reason = self.ms + argument + 1500
-            for motor in self.motors:
-                if motor.quiet is None:
-                    motor.allow(self.ms, 0, FREE)
-                    motor.jerky = True
+        elif verb == "skip":
+            if self.ms > self.skipped_to:
+                self.skipped_from = self.ms
+            self.skipped_to = self.ms + argument
+            if self.skipped_to - self.skipped_from >= 2:
+                self.stale = self.skipped_to + 100
+                self.stops.reason = self.skipped_to + 1500
+                for motor in self.motors:
+                    if motor.quiet is None:
+                        motor.allow(self.ms, 0, FREE)
+                        motor.jerky = True
 
     def _broken(self, error):
         places = [
