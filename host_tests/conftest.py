@@ -1,5 +1,5 @@
 """Fixtures for every layer. None of them skips a test: what is missing is built, or the test fails
-and says why."""
+with the reason."""
 
 import contextlib
 import os
@@ -21,13 +21,12 @@ from host_tests.runtimes import Runtime
 
 _IN_CI = bool(os.environ.get("CI"))
 
-# Tools that the tests run, in this process or in others, wait long for a board that a busy computer
-# emulates
+# Tools wait this much longer for an emulated board, as the computer may be busy.
 os.environ.setdefault("FRAMESTEP_PATIENCE", "8")
 
 # `make test` gives the same verdict each time: each test draws the same examples, in any order and
-# however busy the computer is. So there are no time limits, and nothing is remembered from the run
-# before. `make fuzz` draws anew.
+# however busy the computer is. So there are no time limits, and no examples from earlier runs.
+# `make fuzz` draws new ones.
 hypothesis.settings.register_profile(
     "framestep",
     derandomize=True,
@@ -37,8 +36,7 @@ hypothesis.settings.register_profile(
     print_blob=True,
 )
 hypothesis.settings.load_profile("framestep")
-# Otherwise it also draws numbers that it finds in the modules imported so far, which depend on what
-# has run before
+# Otherwise it also draws numbers from the modules imported so far, which depend on earlier tests.
 providers._get_local_constants = lambda: providers._local_constants
 
 
@@ -63,8 +61,8 @@ def pytest_configure(config):
         config.pluginmanager.register(Near(since, config.getoption("--seconds")))
 
 
-# What takes long begins first, so that at the end no processor waits for another one. Of the rest
-# files go by name.
+# Long tests begin first, so that no processor waits for another one at the end. Other files are
+# ordered by name.
 _FIRST = (
     "board/test_flash.py",
     "board/test_image.py",
@@ -78,8 +76,7 @@ _FIRST = (
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config, items):
-    """Files in the order in which processors are to take them; within a file tests stay in
-    theirs."""
+    """Order the files for the processors; within a file tests stay in order."""
 
     def turn(item):
         path = item.path.relative_to(Path(__file__).parent).as_posix()
@@ -99,8 +96,8 @@ def pytest_collection_modifyitems(config, items):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
-    """In CI nothing may be skipped, by whatever means. After a failure no emulated board that there
-    is now is used again."""
+    """In CI nothing may be skipped, by whatever means. After a failure no present emulated board is
+    used again."""
     report = yield
     if report.failed and Emulator.pool:
         Emulator.pool.fail()
@@ -112,14 +109,14 @@ def pytest_runtest_makereport(item, call):
 
 @pytest.fixture(scope="module", autouse=True)
 def _memory():
-    """Controllers of a module's tests do not stay in memory: there are thousands."""
+    """Free the controllers of a module's tests: there are thousands."""
     yield
     native_cpython.forget()
 
 
 @dataclass(frozen=True)
 class Paths:
-    """Where things are. `compiled` is the core cross-compiled for the 32-bit runtime."""
+    """Paths of the project. `compiled` is the core cross-compiled for the 32-bit runtime."""
 
     root: Path
     firmware: Path
@@ -152,7 +149,7 @@ def unix32f(tmp_path_factory) -> Runtime:
 
 @pytest.fixture(scope="session", autouse=True)
 def _boards():
-    """Emulated boards use the processes of those before them."""
+    """Let emulated boards use the processes of earlier ones."""
     Emulator.pool = Pool()
     yield
     Emulator.pool.close()
@@ -161,15 +158,15 @@ def _boards():
 
 @pytest.fixture
 def emulator():
-    """emulator(**options) starts an emulated board (see framestep_emulator.Emulator), closed when
-    the test ends."""
+    """emulator(**options) starts an emulated board (see framestep_emulator.Emulator) and closes it
+    at the end of the test."""
     with contextlib.ExitStack() as running:
         yield lambda **options: running.enter_context(Emulator(**options))
 
 
 @pytest.fixture
 def board(emulator):
-    """board(files={...}, **options): the same with the Pico's image, and these files on it."""
+    """board(files={...}, **options): the same with the Pico's image and these files."""
 
     def start(files=None, **options):
         return emulator(firmware=images.frozen(), files=files, **options)

@@ -1,23 +1,23 @@
-"""Which of a test's parameters, and which of their combinations, are enough."""
+"""Choose enough of a test's parameters and of their combinations."""
 
 import pytest
 
 
 def sweep(values, *kept):
-    """Parameters of a test of which only those kept are in each run, the others with --all."""
+    """Parameters of a test; each run has only those in `kept`, --all has the others as well."""
     return [
         pytest.param(value, marks=() if value in kept else pytest.mark.repeats) for value in values
     ]
 
 
 def parameters(item):
-    """{name: value} of a test's case."""
+    """Return {name: value} of a test's case."""
     return item.callspec.params if hasattr(item, "callspec") else {}
 
 
 def spare(cases, but=()):
-    """Cases of one test that are not needed for each value of each parameter to be in one of the
-    others. but: parameters that do not count."""
+    """Return cases of one test that are not needed, as the others have each value of each
+    parameter. but: parameters that do not count."""
 
     def values(item):
         return {(name, repr(value)) for name, value in parameters(item).items() if name not in but}
@@ -31,7 +31,7 @@ def spare(cases, but=()):
 
 
 def by_test(items):
-    """{(file, test): its cases}."""
+    """Return {(file, test): its cases}."""
     found = {}
     for item in items:
         found.setdefault((item.path, getattr(item, "originalname", item.name)), []).append(item)

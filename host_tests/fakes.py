@@ -1,9 +1,9 @@
-"""What stands in for the parts around a module under test: one place, so that a fake is right for
-all tests or none.
+"""Fakes of the parts around a module under test, in one place, so that a fake is right for all
+tests or none.
 
 Motors that are only numbers, an uploaded move that is only lists, switches that nobody touches,
-lights and a camera that remember what they were told. `Pins` in host_tests/io/pins.py is the same
-for a HAL that only has pins, `Bench` in host_tests/motion/engine.py for the pulse engines.
+lights and a camera that record their calls. `Pins` in host_tests/io/pins.py does the same for a HAL
+that has only pins, `Bench` in host_tests/motion/engine.py for the pulse engines.
 """
 
 from array import array
@@ -22,11 +22,11 @@ from framestep.protocol.messages import OK
 from framestep.pulse import stepper
 from host_tests.motion.engine import Bench
 
-STEPS_PER_S = 4194  # of the kernel's velocity, to rough
+STEPS_PER_S = 4194  # of the kernel's velocity, roughly
 
 
 class Motor:
-    """An axis that is only its words: it goes nowhere unless a test says so."""
+    """An axis that is only its words: it does not move unless a test says so."""
 
     partner = leader = None
     reversed = 0
@@ -40,12 +40,12 @@ class Motor:
     position_to = Axis.position_to
 
     def couple(self, partner):
-        """The next motor does the same."""
+        """Make the next motor do the same."""
         self.partner, partner.leader = partner, self
         self.work[MIRRORED] = 1
 
     def moves(self, velocity, mode=stepper.RUN):
-        """Move at `velocity` steps/s; 0 stands."""
+        """Move at `velocity` steps/s; 0: at rest."""
         self.block[stepper.MODE] = mode if velocity else stepper.IDLE
         self.block[stepper.VELOCITY] = velocity * STEPS_PER_S
         if velocity:
@@ -53,7 +53,7 @@ class Motor:
 
 
 class Motors(list):
-    """Some of them, as far as io/ needs an Axes."""
+    """Some motors, with as much of Axes as io/ needs."""
 
     def __init__(self, count=8):
         super().__init__(Motor() for _ in range(count))
@@ -87,8 +87,8 @@ class UploadedMove:
 
 
 class NoSwitches:
-    """Safety inputs that nobody touches. code: what bars every motor instead of OK; held: the ends
-    it stands in."""
+    """Safety inputs that nobody touches. code: refuses every motor if not OK; held: its active
+    limits."""
 
     code = OK
     held = 0
@@ -102,8 +102,7 @@ class NoSwitches:
 
 
 class RecordedOutputs:
-    """Lights and camera that remember what they were told: `calls`, and the `signals` as (tick,
-    mask, values)."""
+    """Lights and camera that record `calls`, and the `signals` as (tick, mask, values)."""
 
     def __init__(self):
         self.calls = []
@@ -120,10 +119,10 @@ class RecordedOutputs:
 
 
 class OperationBench:
-    """Motors on a kernel and the runner of operations on their upload; a pass of the main loop
-    after each tick.
+    """Motors on a kernel, and an OperationRunner with their upload; a pass of the main loop after
+    each tick.
 
-    paths: as for UploadedMove. ticks: what the kernel's counter of ticks shows at first.
+    paths: as for UploadedMove. ticks: first value of the kernel's counter of ticks.
     """
 
     def __init__(self, *paths, start=1, ticks=None, velocity=50_000, acceleration=1_000_000):
@@ -139,7 +138,7 @@ class OperationBench:
         self.run_outputs = RecordedOutputs()
         self.operations = OperationRunner(self.axes, self.store, self.safety)
         self.player = self.operations.player
-        self.told = []  # MOVE TIME of each frame that was told
+        self.told = []  # MOVE TIME of each reported frame
         self.ends = 0  # RT_ENDs
 
     def run(self, ticks=1):
@@ -156,7 +155,7 @@ class OperationBench:
         return self
 
     def until(self, state, limit=20_000):
-        """Until the runner of operations has that state."""
+        """Run until the OperationRunner has that state."""
         while self.operations.state != state:
             self.run()
             limit -= 1
@@ -164,7 +163,7 @@ class OperationBench:
         return self
 
     def rest(self, limit=30_000):
-        """Until nothing is under way and everything stands."""
+        """Run until nothing is under way and everything is at rest."""
         while self.operations.state or self.axes.moving:
             self.run()
             limit -= 1
@@ -175,21 +174,21 @@ class OperationBench:
         return self.axes[motor].block[stepper.POSITION]
 
     def stand_on(self, *places):
-        """The motors stand there."""
+        """Put the motors there, at rest."""
         for axis, place in zip(self.axes.axes, places, strict=True):
             assert axis.set_position(array("i", [place]), 0)
 
     def limit(self, lower=None, upper=None, motor=0):
-        """Soft limits of a motor, in steps; None for none."""
+        """Set soft limits of a motor, in steps; None for none."""
         words = array("i", [0 if lower is None else lower, 0 if upper is None else upper])
         assert self.axes[motor].set_limits(lower is not None, upper is not None, words, 0)
 
     def now(self):
-        """When the pulses of the next tick begin, engine cycles."""
+        """Return when the pulses of the next tick begin, engine cycles."""
         return self.bench.due + self.kernel[stepper.AHEAD]
 
     def place_at(self, cycle, motor=0):
-        """Where a motor is at a moment by the edges on its pins, if it was at 0 before the first of
-        them."""
+        """Return a motor's position at a moment by the edges on its pins, if it was 0 before the
+        first edge."""
         times, ways = self.bench.times(motor)
         return int(ways[times <= cycle].sum())

@@ -1,17 +1,17 @@
-"""Numbers that do not fit, found on CPython: kernels leave 32 bits, passes make what MicroPython
+"""Finds numbers that do not fit, on CPython: kernels' beyond 32 bits, and passes' that MicroPython
 would allocate.
 
-`install()`, called before anything of framestep is imported, rewrites the modules of the core as
+`install()`, called before anything of framestep is imported, rewrites the modules of the core while
 they are loaded:
 
-* in a kernel (`@micropython.viper`) each result of an operation must fit 32 bits signed, but for
-  what `& mask` cuts off at once: that is native.py's contract, of which CPython alone sees only
-  what is stored in an array
-* in a line of a kernel that ends in `# wraps` sums are meant to come round, and do, as on a board
-* elsewhere a whole number from -2^30 to 2^30 - 1 must come out while `armed` is set, as in a pass
-  of the main loop: anything beyond is an object on the heap of a 32-bit board
+* In a kernel (`@micropython.viper`) each result of an operation must fit 32 bits signed, unless
+  `& mask` cuts it at once. That is native.py's contract, of which CPython alone checks only what is
+  stored in an array.
+* In a line of a kernel that ends in `# wraps`, sums may wrap, and do so as on a board.
+* Elsewhere an integer must be within -2^30 to 2^30 - 1 while `armed` is set, as in a pass of the
+  main loop: anything beyond is an object on the heap of a 32-bit board.
 
-Outside() is raised with the place. What is rewritten runs up to twice as long.
+Otherwise Outside() is raised with the place. Rewritten code takes up to twice as long.
 """
 
 import ast
@@ -35,17 +35,17 @@ class Outside(ArithmeticError):
 
 
 def word(value, line):
-    """Of a kernel: refuse what does not fit 32 bits."""
+    """In kernels: refuse what does not fit 32 bits."""
     raise Outside(f"{value:#x} leaves 32 bits in a kernel, line {line}")
 
 
 def wrap(value):
-    """Of a kernel, where that is meant: what a word holds of it."""
+    """In kernels marked `# wraps`: truncate to 32 bits."""
     return (value + 0x80000000 & 0xFFFFFFFF) - 0x80000000
 
 
 def small(value, line):
-    """Of a pass: refuse what MicroPython would put on the heap."""
+    """In passes: refuse what MicroPython would put on the heap."""
     if armed and value.__class__ is int and not -0x40000000 <= value <= 0x3FFFFFFF:
         raise Outside(f"{value:#x} is no small integer, line {line}")
     return value
@@ -59,19 +59,19 @@ def _kernel(function: ast.FunctionDef) -> bool:
 
 
 def _mask(node) -> bool:
-    """A constant with bits of the lower 31 alone, by its value or by a name that says so."""
+    """Return whether it is a constant of only the lower 31 bits, by its value or its name."""
     if isinstance(node, ast.Constant):
         return isinstance(node.value, int) and 0 <= node.value <= 0x7FFFFFFF
     return isinstance(node, ast.Name) and node.id in ("_MASK", "_WRAP", "_ALL_BITS")
 
 
 class _Checks(ast.NodeTransformer):
-    """Puts the checks into functions. Constants and what runs at import stay as they are."""
+    """Inserts the checks into functions. Constants and code that runs at import do not change."""
 
     def __init__(self, wraps):
-        self.wraps = wraps  # numbers of the lines where sums come round
+        self.wraps = wraps  # numbers of the lines in which sums may wrap
         self.kernel = None  # None outside of functions
-        self.masked = False  # what is looked at only counts modulo 2^32, since `& mask` follows
+        self.masked = False  # the present expression counts only modulo 2^32, as `& mask` follows
 
     def visit_FunctionDef(self, node):
         before, self.kernel = self.kernel, _kernel(node)
@@ -112,7 +112,7 @@ class _Checks(ast.NodeTransformer):
         )
         self.masked = bool(mask) or (before and ring)
         node.left = self.visit(node.left)
-        # the count of a shift is a number
+        # the count of a shift is a normal number
         self.masked = self.masked and not isinstance(node.op, ast.LShift)
         node.right = self.visit(node.right)
         self.masked = before
@@ -171,7 +171,7 @@ class _Checks(ast.NodeTransformer):
 
 
 def rewritten(source: str, filename: str):
-    """Code of a module with the checks in it."""
+    """Return the code of a module with the checks."""
     wraps = {
         number
         for number, line in enumerate(source.split("\n"), 1)
@@ -203,7 +203,7 @@ class _Finder(importlib.abc.MetaPathFinder):
 
 
 def install() -> None:
-    """From now on modules of the core are loaded with checks. RuntimeError where it is too late."""
+    """Load modules of the core with checks from now on. Raises RuntimeError if it is too late."""
     loaded = [
         name
         for name in sys.modules

@@ -1,4 +1,4 @@
-"""Reads compiled modules (.mpy, version 6), as MicroPython's py/persistentcode.c describes them."""
+"""Reads compiled modules (.mpy, version 6) by the format of MicroPython's py/persistentcode.c."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,8 +22,8 @@ class Body:
 
     @property
     def frame_words(self) -> int:
-        """Words of a call's frame in bytecode (py/bc.h): locals, stack, and three for each `try`
-        nested in another."""
+        """Return the words of a call's frame in bytecode (py/bc.h): locals, stack, and three for
+        each nested `try`."""
         state = self.code[0] >> 3 & 15
         tries = self.code[0] >> 2 & 1
         for n, byte in enumerate(self.code[1 : self._signature_end]):
@@ -33,7 +33,7 @@ class Body:
 
     @property
     def name_index(self) -> int:
-        """Index of the name of bytecode in the module's table of names."""
+        """Return the index of the bytecode's name in the module's table of names."""
         at = self._signature_end
         while self.code[at] & 0x80:
             at += 1
@@ -88,7 +88,7 @@ class _Reader:
 
 
 def parse(data: bytes) -> tuple[list[str | None], Body]:
-    """Return a module's names (None: one that every MicroPython has) and its body."""
+    """Return a module's names (None for a name that every MicroPython has) and its body."""
     reader = _Reader(data)
     letter, version, _, _ = reader.take(4)
     assert (letter, version) == (ord("M"), 6)

@@ -1,8 +1,8 @@
-"""The tests that are nearest to a change: `make check`.
+"""Runs the tests nearest to a change: `make check`.
 
-First come tests that are named after a file that has changed since `main`. Then nearness is the
+Tests that are named after a file that has changed since `main` come first. Then nearness is the
 number of imports from a test's file to a changed one, or to a module that names a changed file of
-another kind. Tests begin in this order until the time is up.
+another kind. Tests are started in this order until the time is up.
 """
 
 import ast
@@ -25,7 +25,7 @@ _SOURCES = {
 
 
 def changed(since: str) -> set[str]:
-    """Files of the working tree, relative to the root, that are not as on a branch."""
+    """Return the files of the working tree, relative to the root, that differ from a branch."""
 
     def git(*words: str) -> list[str]:
         said = subprocess.run(
@@ -44,7 +44,7 @@ def changed(since: str) -> set[str]:
 
 @cache
 def _modules() -> dict[str, str]:
-    """{dotted name: file} of all Python modules."""
+    """Return {dotted name: file} of all Python modules."""
     found = {}
     for package, folder in _SOURCES.items():
         for path in (ROOT / folder).rglob("*.py"):
@@ -58,8 +58,8 @@ def _modules() -> dict[str, str]:
 
 
 def _named(tree: ast.AST, package: str) -> set[str]:
-    """What a module may import, as dotted names; what follows `from x import` may be a module or
-    not."""
+    """Return the dotted names that a module may import; what follows `from x import` may be a
+    module or not."""
     found = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -74,7 +74,7 @@ def _named(tree: ast.AST, package: str) -> set[str]:
 
 @cache
 def importers() -> dict[str, set[str]]:
-    """{file: the files that import it}."""
+    """Return {file: the files that import it}."""
     modules = _modules()
     found: dict[str, set[str]] = {file: set() for file in modules.values()}
     for name, file in modules.items():
@@ -86,12 +86,12 @@ def importers() -> dict[str, set[str]]:
 
 
 def _naming(name: str) -> set[str]:
-    """Modules that have this file's name in their text."""
+    """Return the modules with this file's name in their text."""
     return {file for file in _modules().values() if name in (ROOT / file).read_text()}
 
 
 def distances(files: set[str]) -> dict[str, int]:
-    """{file: imports from it to the nearest of these files} of all files that reach one."""
+    """Return {file: imports from it to the nearest of these files} for all files that reach one."""
     by = importers()
     found = dict.fromkeys(files, 0)
     edge = {file for file in files if file in by}
@@ -107,7 +107,7 @@ def distances(files: set[str]) -> dict[str, int]:
 
 
 def nearest(files: set[str]) -> list[str]:
-    """Tests that reach these files, those named after one first, then by distance."""
+    """Return the tests that reach these files: those named after one first, then by distance."""
     found = distances(files)
     stems = {Path(file).stem for file in files}
 
@@ -119,7 +119,7 @@ def nearest(files: set[str]) -> list[str]:
 
 
 class Near:
-    """Runs the tests nearest to what has changed since `since`, for `seconds`."""
+    """Runs the tests nearest to the changes since `since`, for `seconds`."""
 
     def __init__(self, since: str, seconds: float):
         self._seconds = seconds
@@ -130,7 +130,7 @@ class Near:
         self._other_files = len(tests[_MOST_FILES:])
 
     def pytest_ignore_collect(self, collection_path):
-        """Read nearby files only: reading all takes as long as a minute of tests."""
+        """Read only nearby files: reading all takes as long as a minute of tests."""
         if collection_path.suffix == ".py" and collection_path not in self._order:
             return True
         return None
@@ -142,24 +142,24 @@ class Near:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_protocol(self, item):
-        """Begin no further test once the time is up."""
+        """Start no further test once the time is up."""
         if time.monotonic() - self._begun < self._seconds:
             return None
         self._left += 1
         return True
 
     def pytest_sessionfinish(self, session):
-        """Tell the process that prints the summary."""
+        """Report to the process that prints the summary."""
         if hasattr(session.config, "workeroutput"):
             session.config.workeroutput["left"] = self._left
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node):
-        """Add what a worker of xdist has left out."""
+        """Add the tests that an xdist worker has left out."""
         self._left += getattr(node, "workeroutput", {}).get("left", 0)
 
     def pytest_terminal_summary(self, terminalreporter):
-        """Say what was not run."""
+        """Print what was not run."""
         if self._left or self._other_files:
             terminalreporter.write_line(
                 f"left out, farther from the change: {self._left} tests after {self._seconds:g} s, "

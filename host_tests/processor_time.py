@@ -1,5 +1,5 @@
-"""What the tests take of the processors: of this process, and of the ones that it started and that
-either have ended or run on. A look at the end of a run, not a verdict: computers differ by half."""
+"""Processor time of the tests: of this process, and of its child processes, ended or running.
+Printed at the end of a run; not a verdict, as computers differ by half."""
 
 import contextlib
 import os
@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 _SLOWEST = 10
-_LARGE_SHARE = 0.03  # of the sum: files that are named
+_LARGE_SHARE = 0.03  # of the sum: such files are named
 
 
 def _seconds():
-    """So far; of children that run on, as emulated boards do, only where /proc tells."""
+    """Return the time so far; running children, such as emulated boards, count only with /proc."""
     found = sum(os.times()[:4])
     for children in Path("/proc/self/task").glob("*/children"):
         for child in children.read_text().split():
@@ -23,7 +23,7 @@ def _seconds():
 
 
 class ProcessorTime:
-    """Collects {test: seconds}, from xdist's workers too, and prints a summary."""
+    """Collects {test: seconds}, also from xdist's workers, and prints a summary."""
 
     def __init__(self):
         self.taken = {}

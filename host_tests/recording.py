@@ -1,27 +1,26 @@
 """Records what happens to a controller on the host HAL, and what it does, so that another runtime
-can play it again.
+can repeat it.
 
-A recording is a file for runtime/recording_replay.py: a line of JSON with what the board is made
-of, then
+A recording is a file for runtime/recording_replay.py: a line of JSON that describes the board, then
 
-    H 12 30        a pass, a tick and two passes (the last a millisecond later), each of the
-                   milliseconds 12 to 41: what a host does that looks every millisecond
-    S 12 30        a tick and a pass, each of the milliseconds 12 to 41
-    T 12007        a tick on its own, at this microsecond
-    P 12           a pass on its own, the clock at this millisecond
+    H 12 30        a pass, a tick and two passes (the last a millisecond later), in each of the
+                   milliseconds 12 to 41: a host that looks every millisecond
+    S 12 30        a tick and a pass, in each of the milliseconds 12 to 41
+    T 12007        a single tick, at this microsecond
+    P 12           a single pass, with the clock at this millisecond
     R 4446…        bytes from the host
     O, C           the port is opened, closed
     L 19 0         an input's level
     G              the replay prints how many bytes of the heap are taken: `heap 12345`
-    F 1, F 0       the host takes no more bytes, takes them again
-    W - 05ff…      what the drivers' wire gives in the next pass, call by call
-    X 2            what take_lost_commands() says in the next pass, call by call
-    Y -1 2         what reclaim() says in the next pass, call by call
+    F 1, F 0       the host stops taking bytes, takes them again
+    W - 05ff…      what the drivers' wire receives in the next pass, call by call
+    X 2            results of take_lost_commands() in the next pass, call by call
+    Y -1 2         results of reclaim() in the next pass, call by call
 
-`did` are the lines that the replay prints: after each pass that has done something its millisecond
-and what it was, bytes sent (<), outputs driven (o), drivers switched (e), LED (l), lights (d),
-telegrams to drivers (w, c) and words about them (s); after a tick that gave cues its microsecond
-and those; at the end where the motors are.
+`did` has the lines that the replay prints. After each pass that has done something: its millisecond
+and what it did, bytes sent (<), outputs driven (o), drivers switched (e), LED (l), lights (d),
+telegrams to drivers (w, c) and lines about them (s). After a tick that gave cues: its microsecond
+and the cues. At the end: the positions of the motors.
 """
 
 import contextlib
@@ -44,7 +43,7 @@ from framestep.pulse import stepper
 
 @dataclass
 class Recording:
-    """One board's life so far. test: which one made it."""
+    """One board's history. test: which test made it."""
 
     test: str
     head: dict[str, Any]
@@ -57,7 +56,7 @@ def board_data(board: dict[str, Any]) -> dict[str, Any]:
 
 
 class Recorder:
-    """Listens to a HostBoard. The board's methods are replaced on the object, so it must be new."""
+    """Records a HostBoard. It replaces methods on the object, so the board must be new."""
 
     def __init__(
         self,
@@ -69,9 +68,9 @@ class Recorder:
         most_passes: float = math.inf,
         weigh_ms: float = math.inf,
     ):
-        """flash: what its blocks held when the board was made, in hex; None for a board without.
+        """flash: content of its blocks when the board was made, in hex; None without a flash.
 
-        most_passes: a board that lives longer is not recorded. weigh_ms: how often the replay tells
+        most_passes: a board with more passes is not recorded. weigh_ms: how often the replay prints
         how much of the heap is taken.
         """
         self.left = most_passes
@@ -95,7 +94,7 @@ class Recorder:
             },
         )
         self.finished: Recording | None = None
-        self.steps = [0, 0]  # the S line that is being gathered
+        self.steps = [0, 0]  # the S line being gathered
         self.ticked = None
         self.notes: list[str] = []
         self.cues: list[int] | None = None
@@ -103,7 +102,7 @@ class Recorder:
         self.answers: list[str] = []
         self.troubles: list[int] = []
         self.taken: list[int] = []
-        self.heard = False  # anything else than nothing, in these three
+        self.heard = False  # whether these three have anything but nothing
         self.colour = 0
         self.sent = bytearray()
         self.wire = bytearray()
@@ -125,7 +124,7 @@ class Recorder:
         self.recording.lines.append(line)
 
     def _extra(self):
-        """Lines with what the pass has heard from outside, where that is more than nothing."""
+        """Return lines with what the pass has received from outside, if it is not nothing."""
         extra = []
         if any(answer != "-" for answer in self.answers):
             extra.append("W " + " ".join(self.answers))
@@ -137,7 +136,7 @@ class Recorder:
         return extra
 
     def _noted(self, said):
-        """What the pass has done, and forget it. said: what it has said meanwhile."""
+        """Note what the pass has done, and clear it. said: lines printed meanwhile."""
         notes = self.notes + ["s" + text.split(" ", 4)[4].replace(" ", "_") for text in said]
         if self.wire:
             notes.append("w" + self.wire.hex())
@@ -183,7 +182,7 @@ class Recorder:
                 self.recording.lines.clear()
                 return poll(now)
             if self.notes or self.wire or self.lights or self.sent:
-                self._noted(())  # not by a pass
+                self._noted(())  # not in a pass
             if self.answers or self.troubles or self.taken:
                 self.answers, self.troubles, self.taken = [], [], []
             if now >= self.weigh_at:
@@ -235,7 +234,7 @@ class Recorder:
         def on_drive(high, low):
             if self.in_tick:
                 raised, lowered = self.cues or (0, 0)
-                # the set register is written first, for each cue
+                # for each cue, the set register is written first
                 self.cues = [high if self.writes == 0 else raised, low if self.writes else lowered]
                 self.writes ^= 1
             else:
@@ -318,9 +317,9 @@ class Recorder:
             self._flush()
 
     def finish(self) -> Recording:
-        """The recording up to now, or to the first call; what comes later is no part of it.
+        """Return the recording up to now, or to the first call; later events are not part of it.
 
-        Without a head for a board that has lived too long.
+        A board that has had too many passes has no head.
         """
         if self.finished:
             return self.finished
@@ -338,7 +337,7 @@ def _shape(block):
 
 
 def shorter(lines: list[str]) -> list[str]:
-    """The same script with H lines."""
+    """Return the same script with H lines."""
     found: list[str] = []
     at = first = 0
     while at < len(lines):
@@ -364,18 +363,19 @@ def write(recording: Recording, path) -> None:
 
 
 REPLAY = Path(__file__).parent / "runtime" / "recording_replay.py"
-_LED_MS = 2048  # what the milliseconds at the start have to be a multiple of
-NEAR_THE_END = (WRAP - 900, 2**30 - 2048)  # of ticks and of milliseconds: they wrap soon
+_LED_MS = 2048  # the milliseconds at the start have to be a multiple of this
+NEAR_THE_END = (WRAP - 900, 2**30 - 2048)  # ticks and milliseconds that wrap soon
 
 
 def differences(
     runtime, recording: Recording, path: Path, wraps=NEAR_THE_END, script: Path = REPLAY
 ) -> str:
-    """Play it again on 32-bit MicroPython, from counters close to their end: here they began at 0.
+    """Replay it on 32-bit MicroPython, with counters that wrap soon; in the recording they began at
+    0.
 
-    "" where all is as it was and the heap has not grown, else what first is not. runtime: the
-    fixture unix32f; path: where the recording is written to; wraps: what ticks and milliseconds are
-    at the start (see wrapping_at()); script: what plays it.
+    Return "" if nothing changed and the heap has not grown, else the first difference. runtime: the
+    fixture unix32f; path: file for the recording; wraps: ticks and milliseconds at the start (see
+    wrapping_at()); script: the replaying script.
     """
     write(recording, path)
     did = recording.did
@@ -396,14 +396,14 @@ def differences(
 
 
 def wrapping_at(ms: int) -> tuple[int, int]:
-    """Ticks and milliseconds to begin with so that all counters wrap about this millisecond."""
+    """Return ticks and milliseconds to begin with so that all counters wrap near this moment."""
     ms = max(ms // _LED_MS, 1) * _LED_MS
     return WRAP + 1 - ms, WIDE_WRAP + 1 - ms
 
 
 def growth(weights: list[int]) -> str:
-    """No pass can take memory, since the heap is locked; nor may what is done between them (a port
-    that opens, bytes that come) leave any behind. "" where none has."""
+    """Return "" unless the heap has grown. No pass can take memory, since the heap is locked; nor
+    may anything between passes (a port that opens, bytes that come) keep any."""
     if all(b <= a for a, b in itertools.pairwise(weights)):
         return ""
     return f"the heap grows: {weights} bytes"
@@ -411,7 +411,7 @@ def growth(weights: list[int]) -> str:
 
 @contextlib.contextmanager
 def recorded(most_passes: float = math.inf, weigh_ms: float = math.inf):
-    """Every HostBoard that is made meanwhile is recorded. Yields the list of their Recorders.
+    """Record every HostBoard that is made within. Yields the list of their Recorders.
 
     most_passes, weigh_ms: of each Recorder.
     """

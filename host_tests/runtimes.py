@@ -1,5 +1,5 @@
 """MicroPython with 32-bit words and single-precision floats, as a program of this computer, for
-each processor that framestep's kernels are compiled for."""
+each processor for which framestep's kernels are compiled."""
 
 import os
 import subprocess
@@ -22,10 +22,9 @@ _BYTES = {"k": 1 << 10, "m": 1 << 20}
 
 @dataclass(frozen=True)
 class Processor:
-    """target: of tools/micropython/build.sh; march: mpy-cross's name for it; emulator: the command
-    that runs its programs, where this computer does not by itself; share: of many cases of one kind
-    one in so many is played, as QEMU takes 15 (rv32) or 60 (xtensa) times as long as this
-    computer."""
+    """target: of tools/micropython/build.sh; march: mpy-cross's name for it; emulator: command that
+    runs its programs if this computer cannot; share: of many similar cases one in this many is run,
+    as QEMU takes 15 (rv32) or 60 (xtensa) times as long as this computer."""
 
     target: str
     march: str
@@ -43,11 +42,11 @@ CHIPS = {"esp32": Processor("esp32", "rv32imc", ("qemu-riscv32",))}
 
 
 class Runtime:
-    """Runs scripts on MicroPython, the core compiled as for a board.
+    """Runs scripts on MicroPython, with the core compiled as for a board.
 
-    run("print(1)") or run(Path("script.py"), "argument"); gives back what the script printed. A
-    script that ends with an exception or an exit status fails the test with its traceback. Modules
-    beside a script file can be imported. On an emulated processor no argument may have a blank.
+    run("print(1)") or run(Path("script.py"), "argument") returns what the script printed. A script
+    that ends with an exception or an exit status fails the test with its traceback. It can import
+    modules from its folder. On an emulated processor no argument may have a blank.
     """
 
     def __init__(self, name: str, scratch: Path, engine: str = "pio"):
@@ -58,7 +57,7 @@ class Runtime:
         self._core = compiled_tree(self._processor.march, engine)  # once: it takes long
 
     def share(self, cases: Sequence[T]) -> Sequence[T]:
-        """Those of many cases that are played on this processor."""
+        """Return those of many cases that are run on this processor."""
         return cases[:: self._processor.share]
 
     def _command(self, script: Path, args, heap: str, search: str) -> list[str]:
@@ -98,8 +97,8 @@ class Runtime:
             )
         out = result.stdout.decode(errors="replace")
         if result.returncode != 0:
-            # MicroPython prints tracebacks of uncaught exceptions on standard output or error, by
-            # version
+            # Depending on its version, MicroPython prints tracebacks of uncaught exceptions on
+            # standard output or error.
             err = result.stderr.decode(errors="replace")
             pytest.fail(
                 f"{script} on {self.name}, exit status {result.returncode}:\n{out}\n{err}",

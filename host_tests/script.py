@@ -1,24 +1,23 @@
-"""Session scripts: what happens to a board from its start, as a text that CPython and MicroPython
-both read.
+"""Session scripts: what happens to a board from its start, as text that both CPython and
+MicroPython read.
 
     # what the script shows
     board pico                    of boards/, fitted to the rig; "host" for hal.host.BOARD
-    rig {"hard_stop_factor": 2}   what the rig file holds; text that is no JSON is a rig file
-                                  cut short
+    rig {"hard_stop_factor": 2}   content of the rig file; text that is not JSON is a truncated file
     motors 3                      how many, whatever the board has
-    memory 4096                   bytes that the uploaded move may take
-    flash 0 5a00ff                how a block of the flash for positions begins; "flash none" for no
-                                  flash
+    memory 4096                   bytes for the uploaded move
+    flash 0 5a00ff                first bytes of a block of the flash for positions; "flash none":
+                                  no flash
     0 open                        the host opens the port (DTR), likewise close
     12 rx 4446…                   bytes from the host
     12 pin estop 0                an input's level, by its name or its number
-    12 hold 40                    the main loop is away: for 40 ms ticks come, but no pass
-    12 skip 3                     interrupts are off: three ticks are missed, then made late; nor
-                                  are there passes
+    12 hold 40                    the main loop is away: for 40 ms there are ticks, but no pass
+    12 skip 3                     interrupts are off: three ticks are missed and made up for later;
+                                  no passes either
     12 full                       the host takes no more bytes, until drain
     500 end
 
-Times are whole milliseconds of the board's clock, ascending. What happens in a millisecond comes
+Times are whole milliseconds of the board's clock, ascending. In a millisecond its events come
 first, in the order of the lines; then its tick, then one pass of the main loop. Millisecond 0 is
 the first.
 
@@ -32,20 +31,20 @@ _NUMBERS = ("hold", "skip")
 
 
 class ScriptError(ValueError):
-    """A line that is none of a script; the text names it."""
+    """A line that does not belong to a script; the text names it."""
 
 
 class Script:
-    """A script in parts. rig: a dictionary, or None where the file cannot be read. events: [(ms,
-    verb, argument)], the argument bytes for rx, (name, level) for pin, milliseconds for hold and
-    skip, else None. memory: bytes or None; flash: {block: bytes}, or None for a board without.
-    says: the comment lines at the top."""
+    """A script in parts. rig: a dictionary, or None if the file cannot be read. events: [(ms, verb,
+    argument)]; argument: bytes for rx, (name, level) for pin, milliseconds for hold and skip, else
+    None. memory: bytes or None; flash: {block: bytes}, or None without a flash. says: the comment
+    lines at the top."""
 
     def __init__(self, board="host", rig=None):
         self.says = []
         self.board = board
         self.rig = {} if rig is None else rig
-        self.rig_text = None  # as it stands in the file, where it is no JSON
+        self.rig_text = None  # the file's text if it is not JSON
         self.motors = None
         self.memory = None
         self.flash = {}
@@ -53,7 +52,7 @@ class Script:
         self.end = 0
 
     def lines(self):
-        """The text, line by line."""
+        """Return the text, line by line."""
         for text in self.says:
             yield "# " + text
         yield "board " + self.board
@@ -77,7 +76,7 @@ class Script:
 
 
 def event(line):
-    """(ms, verb, argument) of a line with an event; ("end" is one, too)."""
+    """Return (ms, verb, argument) of a line with an event; "end" is one, too."""
     parts = line.split()
     try:
         ms = int(parts[0])
@@ -92,7 +91,7 @@ def event(line):
         elif verb != "end" and verb not in VERBS:
             raise ValueError
     except (ValueError, IndexError):
-        raise ScriptError("no line of a session script: " + line)  # noqa: B904 - MicroPython knows no "from None"
+        raise ScriptError("not a line of a session script: " + line)  # noqa: B904 - MicroPython knows no "from None"
     return ms, verb, argument
 
 
@@ -120,7 +119,7 @@ def _header(script, word, rest):
 
 
 def parse(lines):
-    """The Script in these lines, a file for instance. ScriptError for what is none."""
+    """Return the Script in these lines, for example a file. Raises ScriptError."""
     script = Script()
     for line in lines:
         line = line.strip()

@@ -18,9 +18,9 @@ _MS = 1_000_000
 
 
 class Player:
-    """A controller and its millisecond. `on_edge(time_ns, signal, value)` is told every edge.
+    """A controller and its millisecond. It calls `on_edge(time_ns, signal, value)` for every edge.
 
-    sent: [(ms, bytes)] of what the host has got, in the order it was sent.
+    sent: [(ms, bytes)] that the host has received, in the order of sending.
     """
 
     def __init__(self, script: Script, on_edge: Callable[[int, str, int], None] | None = None):
@@ -28,10 +28,10 @@ class Player:
         self.ms = 0
         self.sent: list[tuple[int, bytes]] = []
         self.full = False
-        self.recorder = None  # a Recorder of the board (recording.py), if there is one
-        self._held = 0  # milliseconds without a pass that are left
-        self._off = 0  # without interrupts
-        self._missed = 0  # ticks to be made late
+        self.recorder = None  # the board's Recorder (recording.py), if there is one
+        self._held = 0  # milliseconds left without a pass
+        self._off = 0  # milliseconds left without interrupts
+        self._missed = 0  # ticks to be made up for
         self._next = 0
         self.board = board = self._make(script)
         board.on_edge = on_edge
@@ -68,7 +68,7 @@ class Player:
             self._send(writer)
 
     def happen(self, verb: str, argument=None) -> None:
-        """One event of a script, now."""
+        """Carry out one event of a script now."""
         board = self.board
         if verb == "rx":
             if board.hal.port.open:
@@ -89,7 +89,7 @@ class Player:
             raise ValueError(verb)
 
     def step(self) -> None:
-        """The tick and the pass of this millisecond; then the next begins."""
+        """Do the tick and the pass of this millisecond; then the next begins."""
         board = self.board
         hal = board.hal
         hal.now_ns = self.ms * _MS + TICK_DELAY_NS
@@ -111,7 +111,7 @@ class Player:
         hal.now_ns = self.ms * _MS
 
     def play_until(self, ms: int) -> None:
-        """Everything before this millisecond."""
+        """Play everything before this millisecond."""
         events = self.script.events
         while self.ms < ms:
             while self._next < len(events) and events[self._next][0] <= self.ms:
@@ -120,13 +120,13 @@ class Player:
             self.step()
 
     def play(self) -> None:
-        """The whole script."""
+        """Play the whole script."""
         self.play_until(self.script.end)
 
 
 def main() -> None:
-    """`python -m host_tests.script_player FILE`: what the board says, a line each time, and
-    the positions."""
+    """`python -m host_tests.script_player FILE`: print the board's output, line by line, and the
+    positions."""
     with open(Path(sys.argv[1])) as file:
         player = Player(parse(file))
     player.play()

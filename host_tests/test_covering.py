@@ -1,4 +1,4 @@
-"""Which combinations of parameters are in each run."""
+"""Combinations of parameters in each run."""
 
 import itertools
 from types import SimpleNamespace

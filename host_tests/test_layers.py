@@ -1,5 +1,5 @@
-"""What may import what: a module imports from its own package and from layers below its own
-(ARCHITECTURE.md tells the layers). What parts of the controller may know of each other."""
+"""Imports between modules: a module imports from its own package and from layers below
+(ARCHITECTURE.md lists them). Also what parts of the controller may know of each other."""
 
 import ast
 from collections.abc import Iterator
@@ -49,8 +49,8 @@ def dotted(path: str) -> str:
 
 @cache
 def imports() -> dict[str, set[str]]:
-    """{module: modules of framestep that it imports, wherever in it}, without `framestep.` in
-    front."""
+    """Return {module: modules of framestep that it imports, anywhere in it}, without `framestep.`
+    in front."""
     modules = {dotted(path) for path in sources()} - {"__init__"}
     found: dict[str, set[str]] = {}
     for path, file in sources().items():
@@ -103,7 +103,7 @@ def test_nothing_imports_upward():
 
 
 def test_the_protocol_is_known_to_requests_and_above():
-    """From the controller on, and to what takes requests apart."""
+    """Only the controller and above, and modules that read requests, know the protocol."""
     knowing = {module for module, other in edges() if other.startswith("protocol.")}
     below = {
         module
@@ -114,8 +114,7 @@ def test_the_protocol_is_known_to_requests_and_above():
 
 
 def test_payloads_are_taken_apart_and_made_by_requests():
-    """Below the controller nothing else has a FrameReader or a FrameWriter in its hands, by these
-    names."""
+    """Below the controller nothing else has a FrameReader or a FrameWriter, by these names."""
     for path, file in sources().items():
         module = dotted(path)
         if module.split(".")[0] not in (
@@ -135,7 +134,7 @@ def test_payloads_are_taken_apart_and_made_by_requests():
 
 
 def test_layers_are_told():
-    """ARCHITECTURE.md has them."""
+    """ARCHITECTURE.md lists them."""
     told = (ROOT / "ARCHITECTURE.md").read_text()
     for names in LAYERS:
         for name in names:
@@ -143,7 +142,7 @@ def test_layers_are_told():
 
 
 def test_there_is_no_circle():
-    """Between modules; within a function or not."""
+    """Between modules, within functions or not."""
     done: list[str] = []
 
     def walk(module: str, path: tuple[str, ...]) -> None:
@@ -161,7 +160,7 @@ MOST_LINES = 600
 
 
 def test_files_have_one_subject():
-    """A longer one has two, or says in its docstring why it is one file."""
+    """A longer file has two subjects, or its docstring says why it is one file."""
     for path, file in sources().items():
         text = file.read_text()
         told = " ".join((ast.get_docstring(ast.parse(text)) or "").split())
@@ -172,8 +171,8 @@ def test_files_have_one_subject():
         )
 
 
-# The parts of a controller. Each is given to those that use it, by name. Io only holds lights,
-# inputs and outputs together, so it is none.
+# The parts of a controller. Each is passed by name to those that use it. Io only groups lights,
+# inputs and outputs, so it is not listed.
 PARTS = {
     "faults",
     "gate",
@@ -186,12 +185,12 @@ PARTS = {
     "stops",
     "virtuals",
 }
-# Who puts the parts together, and who runs or shows the whole
+# Modules that put the parts together, or run or show the whole
 WHOLE = ("controller", "runner", "boot", "texts", "hal.host_board", "repl")
 
 
 def _part(node: ast.expr) -> bool:
-    """Whether it is a part: `gate` or `self.gate`."""
+    """Return whether it is a part: `gate` or `self.gate`."""
     match node:
         case ast.Attribute(value=ast.Name(id="self"), attr=name) | ast.Name(id=name):
             return name in PARTS
@@ -210,8 +209,8 @@ def test_parts_know_no_controller():
 
 
 def test_parts_keep_their_fields_and_what_they_consist_of_to_themselves():
-    """A part of another room is asked (`gate.enabled(motor)`), neither written to nor reached
-    through."""
+    """A part of another module is called (`gate.enabled(motor)`), but nobody writes to it or
+    reaches through it."""
     for path, file in sources().items():
         module = dotted(path)
         if module.startswith(WHOLE):

@@ -1,4 +1,4 @@
-"""What framestep.leftovers knows of the core without importing it."""
+"""Constants of the core that framestep.leftovers repeats, as it does not import the core."""
 
 import re
 
@@ -6,7 +6,7 @@ from framestep_tools.building.board_files import FIRMWARE
 
 
 def number(file, name):
-    """A constant of a module, of which others may make use in it."""
+    """Return a constant of a module; its expression may use the module's other constants."""
     text = (FIRMWARE / "framestep" / file).read_text()
     found = re.search(rf"^{name} = (?:const\()?(.+?)\)?(?:  #.*)?$", text, re.MULTILINE)
     assert found, f"{file} has no {name}"

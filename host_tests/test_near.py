@@ -1,4 +1,4 @@
-"""Which tests `make check` runs."""
+"""Tests that `make check` runs."""
 
 from host_tests.near import distances, importers, nearest
 

@@ -1,5 +1,5 @@
-"""`make test` gives the same verdict each time: nothing in the tests depends on chance, or on what
-has run before."""
+"""`make test` gives the same verdict each time: no test depends on chance, or on what ran
+before."""
 
 import ast
 import functools
@@ -37,7 +37,7 @@ def sources():
 
 
 def dotted(node):
-    """The name that an expression is, as np.random; "" for what is none."""
+    """Return the dotted name that an expression is, such as np.random; "" if it is none."""
     match node:
         case ast.Name(id=name):
             return name
@@ -47,7 +47,7 @@ def dotted(node):
 
 
 def calls(tree):
-    """(module or object, function, node) of each call of an attribute."""
+    """Return (module or object, function, node) of each call of an attribute."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
             yield dotted(node.func.value), node.func.attr, node
@@ -72,7 +72,7 @@ def test_every_source_of_chance_has_a_seed():
 
 
 def test_no_test_leaves_the_profile():
-    """Examples are drawn from a fixed seed; none is remembered; a slow computer is no failure."""
+    """Examples are drawn from a fixed seed, none is remembered, and slow computers do not fail."""
     profile = hypothesis.settings()
     assert profile.derandomize
     assert profile.database is None
@@ -95,7 +95,8 @@ def test_no_test_leaves_the_profile():
 
 
 def test_what_is_asked_of_a_target_is_not_asked_of_those_that_it_makes(tmp_path):
-    """`make test ARGS=--durations=9` runs tests that make an image; that is no option of it."""
+    """`make test ARGS=--durations=9` runs tests that build an image; make must not pass the option
+    on."""
     makefile = tmp_path / "Makefile"
     makefile.write_text(
         f"include {ROOT / 'Makefile'}\n"
@@ -105,7 +106,7 @@ def test_what_is_asked_of_a_target_is_not_asked_of_those_that_it_makes(tmp_path)
         'inner:\n\t@echo "$(ARGS)$$ARGS$(SEED)$$SEED $(BOARD)"\n'
     )
     command = ["make", "-f", makefile, "outer", "ARGS=--durations=9", "SEED=3", "BOARD=pico2"]
-    # of a `make test`
+    # of an outer `make test`
     outside = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
     made = subprocess.run(
         command, capture_output=True, text=True, check=True, cwd=ROOT, env=outside
@@ -115,7 +116,7 @@ def test_what_is_asked_of_a_target_is_not_asked_of_those_that_it_makes(tmp_path)
 
 @functools.cache
 def drawn(*modules):
-    """The examples of a test where these modules have been imported."""
+    """Return the examples of a test after these modules have been imported."""
     script = DRAWN.format(tests=str(TESTS), core=str(ROOT / "firmware"))
     return subprocess.run(
         [sys.executable, "-c", script, *modules], capture_output=True, text=True, check=True
@@ -126,6 +127,6 @@ def drawn(*modules):
     "imported", [["framestep.rig"], ["framestep_tools.payloads", "framestep.motion.ramps"]]
 )
 def test_examples_do_not_depend_on_what_is_imported(imported):
-    """Hypothesis would draw numbers of the modules that are there, and so of the tests that have
-    run before."""
+    """Hypothesis would draw numbers from the loaded modules, and so depend on tests that ran
+    before."""
     assert drawn() == drawn(*imported) != ""

@@ -1,5 +1,4 @@
-"""Sessions on the stream engine, and the same on the model of PIO's: what is painted, and when the
-edges are."""
+"""Sessions on the stream engine and on the model of PIO's: painted words, and times of edges."""
 
 import os
 import subprocess
@@ -37,20 +36,20 @@ class Painted:
         return (self.words.astype(np.int64) >> bit & 1).astype(int)
 
     def rises(self, bit: int) -> np.ndarray:
-        """Indices of the words with which it rises."""
+        """Return the indexes of the words in which it rises."""
         return np.flatnonzero(np.diff(self.bit(bit), prepend=0) == 1)
 
     def changes(self, bit: int) -> np.ndarray:
         return np.flatnonzero(np.diff(self.bit(bit), prepend=0))
 
     def ways(self, motor: int) -> np.ndarray:
-        """+1 or -1 for each step."""
+        """Return +1 or -1 for each step."""
         up = 0 if motor % 2 else 1
         return np.where(self.bit(2 * motor + 1)[self.rises(2 * motor)] == up, 1, -1)
 
 
 def read(data: bytes, motors: int) -> Painted:
-    """Of what stream_replay.py has written."""
+    """Read the output of stream_replay.py."""
     found = np.frombuffer(data, "<i4")
     words, end = np.split(found, [len(found) - 1 - END_WORDS * motors])
     modes, faults, positions = end[1:].reshape(motors, END_WORDS).T.tolist()
@@ -59,7 +58,7 @@ def read(data: bytes, motors: int) -> Painted:
 
 @cache
 def _core() -> Path:
-    """The core built for this engine, as Python."""
+    """Return the core built for this engine, as Python."""
     tree = Path(tempfile.mkdtemp(prefix="framestep-stream-"))
     write_tree(tree, folded({}, False, "stream", {}))
     return tree
@@ -77,8 +76,8 @@ def here(lines: list[str], out: Path) -> bytes:
 
 
 def on_pio(lines: list[str]) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The same session on the model of PIO: for each motor the times of its steps and their ways.
-    Times are µs from the start of the first tick's pulses."""
+    """Play the same session on the model of PIO. Return for each motor the times of its steps and
+    their directions. Times are µs from the start of the first tick's pulses."""
     _, motors, _ = lines[0].split()
     bench = Bench(int(motors), jitter_us=0)
     for i, engine in enumerate(bench.engines):

@@ -1,6 +1,6 @@
-"""hal/contract.py is what the HALs have, and all that is used of them.
+"""hal/contract.py describes what the HALs have, and all that is used of them.
 
-A board's HAL can only be imported on a board, so all of this reads source.
+A board's HAL can be imported only on a board, so these tests read source.
 """
 
 import ast
@@ -28,15 +28,15 @@ IMPLEMENTED = {
     "DriverWire": ["rp2/wire.py:Wire", "rp2/one_wire.py:OneWire", "host.py:SilentWire"],
     "Flash": ["rp2/flash.py:Flash", "host.py:HostFlash"],
 }
-# What only one kind has, or another class for it. The host's HAL has no REPL beside it, nor a model
-# of engine commands in one object.
+# Parts that only one kind has, or that another class provides. The host's HAL has no REPL, nor a
+# single object that models engine commands.
 WITHOUT = {
     "host.py:HostHal": {"engine", "inside", "passes", "pass_callback"},
     "host.py:HostPort": {"stop"},
     "ports/usb_port.py:UsbPort": {"stop"},
     "esp32/port.py:UartPort": {"start", "send", "open", "openings"},  # StdinPort's
 }
-# How the other layers call each kind: the name before the dot
+# Names by which the other layers call each kind: the part before the dot
 CALLED = {
     "hal": "Hal",
     "port": "Port",
@@ -56,7 +56,7 @@ def classes(path: Path) -> dict[str, ast.ClassDef]:
 
 
 def methods(cls: ast.ClassDef) -> dict[str, list[str]]:
-    """{name: parameters, without self}; a name that is put there as a whole has no list to
+    """Return {name: parameters, without self}; a name that is assigned as a whole has no list to
     compare."""
     return {
         node.name: [arg.arg.lstrip("_") for arg in node.args.args[1:]]
@@ -66,7 +66,7 @@ def methods(cls: ast.ClassDef) -> dict[str, list[str]]:
 
 
 def attributes(cls: ast.ClassDef) -> set[str]:
-    """Names that are set on the object or in the class, properties among them."""
+    """Return the names set on the object or in the class, including properties."""
     found = set()
     for node in ast.walk(cls):
         match node:
@@ -80,7 +80,7 @@ def attributes(cls: ast.ClassDef) -> set[str]:
 
 
 def documented(cls: ast.ClassDef) -> set[str]:
-    """The attributes that the docstring lists: a name, two spaces or more, what it is."""
+    """Return the attributes listed in the docstring: a name, two or more spaces, its meaning."""
     lines = (ast.get_docstring(cls) or "").splitlines()
     return {
         line.split()[0] for line in lines[1:] if "  " in line.strip() and not line.startswith(" ")
@@ -94,7 +94,7 @@ def implementations() -> Iterator[tuple[str, str]]:
 
 
 def test_every_chip_is_held_to_the_contract():
-    """The classes of its HAL stand in the table above."""
+    """The classes of its HAL are in the table above."""
     held = {
         place.split(":")[0]
         for base in ("Hal", "PulseEngine", "Port")
@@ -129,7 +129,7 @@ def users() -> Iterator[Path]:
 
 
 def used() -> Iterator[tuple[str, int, str, str]]:
-    """Where something of a HAL is used: file, line, kind, name."""
+    """Yield where something of a HAL is used: file, line, kind, name."""
     for path in users():
         for node in ast.walk(ast.parse(path.read_text())):
             if not isinstance(node, ast.Attribute):
@@ -159,7 +159,7 @@ def test_nothing_else_is_used():
 
 
 def test_nothing_is_in_it_that_nobody_uses():
-    """Of the HAL's own; Port and the like are handed to others under other names."""
+    """Of the HAL itself; Port and the like are passed to others under other names."""
     seen = {name for _, _, kind, name in used() if kind == "Hal"}
     cls = classes(CONTRACT)["Hal"]
     # for commands of the bench and tests

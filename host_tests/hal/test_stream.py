@@ -1,5 +1,5 @@
-"""The engine that is a stream of words in memory (hal/stream.py): its edges beside those of PIO's
-model."""
+"""The engine that is a stream of words in memory (hal/stream.py): its edges compared with those of
+PIO's model."""
 
 import random
 
@@ -9,8 +9,8 @@ import pytest
 from framestep.pulse import stepper
 from host_tests.hal.streams import WORD_US, WORDS, here, on_pio, read
 
-LAG = 1000  # µs: a tick's pulses lie in the words of the next one
-SHOWN = 0.3  # µs that two engines with different clocks may be apart, rounding to words apart
+LAG = 1000  # µs: a tick's pulses are in the words of the next tick
+SHOWN = 0.3  # µs by which two engines with different clocks may differ, besides rounding to words
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def painted(tmp_path):
 
 
 def session(rng, motors, count):
-    """Moves that turn round, bend and stop, with batches of any size."""
+    """Draw moves that turn, bend and stop, with batches of any size."""
     yield f"new {motors} 0"
     for motor in range(motors):
         yield (
@@ -43,7 +43,7 @@ def session(rng, motors, count):
 
 
 def check_steps(found, lines):
-    """Each step is in the word that is being sent when PIO would make it."""
+    """Each step is in the word that is sent when PIO would make it."""
     for motor, (times, ways) in enumerate(on_pio(lines)):
         rises = found.rises(2 * motor)
         assert np.array_equal(found.ways(motor), ways), f"motor {motor}"
@@ -66,8 +66,8 @@ def test_the_steps_of_pio_to_a_word(painted, seed):
 
 @pytest.mark.parametrize("width", [0, 1, 3])
 def test_pulses_are_as_wide_as_set(painted, width):
-    """Wide enough, as far apart as they are wide, and the direction is there before them: with 5 µs
-    two words."""
+    """Wide enough, as far apart as they are wide, with the direction set before them: with 5 µs two
+    words."""
     fastest = round(1e6 / (WORD_US * 2 * (width + 1)))
     lines = [
         f"new 2 {width}",
@@ -93,7 +93,7 @@ def test_pulses_are_as_wide_as_set(painted, width):
 
 
 def test_batches_make_no_difference(painted):
-    """However many ticks are done at a time: the same words."""
+    """However many ticks are done at a time, the words are the same."""
     wanted = None
     for sizes in ([20], [1], [7, 13]):
         lines = [
@@ -113,7 +113,7 @@ def test_batches_make_no_difference(painted):
 
 
 def test_outputs_change_with_the_tick_of_their_cue(painted):
-    """All words of that tick have it, whether a motor moves or not; what is driven holds from the
+    """All words of that tick have it, whether a motor moves or not; a driven level holds from the
     next words on."""
     lines = [
         "new 1 0",
@@ -135,8 +135,8 @@ def test_outputs_change_with_the_tick_of_their_cue(painted):
 
 @pytest.mark.parametrize("ticks", [1, 3, 400])
 def test_words_that_ran_out_are_a_fault(painted, ticks):
-    """What the motor still owed comes at once, then it ramps down from what speed is left. No step
-    is lost."""
+    """The motor makes the missing steps at once, then ramps down from the remaining velocity. No
+    step is lost."""
     lines = ["new 2 0", "speed 0 20000 100000", "speed 1 500 9000", "travel 0 20000"] + [
         "batch 20"
     ] * 20
@@ -160,7 +160,7 @@ def test_words_that_ran_out_are_a_fault(painted, ticks):
 
 
 def test_commands_that_find_no_room_are_told(painted):
-    """Faster than pulses of that width can be: the controller allows no such speed."""
+    """Pulses of that width cannot be made so fast; the controller allows no such velocity."""
     lines = [
         "new 2 3",
         "speed 0 60000 400000",

@@ -1,5 +1,5 @@
-"""The pulse engines of twelve motors: three PIO blocks, which only the RP2350 has and the emulated
-board has not."""
+"""The pulse engines of twelve motors: three PIO blocks, which only the RP2350 has. The emulated
+board does not."""
 
 import contextlib
 import importlib
@@ -37,7 +37,7 @@ class Pin:
 
 @pytest.fixture
 def pulses(monkeypatch):
-    """framestep.hal.rp2.pulses with a chip of paper under it."""
+    """Return framestep.hal.rp2.pulses on a fake chip."""
     pio = SimpleNamespace(OUT_LOW=0, SHIFT_RIGHT=1, JOIN_TX=1)
     rp2 = SimpleNamespace(
         PIO=pio, asm_pio=lambda **_: lambda program: program, StateMachine=Machine
@@ -62,7 +62,7 @@ def test_every_motor_has_its_own(pulses):
 
 
 class Register(dict):
-    """FDEBUG: bits are cleared by ones."""
+    """FDEBUG: writing ones clears bits."""
 
     def __setitem__(self, index, value):
         super().__setitem__(index, self[index] & ~value)

@@ -1,4 +1,4 @@
-"""Pins for tests of io/: a HAL that only has pins, and remembers what was driven when."""
+"""Pins for tests of io/: a HAL that has only pins, and records what was driven."""
 
 from framestep.hal.absent import NoDmx
 from framestep.hal.host import BOARD
@@ -46,7 +46,7 @@ class Pins:
         pass
 
     def put(self, pin, level):
-        """The world outside (or a test) puts a pin to a level."""
+        """Set a pin to a level from outside."""
         self.level = self.level & ~(1 << pin) | level << pin
 
     def at(self, pin):

@@ -1,4 +1,4 @@
-"""Outputs, inputs and the camera on bare pins."""
+"""Outputs, inputs and the camera on fake pins."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -35,7 +35,7 @@ def test_outputs(choices, puts):
         gio.put(mask, wanted)
         values = (values & ~mask | wanted & mask) & (1 << count) - 1
         assert shown() == values
-        assert len(pins.writes) == 1  # all in the same instant
+        assert len(pins.writes) == 1  # all at the same time
     gio.safe()
     for i, (_, safe) in enumerate(choices):
         expected = values >> i & 1 if safe == "hold" else safe == "on"
@@ -68,8 +68,8 @@ SIGNAL = st.lists(st.tuples(st.integers(0, 1), st.integers(1, 60)), min_size=1, 
 
 @given(SIGNAL, SIGNAL, LEVEL, LEVEL, st.integers(0, 2**30 - 1))
 def test_inputs(first, second, on1, on2, clock):
-    """A level counts when it has lasted, each change is told once, two inputs do not disturb each
-    other."""
+    """A level counts once it has lasted, each change is reported once, two inputs do not affect
+    each other."""
     pins = Pins()
     gio = Gio(pins, rig(inputs=[{"pin": 27, "on": on1}, {"pin": 28, "on": on2, "pull": "down"}]))
     signals = [[level for level, ms in runs for _ in range(ms)] for runs in (first, second)]

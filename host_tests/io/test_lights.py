@@ -1,4 +1,4 @@
-"""Light levels against a model that keeps a straight line for every channel."""
+"""Light levels compared with a model that has a straight line for every channel."""
 
 import math
 
@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from framestep.hal import CHANGED, CHANNELS
 from framestep.io.lights import RAMPING, Lights
 
-ROUND = 8  # passes in which every channel has been looked at
+ROUND = 8  # passes in which every channel is updated
 
 
 class Model:
-    """What each channel is to show, exactly."""
+    """The exact level of each channel."""
 
     def __init__(self, length):
         self.length = length
@@ -41,7 +41,7 @@ STEPS = st.lists(
 @given(STEPS, st.sampled_from((1, 33, 500)), st.integers(0, 2**30 - 1))
 def test_follows_straight_lines(steps, length, clock):
     lights = Lights(512, length)
-    shown = bytearray(CHANNELS + 1)  # at the last look, which lags by a round
+    shown = bytearray(CHANNELS + 1)  # at the last check, which lags by a round
     model = Model(length)
     now = 0
 
@@ -100,7 +100,7 @@ def test_changed_is_told_only_for_a_change():
 
 
 def test_a_pass_looks_at_an_eighth():
-    """What a pass may cost is bounded: 512 ramping channels take eight passes."""
+    """The cost of a pass is bounded: 512 ramping channels take eight passes."""
     lights = Lights(512, 500)
     lights.ramp(0, 1, b"\xff" * 512, 0, 512)
     for k in range(1, ROUND + 1):

@@ -1,4 +1,4 @@
-"""Remembered positions: what a power cut leaves of them, byte by byte, and how the flash wears."""
+"""Saved positions: what remains after a power cut, byte by byte, and how the flash wears."""
 
 import binascii
 import contextlib
@@ -49,7 +49,7 @@ class PowerCut(Exception):
 
 
 class Brittle(HostFlash):
-    """Loses power after so many bytes written or erased, in the middle of the last one."""
+    """Fails after N bytes written or erased, midway through the last one."""
 
     def __init__(self, *args):
         super().__init__(*args)
@@ -79,7 +79,7 @@ class Brittle(HostFlash):
 
 
 class PoweredUp:
-    """A board from when it got power: motors that stand, and what is remembered of them."""
+    """A board from power-up on: motors at rest, and their saved positions."""
 
     def __init__(self, flash, motors=3):
         self.axes = Motors(motors)
@@ -94,20 +94,20 @@ class PoweredUp:
             self.journal.poll(self.now, busy)
 
     def put(self, *places):
-        """The host gives the motors these places."""
+        """Set the motors' positions as the host does."""
         for motor, place in enumerate(places):
             self.positions.set_known(motor)
             self.axes[motor].backlash[LOAD] = self.axes[motor].block[stepper.POSITION] = place
 
     def move(self, *places):
-        """The motors go there."""
+        """Move the motors there."""
         self.positions.about_to_change()
         for motor, place in enumerate(places):
             self.axes[motor].block[stepper.POSITION] = place
 
     @property
     def state(self):
-        """((places), (state and reason of each))"""
+        """Return ((positions), (state and reason of each))."""
         for axis in self.axes:
             axis.backlash.refresh()
         places = tuple(axis.backlash[LOAD] for axis in self.axes)
@@ -165,7 +165,7 @@ def test_the_play_of_the_gears_is_kept():
     powered = PoweredUp(flash)
     powered.axes[1].backlash[BACKLASH] = 20
     powered.put(0, 100, 0)
-    powered.axes[1].block[stepper.POSITION] = 92  # the load stands where it was
+    powered.axes[1].block[stepper.POSITION] = 92  # the load is where it was
     powered.poll()
     again = PoweredUp(flash)
     again.axes[1].backlash[BACKLASH] = 20
@@ -182,8 +182,8 @@ def test_a_rig_with_another_number_of_motors():
 
 
 def cuts(prepare, act, step=1):
-    """Act with the power cut after 0, step, … bytes; what a new start makes of each. prepare() ->
-    (flash, powered)."""
+    """Act with the power cut after 0, step, … bytes, and restart. Yields what each start finds.
+    prepare() -> (flash, powered)."""
     at = 0
     while True:
         flash, powered = prepare()
@@ -199,8 +199,8 @@ def cuts(prepare, act, step=1):
 
 
 def moved(records):
-    """A powered after so many records, its motors moved once more. Records: places (n, -n, 0) for n
-    up to `records`."""
+    """Return a function that makes a board with so many records, whose motors have moved once more.
+    The records have positions (n, -n, 0) for n up to `records`."""
 
     def prepare():
         flash = Brittle(2, 4 * SLOT_BYTES)
@@ -216,12 +216,12 @@ def moved(records):
 
 @pytest.mark.parametrize("records", [1, 2, 8])
 def test_power_cut_while_a_record_is_written(records):
-    """Also where a block is erased before: after the eighth record."""
+    """Also if a block is erased before: after the eighth record."""
     found = [again.state for again in cuts(moved(records), PoweredUp.poll)]
     assert len(found) >= SLOT_BYTES
     assert set(found) <= {cut_off(records, -records, 0), kept(77, 88, 99)}
     assert found[0] == cut_off(records, -records, 0)
-    # and whatever it has left, the next record finds its place
+    # whatever remains, the next record finds its place
     for again in cuts(moved(records), PoweredUp.poll, 13):
         again.put(3, 2, 1)
         again.poll()
@@ -230,7 +230,7 @@ def test_power_cut_while_a_record_is_written(records):
 
 
 def test_power_cut_while_the_mark_is_cleared():
-    """The motors have not moved yet. Either answer is safe; the numbers are right."""
+    """The motors have not moved yet. Either state is safe; the numbers are right."""
 
     def prepare():
         flash = Brittle(2, 4 * SLOT_BYTES)
@@ -247,8 +247,7 @@ def test_power_cut_while_the_mark_is_cleared():
 
 @given(st.lists(st.tuples(st.integers(0, 7), st.integers(0, 2000)), max_size=30))
 def test_power_cuts_at_any_time(steps):
-    """Whatever has happened, positions that are said to be held are those at the last
-    stand-still."""
+    """Whatever has happened, positions that are reported as held are those of the last rest."""
     flash = Brittle(3, 4 * SLOT_BYTES)
     powered = PoweredUp(flash)
     place = 0
@@ -276,8 +275,8 @@ def test_power_cuts_at_any_time(steps):
 
 
 def test_wear():
-    """Wear as docs/use/safety.md states it: blocks take turns, and one erasure serves all slots of
-    a block."""
+    """Wear as in docs/use/safety.md: blocks take turns, and one erasure serves all slots of a
+    block."""
     flash = HostFlash(4, 4096 - 256)
     powered = PoweredUp(flash)
     powered.put(0, 0, 0)
@@ -315,7 +314,7 @@ def test_a_flash_that_does_not_take_it():
 
 
 class Guarded(HostFlash):
-    """Written to only while no motor moves."""
+    """A flash that may be written to only while no motor moves."""
 
     board = None
     writes = 0
@@ -380,7 +379,7 @@ def test_over_power_cuts():
 
 
 def test_not_while_a_run_waits_for_its_go():
-    """So that nothing is to be written between GO and the first step."""
+    """Nothing must be written between GO and the first step."""
     flash = Guarded()
     session = power_up(flash)
     session.accept(MotorResetPosition(1, 0))

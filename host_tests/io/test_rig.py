@@ -1,4 +1,4 @@
-"""What the rig file may say about pins, and what it is told when it says something else."""
+"""What the rig file may say about pins, and the errors if it says something else."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Stop inputs on bare pins, and motors that are only numbers."""
+"""Stop inputs on fake pins, and motors that are only numbers."""
 
 from array import array
 
@@ -36,7 +36,7 @@ class Switches:
         return news
 
     def reports(self, is_open=True):
-        """Payloads of the HARD_STOPs sent."""
+        """Return the payloads of the HARD_STOPs sent."""
         send_stops(self.writer, self.safety, is_open)
         data = bytearray(4096)
         count = self.writer.take(data, len(data))
@@ -93,7 +93,7 @@ def test_an_interrupt_halts_every_motor_at_once(factor):
     assert bits == 1 << ESTOP
     steepest = kernel_rate(ACCELERATION_LIMIT)
     for i in range(8):
-        switches.motors[i].moves(500 - 100 * i)  # one of them stands still
+        switches.motors[i].moves(500 - 100 * i)  # one of them is at rest
         switches.motors[i].block[stepper.BRAKE] = 1000 * (i + 1) if i < 7 else steepest - 1
     catch(None)  # a spike: it is over
     assert not switches.poll()
@@ -140,7 +140,7 @@ def test_an_interrupt_halts_a_motor_at_its_limit():
 
 
 def test_a_wire_that_is_off_stops_a_normally_closed_one():
-    switches = Switches(estop="nc")  # the pull-up is all there is
+    switches = Switches(estop="nc")  # nothing but the pull-up
     assert switches.poll()
     assert switches.safety.tripped
 
@@ -159,7 +159,7 @@ def test_a_spike_is_not_a_press():
 
     def levels():
         looks.append(None)
-        return switches.pins.level  # low again by the time it is read once more
+        return switches.pins.level  # low again at the next reading
 
     switches.pins.levels = levels
     assert not switches.safety.poll(0, switches.pins.level | 1 << ESTOP)
@@ -192,7 +192,7 @@ def test_limit(contact, swap, end):
     for pin in (27, HIGH, LOW):
         switches.pins.put(pin, 0 if pin == 27 else 1 - active)
     safety.assign(2, 2, swap)
-    up = (end == "high") != swap  # which way the motor runs into this switch
+    up = (end == "high") != swap  # the direction in which the motor reaches this switch
     motor = switches.motors[2]
     motor.block[stepper.POSITION] = 1000
     further, back = array("i", [1001 if up else 999]), array("i", [999 if up else 1001])

@@ -1,5 +1,5 @@
 """TMC2209 drivers on a simulated wire: registers, their confirmation, lost and damaged telegrams,
-faults in words."""
+texts of faults."""
 
 import itertools
 
@@ -52,8 +52,8 @@ class Wired:
 
 
 def test_crc():
-    """The makers' telegram for IOIN of driver 0, and any other: theirs bit by bit, ours as it runs
-    on the board."""
+    """The maker's telegram for IOIN of driver 0, and any other: the maker's algorithm bit by bit,
+    ours as on the board."""
     assert crc8(b"\x05\x00\x06") == tmc2209.crc(b"\x05\x00\x06", 0, 3) == 0x6F
 
 
@@ -63,7 +63,7 @@ def test_crc_of_anything(data):
 
 
 def one(**driver):
-    """The chip after its set-up, with the default settings but for these."""
+    """Return the chip after its set-up, with the default settings except for these."""
     wired = Wired({"motors": [{"driver": {"run_ma": 500} | driver}]}).run(RESET_S)
     assert wired.drivers.ready == 0b1111
     assert not wired.said
@@ -120,7 +120,7 @@ def test_hold_current():
 
 @given(st.integers(10, 2000), st.integers(50, 1000))
 def test_current(run_ma, sense_mohm):
-    """Never above what was asked for, and at most one of 32 steps below it; out of reach exactly
+    """Never above the requested current, and at most one of 32 steps below it; out of range exactly
     above most_ma."""
     found = scale(run_ma, sense_mohm)
     assert (found is None) == (run_ma > most_ma(sense_mohm))
@@ -157,8 +157,8 @@ def test_ready_only_when_all_have_been_tried():
 @settings(max_examples=25)
 @given(st.lists(st.integers(50, 12_000), min_size=20, max_size=60))
 def test_a_main_loop_of_any_pace(passes):
-    """Passes far apart and close together: nothing is sent into an answer, every write is confirmed
-    at once."""
+    """Passes far apart and close together: nothing is sent during an answer, every write is
+    confirmed at once."""
     wired = Wired(passes=itertools.cycle(passes)).run(6)
     assert wired.drivers.ready == 0b1111
     assert not wired.said
@@ -172,7 +172,7 @@ def test_without_echo():
 
 
 def spoil(wired, direction, which, how):
-    """Let `how` change the telegrams of this direction whose numbers are in `which`."""
+    """Apply `how` to the telegrams of this direction whose numbers are in `which`."""
     numbers = itertools.count()
 
     def change(way, data):
@@ -189,7 +189,7 @@ def flipped(data):
 @pytest.mark.parametrize("direction", ["to", "from"])
 @pytest.mark.parametrize("first", [0, 1, 2, 7])
 def test_noise_and_losses(direction, first, how):
-    """Single telegrams damaged or lost: repeated, and every register is there in the end."""
+    """Single telegrams damaged or lost: they are repeated, and in the end every register is set."""
     wired = Wired()
     spoil(wired, direction, range(first, 60, 5), how)
     wired.run(1)
@@ -245,7 +245,7 @@ def test_a_deaf_driver():
 
 
 def test_confirmation_is_by_the_counter():
-    """A driver whose counter stands still is not believed."""
+    """A driver whose counter does not change is not trusted."""
     wired = Wired()
     take = wired.chips[0].take
     wired.chips[0].take = lambda telegram: (take(telegram), setattr(wired.chips[0], "count", 7))[0]
@@ -273,7 +273,7 @@ def test_faults(status, gstat, words):
     assert wired.failed == 0b0001
     assert wired.drivers.ready == 0b1110
     assert wired.said == [f"1 {words}"]
-    # As long as it lasts it stays off and nothing more is said; then it is set up anew
+    # While it lasts the driver stays off and nothing more is reported; then it is set up again.
     if status:
         wired.run(2.5)
         assert wired.said == [f"1 {words}"]

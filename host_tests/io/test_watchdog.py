@@ -1,4 +1,4 @@
-"""The watchdog's food: only while the main loop, the tick and the queue of reports are all
+"""The watchdog is fed only while the main loop, the tick and the queue of reports are all
 alive."""
 
 from framestep.hal.host_board import HostBoard
@@ -16,7 +16,7 @@ def dog(session):
 
 
 def left(session):
-    """Milliseconds until it strikes."""
+    """Return the milliseconds until it strikes."""
     return (dog(session).strikes_at - session.board.now_ns) / MS
 
 
@@ -53,14 +53,14 @@ def test_not_without_the_main_loop():
     board = session.board._board
     board.controller.poll = lambda now: False
     board.run_until(board.now_ns + 3000 * MS)
-    # by then the queue has run dry, and the motor has ramped down
+    # the queue has run dry by then, and the motor has ramped down
     assert left(session) < TIMEOUT_MS - 3000 + CHECK_MS
     times, _ = session.steps(1)
     assert times[-1] < (board.now_ns - 2000 * MS) * 1e-9
 
 
 class Deaf:
-    """A host that has the port open and takes nothing."""
+    """A host that has the port open and reads nothing."""
 
     def __init__(self, session):
         self.port = session.board._board.hal.port
@@ -91,7 +91,7 @@ def test_a_deaf_host_is_a_lost_host():
 
 
 def test_a_slow_host_is_none():
-    """One that takes something every two seconds, and one that has nothing to take."""
+    """A host that reads something every two seconds, and one that has nothing to read."""
     session = simulated()
     session.accept(MotorMove(1, 50_000))
     for _ in range(3):
@@ -111,7 +111,7 @@ def test_a_slow_host_is_none():
 
 
 def test_after_it_has_struck():
-    """Told to the next host, once, and to whoever asks."""
+    """Reported to the next host, once, and to whoever asks."""
     board = SimulatedBoard()
     board._board = HostBoard(caused_reset=True)
     session = Session(board)

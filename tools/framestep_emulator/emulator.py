@@ -30,28 +30,28 @@ from .repl import Repl
 from .trace import edges_from
 
 HERE = Path(__file__).resolve().parent
-# Until a Pico has its second port it takes 1.6 s; drivers to set up add to that
+# A Pico has its second port after 1.6 s; drivers that must be set up take longer.
 BOOT_LIMIT_MS = 10_000
 POLL_SECONDS = 0.005  # real time between looks at a board that runs freely
 
 
 def device_file(name):
-    """Text of one of the scripts in device/, which the emulator's own tests run on the board."""
+    """Return the text of a script in device/, which the emulator's own tests run on the board."""
     return (HERE / "device" / name).read_text()
 
 
 class Emulator:
     """One emulated board in its own node process.
 
-    firmware    image to put in flash (default: the one tools/micropython/build.sh makes, made if it
+    firmware    image in flash (default: the one of tools/micropython/build.sh, which is built if it
                 is missing)
     files       {device path: bytes or str} for a fresh file system
     put         {host path: device path} of further files and directories for it
-    fs_image    a ready littlefs image instead of files
+    fs_image    a complete littlefs image instead of files
     flash       file that keeps the whole flash from one run to the next
-    lockstep    time moves only in advance() and in reads that wait
+    lockstep    time passes only in advance() and in reads that wait
     boot        run until the USB serial port is there (in lockstep)
-    speed       when running freely, never faster than so many times real time
+    speed       when running freely: at most this many times real time
     tcp         TCP ports on 127.0.0.1 for the USB serial ports; 0 takes a free one, shown in
                 tcp_ports after the start
     args        further arguments for emu.mjs, e.g. ["--xip-miss", "0"]
@@ -83,9 +83,9 @@ class Emulator:
         self.tcp_ports = tuple(tcp)
         self.args = list(args)
         self._node = None
-        self._pool = None  # that the process came from or goes to
-        self._state = ""  # what the board is, in a pool
-        self._as_kept = False  # nobody has done anything with it since it was in that state
+        self._pool = None  # pool from which the process came and to which it goes
+        self._state = ""  # name of the board's state, in a pool
+        self._as_kept = False  # the board has not been used since it was in that state
         self._temp = None
 
     # ------------------------------------------------------------ process
@@ -97,7 +97,7 @@ class Emulator:
         self.close()
 
     def _image(self, firmware):
-        """Path of the file system image that was asked for, or None."""
+        """Return the path of the file system image for the board, or None."""
         if self.files is None and not self.put:
             return self.fs_image
         if self.fs_image:
@@ -141,7 +141,7 @@ class Emulator:
         return self
 
     def _load(self, firmware):
-        """A board that has not begun, in the process there is or in one of its own."""
+        """Load a board that has not begun, into the present process or a new one."""
         fs_image = self._image(firmware)
         if self._node:
             self._node.cmd(
@@ -152,7 +152,7 @@ class Emulator:
             self._node = Node("--firmware", firmware, *self._arguments, *more)
 
     def _fingerprint(self, firmware):
-        """What boards that boot alike have in common."""
+        """Return a name for the state of all boards that boot alike."""
         files = {**image.collect(self.put or {}), **(self.files or {})}
         digest = hashlib.sha256(Path(firmware).read_bytes())
         digest.update(repr((self.boot, self.files is None, sorted(files.items()))).encode())
@@ -161,8 +161,8 @@ class Emulator:
         return digest.hexdigest()
 
     def once(self, name, action):
-        """Do what is to be done first with a board that has just started; it is named, so that a
-        pool need not do it again for the next board of the kind."""
+        """Run an action on a board that has just started, before anything else. A pool keeps the
+        result by its name, so that the next board of the kind need not repeat it."""
         if not self._pool:
             action()
             return
@@ -199,22 +199,22 @@ class Emulator:
         return self.cmd("time")["ns"]
 
     def advance(self, ms, **until):
-        """Let virtual time pass; stops early with until_rx=port or until_event=type."""
+        """Let virtual time pass; stop early with until_rx=port or until_event=type."""
         return self.cmd("advance", ms=ms, **until)
 
     def run_until_ns(self, ns):
         return self.cmd("run_until_ns", ns=ns)
 
     def wait_event(self, kind, ms):
-        """Run until an event of this kind happens (reset, usb-configured, halt, ...); for
+        """Run until an event of this kind happens (reset, usb-configured, halt, ...); only in
         lockstep."""
         self.advance(ms, until_event=kind)
         if not any(event["type"] == kind for event in self.events()):
             raise EmulatorError(f"no {kind} within {ms} ms")
 
     def wait_usb(self, ms=BOOT_LIMIT_MS, after=0, ports=None):
-        """Wait until the host has configured the board's USB device (at `after` ns or later, with
-        so many ports).
+        """Wait until the host has configured the board's USB device, at `after` ns or later, and
+        with this number of ports.
 
         ms is a limit of virtual time.
         """
@@ -247,7 +247,7 @@ class Emulator:
 
     @contextlib.contextmanager
     def free_running(self, speed=None):
-        """For clients that know nothing of lockstep, such as mpremote."""
+        """Run freely, for clients that do not know lockstep, such as mpremote."""
         self.set_lockstep(False, speed)
         try:
             yield self
@@ -264,7 +264,7 @@ class Emulator:
         return self.cmd("time")["halted"]
 
     def reset(self):
-        """Power cycle; the flash is kept."""
+        """Switch power off and on; the flash is kept."""
         self.cmd("reset")
         if self.lockstep and self.boot:
             self.wait_usb(after=self.ns)
@@ -274,8 +274,7 @@ class Emulator:
         self.cmd("setpin", pin=pin, value=value)
 
     def press_bootsel(self, on=True):
-        """Press the BOOTSEL button, or let go of it; the boot ROM's own loader does not look at it
-        here."""
+        """Press or release the BOOTSEL button. The boot ROM's own loader does not check it here."""
         self.cmd("button", on=on)
 
     def pins(self):
@@ -303,12 +302,12 @@ class Emulator:
         self.cmd(f"uart{n}", on=True)
 
     def uart_read(self, n):
-        """(bytes as [[ns, value], ...], breaks as [[start, end], ...]) since the last call."""
+        """Return bytes ([ns, value], ...) and breaks ([start, end], ...) since the last call."""
         answer = self.cmd(f"uart{n}")
         return answer["bytes"], answer["breaks"]
 
     def uart_send(self, n, data):
-        """Bytes that arrive at a UART's RX."""
+        """Let bytes arrive at a UART's RX."""
         self.cmd("uart_rx", uart=n, hex=bytes(data).hex())
 
     def cycles(self, clear=False):
@@ -316,7 +315,7 @@ class Emulator:
 
     @contextlib.contextmanager
     def measure(self):
-        """Yields a dict filled at the end: ms, busy_cycles, load (0 to 1), exceptions."""
+        """Yield a dict that is filled at the end: ms, busy_cycles, load (0 to 1), exceptions."""
         before = self.cycles(clear=True)
         result = {}
         yield result
@@ -331,11 +330,11 @@ class Emulator:
     # ------------------------------------------------------------ serial ports
 
     def serial(self, port=0, timeout=1.0):
-        """A pyserial-like object on the control connection; works in lockstep."""
+        """Return a pyserial-like object on the control connection; works in lockstep."""
         return Serial(self, port, timeout)
 
     def tcp_serial(self, port=0, **kwargs):
-        """A real pyserial object on the TCP port; needs free running."""
+        """Return a real pyserial object on the TCP port; needs free running."""
         import serial
 
         return serial.serial_for_url(f"socket://127.0.0.1:{self.tcp_ports[port]}", **kwargs)
@@ -345,7 +344,7 @@ class Emulator:
 
     @contextlib.contextmanager
     def pty(self, port=0):
-        """A pseudo terminal joined to the serial port, for programs that want a device path."""
+        """Provide a pseudo terminal for the serial port, for programs that want a device path."""
         bridge = PtyBridge(self.tcp_ports[port])
         try:
             yield bridge.path

@@ -1,8 +1,8 @@
-"""What can go wrong."""
+"""Errors of the emulator and of the emulated board."""
 
 
 class EmulatorError(Exception):
-    """The emulator did not do what it was asked to; the text says what and why."""
+    """The emulator could not do what was asked; the text explains it."""
 
 
 class ReplError(Exception):

@@ -2,7 +2,7 @@
 
 python -m framestep_emulator.image FIRMWARE IMAGE [HOST:DEVICE ...]
 
-A host directory is taken with everything in it.
+A host directory is included with all its files.
 """
 
 import os
@@ -16,18 +16,19 @@ __all__ = ["collect", "make_image", "read_image"]
 
 
 def make_image(files, firmware):
-    """files: {device path: bytes or str}; firmware: the path of the .bin that will mount them.
+    """Return a littlefs image. files: {device path: bytes or str}; firmware: path of the .bin that
+    will mount it.
 
-    Returns the image; ValueError if they do not fit.
+    Raises ValueError if they do not fit.
     """
     area = uf2.from_flash(Path(firmware).read_bytes(), uf2.RP2040).file_system()
     return littlefs_image.make_image(files, area.size // littlefs_image.BLOCK_SIZE)
 
 
 def collect(put):
-    """{host path: device path} -> {device path: bytes}.
+    """Convert {host path: device path} to {device path: bytes}.
 
-    A directory is taken with everything in it, __pycache__ left out; a device path that ends in "/"
+    A directory is included with all its files except __pycache__. A device path that ends in "/"
     (or is empty) keeps the name of the file.
     """
     files = {}

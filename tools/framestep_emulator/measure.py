@@ -1,4 +1,4 @@
-"""Measures what the emulated board can do, and how fast it is emulated: the figures of README.md.
+"""Measures what the emulated board can do and how fast it is emulated: figures for README.md.
 
 python -m framestep_emulator.measure [name ...]      (default: all)
 """
@@ -159,8 +159,8 @@ def interpreter_costs():
         )
 
 
-# Scores of a real Pico at 125 MHz, from MicroPython's pull request 12846 (2023, N=100 M=100):
-# higher is faster. The firmware was older, with the boot ROM's sin and cos, which shows in
+# Scores of a real Pico at 125 MHz, from MicroPython's pull request 12846 (2023, N=100 M=100);
+# higher is faster. Its firmware was older, with the boot ROM's sin and cos, which shows in
 # bm_float.
 REAL_SCORES = {
     "bm_chaos": 213.40,
@@ -180,7 +180,7 @@ REAL_SCORES = {
 
 
 def timing_against_real_board():
-    """MicroPython's performance benchmarks, compared with published scores of a real board."""
+    """Compare MicroPython's performance benchmarks with published scores of a real board."""
     folder = CACHE / "src/micropython/tests/perf_bench"
     bench_run = (folder / "benchrun.py").read_text()
     for xip_miss in ("56", "0"):
@@ -239,7 +239,7 @@ def interrupt_costs():
                     f"{mean:6.0f} cycles = {mean / 125:5.2f} us each, "
                     f"worst {irq['max'] / 125:.1f} us, {100 * mean * rate / 125e6:.1f} % of the CPU"
                 )
-        # what a write to the flash does to a 1 kHz interrupt
+        # effect of a write to the flash on a 1 kHz interrupt
         repl.exec("machine.Pin(2, machine.Pin.OUT)")
         emu.trace_start([2])
         repl.exec(
@@ -255,7 +255,7 @@ BLOCK = bytes(i & 0xFF for i in range(1036))
 
 
 def send_blocks(emu, repl, name, code, count, remark):
-    """Run code on the board that takes `count` blocks and prints how many microseconds they
+    """Run code on the board that takes `count` blocks and prints how many microseconds that
     took."""
     repl.start(
         "import sys, select, micropython, time\n"
@@ -345,7 +345,7 @@ def serial_throughput():
         )
     with Emulator(args=["--xip-miss", "0"]) as emu:
         send_blocks(
-            emu, emu.repl(), "the first one without cache misses", readinto, blocks, "blocking"
+            emu, emu.repl(), "the first one, without cache misses", readinto, blocks, "blocking"
         )
     with Emulator(files={"/cdc2.py": device_file("cdc2.py")}) as emu:
         repl = emu.repl()

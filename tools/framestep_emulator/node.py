@@ -1,4 +1,4 @@
-"""The process that emulates a board, and processes that one board after another can use."""
+"""The process that emulates a board, and a pool of processes for one board after another."""
 
 import atexit
 import contextlib
@@ -19,12 +19,12 @@ class Node:
 
     def __init__(self, *arguments):
         command = ["node", _SCRIPT, "--ctl", "0", "--exit-with-stdin", *arguments]
-        # closing its standard input ends the emulator even if this process is killed
+        # If this process is killed, its closed standard input ends the emulator.
         self.process = subprocess.Popen(
             list(map(os.fspath, command)), stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
-        self.kept = set()  # names of the states that it has
-        self.in_step = True  # each command has had its answer
+        self.kept = set()  # names of its kept states
+        self.in_step = True  # each command has been answered
         self._ctl = None
         self._lock = threading.Lock()
         atexit.register(self.close)
@@ -51,7 +51,7 @@ class Node:
             self._ctl_file.flush()
             line = self._ctl_file.readline()
             if not line:
-                raise EmulatorError("the emulator has gone")
+                raise EmulatorError("the emulator has ended")
             self.in_step = True
         answer = json.loads(line)
         if not answer.pop("ok"):
@@ -64,7 +64,7 @@ class Node:
         self.kept.add(name)
 
     def rewind(self, name):
-        """Put the state of this name back; whether there is one."""
+        """Restore the state of this name. Return whether there is one."""
         return name in self.kept and self.cmd("rewind", name=name)["known"]
 
     def close(self):
@@ -88,18 +88,18 @@ class Node:
 
 
 class Pool:
-    """Processes that boards have left behind. The next board takes one over, and if that has had a
-    board with the same files it is booted already."""
+    """Processes that boards no longer use. The next board takes one over; if it has had a board
+    with the same files, that one is booted already."""
 
-    LARGEST = 3  # processes that wait
+    LARGEST = 3  # waiting processes
 
     def __init__(self):
-        self.idle = []  # [what it was started with, process], the last that was used at the end
+        self.idle = []  # [its arguments, process], the one used last at the end
         self.failures = 0
 
     def take(self, arguments, state):
-        """A process that was started with these arguments, rather one that has this state; None if
-        there is none."""
+        """Return a process that was started with these arguments, preferably one with this state;
+        None if there is none."""
         fitting = [entry for entry in reversed(self.idle) if entry[0] == arguments]
         if not fitting:
             return None
@@ -108,7 +108,7 @@ class Pool:
         return entry[1]
 
     def give(self, arguments, node, failures):
-        """A process that a board no longer needs; it had it since there were so many failures."""
+        """Take back a process. failures: the pool's count when the board got it."""
         if failures != self.failures or not node.in_step:
             node.close()
             return
@@ -117,11 +117,11 @@ class Pool:
             self.idle.pop(0)[1].close()
 
     def fail(self):
-        """Something has gone wrong: no process that there is now is used by another board."""
+        """Note a failure: no present process is used by another board."""
         self.failures += 1
         self.close()
 
     def close(self):
-        """End the processes that wait."""
+        """End the waiting processes."""
         while self.idle:
             self.idle.pop()[1].close()

@@ -1,4 +1,4 @@
-"""The board's USB serial ports, as clients see them."""
+"""The board's USB serial ports, for clients."""
 
 import base64
 import contextlib
@@ -13,7 +13,7 @@ from .errors import EmulatorError
 
 
 class Serial:
-    """The part of pyserial's interface that clients use, with timeouts in virtual seconds."""
+    """The part of pyserial's interface that clients use; timeouts are in virtual seconds."""
 
     POLL_SECONDS = 0.001
 
@@ -65,7 +65,7 @@ class Serial:
         return self.emu.cmd("ports")["ports"][self.port]["queued"]
 
     def _wait(self, missing, deadline):
-        """Let time pass until `missing` more bytes are there; False once the deadline has come."""
+        """Let time pass until `missing` more bytes are there. Return False after the deadline."""
         now = self.emu.ns
         if now >= deadline:
             return False
@@ -121,8 +121,8 @@ class Serial:
                 time.sleep(self.POLL_SECONDS)
 
     def hold(self, on=True):
-        """Stop taking what the board sends, as a program that has the port open and does not read;
-        on=False goes on."""
+        """Stop reading what the board sends, like a program that has the port open but does not
+        read; on=False: read again."""
         self.emu.cmd("hold", port=self.port, on=on)
 
     def reset_input_buffer(self):
@@ -136,18 +136,19 @@ class Serial:
 class PtyBridge:
     """A pseudo terminal copied to and from a TCP port by a thread.
 
-    The board sees a port that is open (DTR) while a program has the terminal open, as with a real
-    one: the TCP connection is made when one opens it and ended when the last one closes it.
+    As with a real port, the board sees an open port (DTR) while a program has the terminal open:
+    the TCP connection is made when the first program opens it, and ended when the last one closes
+    it.
     """
 
-    _LOOK_MS = 10  # between looks at a terminal that nobody has open
+    _LOOK_MS = 10  # between checks of a terminal that is not open
 
     def __init__(self, tcp_port):
         self.tcp_port = tcp_port
         self.master, slave = os.openpty()
         tty.setraw(slave)
         self.path = os.ttyname(slave)
-        os.close(slave)  # from here on a hang-up on the master means that nobody has it open
+        os.close(slave)  # now a hang-up on the master means that nobody has it open
         self.wake_read, self.wake_write = os.pipe()
         self.thread = threading.Thread(target=self._serve, daemon=True)
         self.thread.start()
@@ -168,8 +169,8 @@ class PtyBridge:
                     self._copy(connection)
 
     def _copy(self, connection):
-        """Until the program closes the terminal (OSError from the master), the board's side ends,
-        or close()."""
+        """Copy until the program closes the terminal (OSError from the master), the board's side
+        ends, or close()."""
         while True:
             ready, _, _ = select.select([self.master, connection, self.wake_read], [], [])
             if self.wake_read in ready:

@@ -1,4 +1,4 @@
-"""Where the processor's cycles go, by Python function and by function of the firmware."""
+"""Profile of the processor's cycles, by Python function and by function of the firmware."""
 
 import bisect
 import subprocess
@@ -23,19 +23,20 @@ class Symbols:
         self.names = [name for _, name in pairs]
 
     def find(self, names):
-        """The addresses of those of these names that there are."""
+        """Return the addresses of these names, as far as they exist."""
         return [a for a, name in zip(self.addresses, self.names, strict=True) if name in names]
 
     def name(self, address):
-        """The symbol that an address lies in."""
+        """Return the symbol that contains an address."""
         return self.names[max(0, bisect.bisect_right(self.addresses, address) - 1)]
 
 
 @dataclass
 class Function:
-    """A Python function: its name or address, calls, its own time and that with what it calls, µs.
+    """A Python function: its name or address, calls, its own time and the time including what it
+    calls, µs.
 
-    Own time has in it what MicroPython does for the function: looking up names, calling.
+    Own time includes what MicroPython does for the function: looking up names, calling.
     """
 
     name: str
@@ -47,9 +48,9 @@ class Function:
 class Profile:
     """Profiles the board within its context: profile = Profile(emulator, elf); with profile: ...
 
-    `elf`: the firmware that the board runs, for the names. Afterwards `functions` are the Python
-    functions, those with the most time of their own first, `firmware` µs by symbol, `ms` how long
-    it was.
+    `elf`: the firmware that the board runs, for the names. Afterwards `functions` has the Python
+    functions, those with the most time of their own first, `firmware` µs by symbol, `ms` the
+    duration.
     """
 
     def __init__(self, emulator, elf):
@@ -73,6 +74,6 @@ class Profile:
             spent[self.symbols.name(address)] += cycles / CYCLES_PER_US
         self.firmware = dict(sorted(spent.items(), key=lambda item: -item[1]))
         for code, calls, own, inner in sorted(found["functions"], key=lambda row: -row[2]):
-            # code that is not frozen lies in the heap, where there are no symbols
+            # code that is not frozen is in the heap, where there are no symbols
             name = self.symbols.name(code) if code >> 28 == 1 else hex(code)
             self.functions.append(Function(name, calls, own / CYCLES_PER_US, inner / CYCLES_PER_US))

@@ -14,7 +14,7 @@ class Repl:
         self.raw = False
 
     def expect(self, text, seconds=5.0):
-        """Read up to and with text; EmulatorError if it does not come in time."""
+        """Read up to and including text. Raises EmulatorError if it does not come in time."""
         self.serial.timeout = seconds
         data = self.serial.read_until(text)
         if not data.endswith(text):
@@ -39,10 +39,9 @@ class Repl:
         self.raw = False
 
     def start(self, code, until=None):
-        """Send code and return as soon as the board has begun to run it, or has printed the line
-        `until`.
+        """Send code and return once the board runs it, or once it has printed the line `until`.
 
-        Code that reads serial data prints such a line once it may be sent some: compiling it takes
+        Code that reads serial data prints such a line when it is ready for them, as compiling takes
         a while.
         """
         if not self.raw:
@@ -54,7 +53,7 @@ class Repl:
             self.expect(until.encode() + b"\r\n")
 
     def finish(self, timeout=60.0):
-        """Wait for code sent with start(); returns what it printed."""
+        """Wait for the code of start() to end. Return what it printed."""
         out = self.expect(b"\x04", timeout)[:-1]
         err = self.expect(b"\x04")[:-1]
         self.expect(b">")
@@ -63,7 +62,7 @@ class Repl:
         return out.decode(errors="replace").replace("\r\n", "\n")
 
     def exec(self, code, timeout=60.0):
-        """Run code, return what it printed; ReplError if it raised."""
+        """Run code and return what it printed. Raises ReplError if it raised."""
         self.start(code)
         return self.finish(timeout)
 

@@ -7,22 +7,22 @@ TRACE_RECORD = np.dtype([("t", "<i8"), ("pin", "u1"), ("level", "u1")])
 
 
 def edges_from(data):
-    """The records in data as a numpy array."""
+    """Return the records in data as a numpy array."""
     return np.frombuffer(data, dtype=TRACE_RECORD).copy()
 
 
 def edge_times(edges, pin, level=None):
-    """Times (ns) of one pin's edges; the first record of a trace is the starting level, not an
-    edge."""
+    """Return the times (ns) of one pin's edges. The first record of a trace is the starting level,
+    not an edge."""
     mine = edges[edges["pin"] == pin]
     return mine["t"] if level is None else mine["t"][mine["level"] == level]
 
 
 class TraceFile:
-    """Follows the file that Emulator.trace_start(file=...) writes: read() gives the records since
+    """Follows the file that Emulator.trace_start(file=...) writes: read() returns the records since
     the last call.
 
-    What has happened on the pins is in the file within 50 ms of real time.
+    Edges are in the file within 50 ms of real time.
     """
 
     def __init__(self, path):

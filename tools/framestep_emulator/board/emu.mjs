@@ -142,7 +142,7 @@ function serveSerial(port, tcpPort, runner) {
   return server;
 }
 
-/** End with the parent process even if the emulation never comes back to the event loop. */
+/** End with the parent process even if the emulation never returns to the event loop. */
 function dieWithParent() {
   const watch = `
     const parent = process.ppid;

@@ -1,12 +1,12 @@
-// The emulated board in a Web Worker: what emu.mjs is for node. Messages are plain objects.
+// The emulated board in a Web Worker: the browser's counterpart of emu.mjs. Messages are plain objects.
 //
-// In:  {do: "start", image, files, pins}   a UF2 image, what its file system begins with, levels {pin: 0 or 1}
+// In:  {do: "start", image, files, pins}   a UF2 image, the first content of its file system, levels {pin: 0 or 1}
 //      {do: "open", port, on}              a serial port (DTR)
 //      {do: "write", port, bytes}
-//      {do: "took", port, bytes}           how many of the port's bytes have been dealt with
-//      {do: "pin", pin, level}             0, 1, or null to let go
+//      {do: "took", port, bytes}           how many of the port's bytes have been processed
+//      {do: "pin", pin, level}             0, 1, or null to release it
 //      {do: "reset"}                       a power cycle
-// Out: {is: "ports", count}                serial ports that the board shows now
+// Out: {is: "ports", count}                serial ports that the board has now
 //      {is: "data", port, bytes}
 //      {is: "edges", records, nanos}       of all pins (lib/trace.mjs), up to this moment of the board's time
 //      {is: "halted", why}
@@ -20,9 +20,9 @@ const PINS = [...Array(30).keys()];
 const PORTS = 2;
 const EDGES_MS = 30;
 const HIGH_WATER = 65536; // bytes of a port on their way to the page
-const BOOT_NANOS = 4e9; // a board without a second port boots no longer than that
+const BOOT_NANOS = 4e9; // a board without a second port has booted by then
 
-// Browsers have none, and clamp setTimeout to 4 ms
+// Browsers have no setImmediate, and clamp setTimeout to 4 ms
 const waiting = [];
 const channel = new MessageChannel();
 channel.port1.onmessage = () => waiting.shift()();
@@ -36,7 +36,7 @@ let runner;
 let bootedAt = 0; // the board's time
 const onWay = Array(PORTS).fill(0);
 
-/** As fast as this computer can while the board boots, then in real time. */
+/** While the board boots as fast as this computer can, then in real time. */
 function pace(speed) {
   runner.speed = runner.idleSpeed = speed;
   runner.paceFrom();

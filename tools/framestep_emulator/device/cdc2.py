@@ -1,13 +1,13 @@
-# A second USB serial port for MicroPython's rp2 port, next to the builtin one, with
-# machine.USBDevice (MicroPython 1.23 and later). For the emulator's own tests and as an example of
-# the fastest way to get bytes in: a transfer goes straight into a caller's buffer and ends when the
-# buffer is full or a packet is short.
+# A second USB serial port for MicroPython's rp2 port, in addition to the built-in one, with
+# machine.USBDevice (MicroPython 1.23 and later). For the emulator's own tests, and as an example of
+# the fastest way to receive bytes: a transfer goes directly into a caller's buffer, and ends when
+# the buffer is full or a packet is short.
 #
 #     import cdc2
 #     port = cdc2.CDC2(on_rx)      # on_rx(port, count): `count` bytes are in port.rx
 #     port.start()
 #
-# Activating it makes the host see the device go and come back with two serial ports.
+# start() makes the host see the device disappear and come back with two serial ports.
 
 import struct
 
@@ -73,7 +73,7 @@ class CDC2:
         )
         usb.active(True)
 
-    # ---- called by the USB stack
+    # ---- callbacks of the USB stack
 
     def _open(self, _descriptor):
         self.configured = True
@@ -108,12 +108,12 @@ class CDC2:
     # ---- for the program
 
     def arm(self):
-        """Let the next bytes come in to self.rx."""
+        """Receive the next bytes into self.rx."""
         if self.configured:
             self.usb.submit_xfer(self.ep_out, self.rx)
 
     def write(self, data):
-        """Send data; False while the last transfer is still under way. Keep data until it is
+        """Send data. Return False while the last transfer is under way. Keep data until it is
         done."""
         if not self.configured or self.sending:
             return False

@@ -1,12 +1,12 @@
-// What a firmware says of itself: pico-sdk's "binary info", near the start of the flash.
+// Facts that a firmware states about itself: pico-sdk's "binary info", near the start of the flash.
 
 const FLASH = 0x10000000;
 const START = 0x7188ebf2;
 const END = 0xe71aa390;
-const WITHIN = 0x1000; // bytes from the start of the flash in which the two markers are
+const WITHIN = 0x1000; // the two markers are within this many bytes from the start of the flash
 const BLOCK_DEVICE = 7;
 
-/** Where in flash MicroPython's file system begins, and its size; null for other firmware. */
+/** Offset and size of MicroPython's file system in flash; null for other firmware. */
 export function fileSystem(firmware) {
   const view = new DataView(firmware.buffer, firmware.byteOffset, firmware.byteLength);
   const word = (at) => view.getUint32(at, true);

@@ -1,6 +1,6 @@
-// A boot ROM without the boot ROM: an image generated here with the RP2040's public layout (magic,
-// version, function and data tables), whose entries are `bkpt #n; bx lr`. The breakpoints are
-// serviced in JavaScript by `BootRom.call`, which charges the cycles the real function would take.
+// A replacement of the boot ROM: an image generated here with the RP2040's public layout (magic,
+// version, function and data tables), whose entries are `bkpt #n; bx lr`. `BootRom.call` services
+// the breakpoints in JavaScript, and charges the cycles that the real function would take.
 
 import { DOUBLE_TABLE, FLOAT_TABLE } from './softfloat.mjs';
 
@@ -29,7 +29,7 @@ function crc32(bytes) {
 
 export class BootRom {
   /**
-   * @param machine what the ROM acts on: machine.chip, machine.flash (Uint8Array)
+   * @param machine the parts that the ROM acts on: machine.chip, machine.flash (Uint8Array)
    * @param timing.eraseMs time to erase one 4 KB sector
    * @param timing.erase64Ms time to erase a 64 KB block at once
    * @param timing.programMs time to program one 256-byte page
@@ -101,7 +101,7 @@ export class BootRom {
     };
     const floatTable = (entries) => {
       here = (here + 7) & ~3;
-      view.setUint16(here - 2, entries.length, true); // its size in words stands before it
+      view.setUint16(here - 2, entries.length, true); // preceded by its size in words
       const address = here;
       for (const value of entries) {
         view.setUint32(here, value, true);
@@ -156,7 +156,7 @@ export class BootRom {
 
   // ------------------------------------------------------------------ services
 
-  /** Reset: start the second-stage boot code found in flash, or the vector the watchdog left. */
+  /** Reset: start the second-stage boot code in flash, or the vector left by the watchdog. */
   boot(core) {
     const { chip, flash } = this.machine;
     const { r } = core;
@@ -177,7 +177,7 @@ export class BootRom {
     }
     chip.sram.set(flash.subarray(0, BOOT2_SIZE), BOOT2_RAM - 0x20000000);
     r[13] = BOOT2_RAM;
-    r[14] = 0; // tells boot2 to go on to the program's vector table
+    r[14] = 0; // makes boot2 go on to the program's vector table
     r[15] = BOOT2_RAM;
   }
 
@@ -222,7 +222,7 @@ export class BootRom {
     return core.ram8.subarray(offset, offset + (count >>> 0));
   }
 
-  /** Reading flash goes through the XIP cache. */
+  /** Reads of flash go through the XIP cache. */
   flashRange(core, address, count) {
     const offset = (address >>> 0) - XIP_BASE;
     if (offset < 0 || offset + (count >>> 0) > core.flash8.length) return null;
@@ -236,7 +236,7 @@ export class BootRom {
   }
 
   exitXip(core) {
-    core.cyc += 2000; // clocks out the sequences that end continuous read mode
+    core.cyc += 2000; // for the sequences that end continuous read mode
   }
 
   wait(core, ms) {

@@ -1,12 +1,12 @@
-// Where the processor's cycles go: by instruction address, and by Python function.
+// Profile of the processor's cycles, by instruction address and by Python function.
 //
-// Python functions are followed by the calls of MicroPython's own three entrances, whose addresses the client reads
-// from the firmware's symbols: each is called with the function object, or with a code state that begins with it. A call
-// ends when the stack pointer is above where it was. Time in interrupts belongs to no function.
+// Python functions are followed by calls of MicroPython's own three entrances, whose addresses the client reads from
+// the firmware's symbols. Each is called with the function object, or with a code state that begins with it. A call ends
+// when the stack pointer is above its value at the call. Time in interrupts belongs to no function.
 
-const HALVES = 1 << 22; // of the address space that an address is folded into: flash, then RAM
+const HALVES = 1 << 22; // of the address space to which addresses are folded: flash, then RAM
 const RAM_FOLD = 1 << 21;
-const BYTECODE = 12; // of a function object: where its code lies
+const BYTECODE = 12; // of a function object: address of its code
 
 const fold = (pc) => ((pc >>> 24 === 0x20 ? RAM_FOLD : 0) + ((pc & 0x1fffff) >> 1)) & (HALVES - 1);
 
@@ -17,7 +17,7 @@ export class Profile {
     this.entrances = new Set(entrances);
     this.states = new Set(states);
     this.spent = new Float64Array(HALVES);
-    this.functions = new Map(); // address of the code -> [calls, own cycles, cycles with what it calls]
+    this.functions = new Map(); // address of the code -> [calls, own cycles, cycles including what it calls]
     this.stack = []; // of [code, stack pointer, cycles at entry]
     this.last = core.cycles;
     this.lastPc = 0;

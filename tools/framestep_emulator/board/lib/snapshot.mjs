@@ -1,5 +1,5 @@
-// The whole state of some objects, and of all that they refer to, to be put back into the same objects.
-// Functions are not looked into: what changes with time must not be in a closure (test/snapshot.mjs looks for such).
+// The whole state of some objects, and of everything to which they refer, to be restored in the same objects.
+// Functions are not searched: what changes must not be in a closure (test/snapshot.mjs looks for that).
 
 import { createHash } from 'node:crypto';
 
@@ -12,13 +12,13 @@ const BYTES = {
   restore: (view, bytes) => bytesOf(view).set(bytes),
 };
 
-// By what Object.prototype.toString says
+// By the result of Object.prototype.toString
 const KINDS = {
   Object: {
     keep: (object) => Reflect.ownKeys(object).filter((key) => isData(object, key)).map((key) => [key, object[key]]),
     inside: (entries) => entries.map(([, value]) => value),
     restore(object, entries) {
-      // Unchanged ones are left alone: V8 takes fields that nobody assigns to for constants
+      // Unchanged fields are not assigned: V8 treats fields that nobody assigns to as constants
       for (const [key, value] of entries) if (!Object.is(object[key], value)) object[key] = value;
       const known = new Set(entries.map(([key]) => key));
       for (const key of Reflect.ownKeys(object)) if (!known.has(key) && isData(object, key)) delete object[key];
@@ -48,7 +48,7 @@ const KINDS = {
       for (const value of values) set.add(value);
     },
   },
-  Date: { keep: () => null, inside: () => [], restore() {} }, // the clock chip's, which it does not change
+  Date: { keep: () => null, inside: () => [], restore() {} }, // of the clock chip, which does not change it
 };
 
 function kindOf(object) {
@@ -70,7 +70,7 @@ export class Snapshot {
       seen.add(object);
       const kind = kindOf(object);
       if (kind === BYTES && object.byteLength === object.buffer.byteLength) {
-        // of the views of a whole memory one is enough
+        // one view of a memory is enough
         if (seen.has(object.buffer)) continue;
         seen.add(object.buffer);
       }
@@ -85,7 +85,7 @@ export class Snapshot {
   }
 }
 
-/** A hash of the whole state of some objects: what they hold, and which of them stands where. */
+/** A hash of the whole state of some objects: their content and how they refer to each other. */
 export function digest(...roots) {
   const hash = createHash('sha256');
   const places = new Map();
@@ -99,7 +99,7 @@ export function digest(...roots) {
   };
   roots.forEach(tell);
   for (const object of places.keys()) {
-    // those that it tells of come later in this loop
+    // objects found here come later in this loop
     const kind = kindOf(object);
     hash.update(`${object.constructor?.name}:`);
     if (kind === BYTES) hash.update(bytesOf(object));

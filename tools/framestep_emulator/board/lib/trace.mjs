@@ -6,7 +6,7 @@ import { concat } from './bytes.mjs';
 export const RECORD = 10;
 const CHUNK = 65536 * RECORD;
 
-/** Keeps the records until `take` hands them out. */
+/** Keeps the records until `take` returns them. */
 export class Trace {
   constructor(pins) {
     this.pins = pins;

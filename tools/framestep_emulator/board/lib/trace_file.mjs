@@ -1,9 +1,9 @@
-// An edge trace that goes into a file, which can be followed while it is written.
+// An edge trace in a file, which can be followed while it is written.
 
 import fs from 'node:fs';
 import { Trace } from './trace.mjs';
 
-const FLUSH_MS = 10; // real time; the event loop itself comes round every 20 ms at the latest
+const FLUSH_MS = 10; // real time; the event loop runs at least every 20 ms
 
 export class FileTrace extends Trace {
   constructor(pins, file) {

@@ -1,4 +1,4 @@
-// UF2: the file that is dropped onto a board's drive, 512-byte blocks each with a place in the flash.
+// UF2: the file that is dropped onto a board's drive, in 512-byte blocks with addresses in flash.
 
 const BLOCK = 512;
 const MAGIC = 0x0a324655;

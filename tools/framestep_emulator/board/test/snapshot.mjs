@@ -1,4 +1,4 @@
-// A snapshot puts back whatever kind of thing has changed, in the same objects, and leaves functions alone.
+// A snapshot restores every kind of change in the same objects, and does not touch functions.
 
 import assert from 'node:assert';
 import { Session } from 'node:inspector';
@@ -65,7 +65,7 @@ function* enumerate() {
 }
 assert.throws(() => new Snapshot({ script: enumerate() }), /a Generator cannot be kept/);
 
-// No function of a board keeps an object of its own, in a closure, that could change unseen.
+// No function of a board has an object of its own in a closure that could change unnoticed.
 
 const board = new Board({ firmware: new Uint8Array(0) });
 const state = new Snapshot(board);

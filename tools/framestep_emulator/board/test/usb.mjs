@@ -1,5 +1,5 @@
-// The USB controller's double-buffered endpoints as TinyUSB 0.21's driver for it uses them: both buffers armed, the one
-// that is done armed again while the other is in use, and an abort where a short packet ends a transfer early.
+// The USB controller's double-buffered endpoints as TinyUSB 0.21's driver uses them: both buffers armed, the one that is
+// done armed again while the other is in use, and an abort if a short packet ends a transfer early.
 // RP2040 datasheet 4.1.2.5 (buffer control), 4.1.2.6 (device), and the registers of 4.1.4.
 
 import assert from 'node:assert/strict';
@@ -32,7 +32,7 @@ const DPRAM = 0x50100000;
 
 const packet = (length, first) => Uint8Array.from({ length }, (_, i) => (first + i) & 0xff);
 
-/** A controller with one endpoint, and what a driver does with it. */
+/** A controller with one endpoint, and the actions of a driver. */
 class Bench {
   constructor(out, mode = DOUBLE | PER_BUFFER) {
     this.chip = new RP2040();
@@ -56,12 +56,12 @@ class Bench {
     this.core.store16(this.word + 2 * half, state);
   }
 
-  /** What the driver reads of a half. */
+  /** Half of the word as the driver reads it. */
   half(half) {
     return (this.core.load32(this.word) >>> (16 * half)) & 0xffff;
   }
 
-  /** The buffer that is to be handled, which this marks as handled; null if there is none. */
+  /** The next buffer to be handled, which becomes handled; null if there is none. */
   handle() {
     if (!(this.usb.readUint32(BUFF_STATUS) & this.bit)) return null;
     const half = this.usb.readUint32(BUFF_CPU_SHOULD_HANDLE) & this.bit ? 1 : 0;
