@@ -1,4 +1,4 @@
-"""Where the edges of a motion should be, and how far they are from it."""
+"""Ideal times of a motion's edges, and how far the edges are from them."""
 
 from fractions import Fraction
 
@@ -8,26 +8,25 @@ from framestep.pulse import stepper
 from host_tests.motion.engine import PER_US, Bench
 from host_tests.motion.profiles import ONE, Profile
 
-# Where the velocity is next to nothing, the kernel's rounding of the position is a long time.
+# At very low velocity, the kernel's rounding of the position is a long time.
 ROUNDING_STEPS = 1e-4
 
 
 def steady(rate, ticks, p=0):
-    """At full velocity from the first tick on: no real motion begins so."""
+    """Full velocity from the first tick on: no real motion begins like that."""
     return Profile([(ticks, 0)], p=p, v=Fraction(rate, 1000))
 
 
-# What a timer's grid may be off after a hole or at boot: a sixteenth of it is no longer made up
-# for.
+# How far a timer's grid may be off after a gap or at boot: it is not corrected below a sixteenth.
 GRID_US = 16
 
 
 def errors_us(bench, start, profile, motor=0, ticks=None, made=0):
-    """Errors of a motion's edges against the ideal, in µs, less their median, which lies within
-    what a grid may be off.
+    """Return the errors of a motion's edges, in µs, minus their median, which is within what a grid
+    may be off.
 
-    Where the motor is next to standing less what rounding may do. ticks: a run of a steady motion
-    that was cut short there; its first ticks are left out. made: edges of motions before this one.
+    Near rest, the effect of rounding is subtracted. ticks: length of a steady motion that was cut
+    off there; its first ticks are left out. made: edges of earlier motions.
     """
     times, ways = bench.times(motor)
     times, ways = times[made:], ways[made:]
@@ -53,7 +52,7 @@ def errors_us(bench, start, profile, motor=0, ticks=None, made=0):
 
 
 def at_rest(bench, motor=0):
-    """Checks of a motor that has come to rest by itself."""
+    """Check a motor that has come to rest by itself."""
     block = bench.block(motor)
     assert block[stepper.MODE] == stepper.IDLE
     assert block[stepper.FAULT] == 0
@@ -66,7 +65,7 @@ def at_rest(bench, motor=0):
 
 
 def moving(rate=20_000, brake=Fraction(1, 50), motors=1, **options):
-    """A bench with motors at a steady rate, and that motion."""
+    """Make a bench with motors at a steady rate. Also returns that motion."""
     bench = Bench(motors, jitter_us=0, **options).settle()
     profile = steady(rate, 400)
     for motor in range(motors):

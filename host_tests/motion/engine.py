@@ -1,8 +1,8 @@
 """A bench for the tick kernel: motors on pulse engines, a clock, and a timer whose interrupts may
 come late.
 
-Time is in engine cycles of 8 ns. The pulse engines are those of the host board (hal/host.py); here
-each command is looked at as well, and it is noted when an engine had nothing to do.
+Time is in engine cycles of 8 ns. The pulse engines are those of the host board (hal/host.py), but
+each command is checked as well, and it is noted when an engine had nothing to do.
 """
 
 import random
@@ -17,12 +17,12 @@ from framestep.pulse.kernel import StepKernel
 
 PER_US = 125
 PER_TICK = 1000 * PER_US
-REPLAY = 7 * PER_US  # between interrupts that the timer makes up for
-PER_COMMAND = 250  # the kernel takes about so long for each command it writes
+REPLAY = 7 * PER_US  # between missed interrupts for which the timer makes up
+PER_COMMAND = 250  # about the time in which the kernel writes a command
 
 
 def signed(word):
-    """A 32-bit word as viper code sees it."""
+    """Return a 32-bit word as viper code sees it."""
     return (word + 0x8000_0000) % 0x1_0000_0000 - 0x8000_0000
 
 
@@ -32,8 +32,8 @@ class Engine(PulseModel):
     def __init__(self, bench, width):
         self.rises = []
         self.ways = []  # +1 or -1 for each rising edge
-        self.turns = []  # when the direction pin changed
-        self.dry = []  # (from, to): stood still between two commands
+        self.turns = []  # times at which the direction pin changed
+        self.dry = []  # (from, to): idle between two commands
         self.fullest = 0
         self.bench = bench
         self.width = width
@@ -62,7 +62,7 @@ class Engine(PulseModel):
 
     @property
     def position(self):
-        """Sum of all steps commanded so far."""
+        """Return the sum of all steps commanded so far."""
         return sum(self.ways)
 
     @property
@@ -71,7 +71,7 @@ class Engine(PulseModel):
 
 
 class Clock:
-    """The free running microsecond counter, 32 bits; looking at it takes some cycles."""
+    """The free running microsecond counter, 32 bits; reading it takes some cycles."""
 
     def __init__(self, bench):
         self.bench = bench
@@ -82,12 +82,11 @@ class Clock:
 
 
 class Bench:
-    """`motors` on a kernel, its tick called by an emulated timer. Is a HAL for Axes, as far as
-    those need one.
+    """`motors` on a kernel whose tick is called by an emulated timer. As much of a HAL as Axes
+    needs.
 
-    offset_us: what the microsecond counter shows at time 0. jitter_us: each interrupt comes up to
-    so much late. off(us, length_us) switches interrupts off for some time; the timer replays the
-    ticks missed.
+    offset_us: microsecond counter at time 0. jitter_us: greatest lateness of an interrupt. off(us,
+    length_us) switches interrupts off for some time; the timer makes up for the missed ticks.
     """
 
     def __init__(
@@ -105,7 +104,7 @@ class Bench:
             self.kernel.configure(i, map_device(engine), width, setup, invert)
             engine.up = 0 if invert else 1
         self.due = PER_TICK  # the timer's next interrupt
-        self.free = 0  # when the last interrupt was done
+        self.free = 0  # when the last interrupt ended
         self.holes = []
         self.calls = 0
         self.after_tick = []  # functions called after each interrupt
@@ -117,12 +116,12 @@ class Bench:
         pass
 
     def off(self, us, length_us):
-        """Interrupts are off from `us` of now on, for `length_us`."""
+        """Switch interrupts off, `us` from now, for `length_us`."""
         start = self.now + int(us * PER_US)
         self.holes.append((start, start + int(length_us * PER_US)))
 
     def tick(self):
-        """The timer's next interrupt."""
+        """Run the timer's next interrupt."""
         at = self.due + int(self.random.uniform(0, self.jitter_us) * PER_US)
         for start, end in self.holes:
             if start <= at < end:
@@ -136,8 +135,7 @@ class Bench:
             function()
 
     def run(self, ticks, each=None):
-        """So many interrupts; `each` is called before every one of them, as the main loop would
-        be."""
+        """Run a number of interrupts; `each` is called before every one, like the main loop."""
         for _ in range(ticks):
             if each:
                 each()
@@ -151,8 +149,8 @@ class Bench:
         return self.kernel.blocks[motor]
 
     def put(self, motor, segments):
-        """Queue segments (ticks, whole steps, fraction, velocity, acceleration, jerk) in kernel
-        numbers."""
+        """Queue segments (ticks, whole steps, fraction, velocity, acceleration, jerk) in the
+        kernel's numbers."""
         block = self.block(motor)
         queue = self.kernel.queues[motor]
         for segment in segments:
@@ -169,7 +167,7 @@ class Bench:
         )
 
     def start(self, *motors):
-        """Start motors with the next tick, as Axis.start() does."""
+        """Start motors at the next tick, like Axis.start()."""
         for motor in motors:
             self.block(motor)[stepper.MODE] |= stepper.RUN | stepper.START
 
@@ -182,8 +180,8 @@ class Bench:
         """Start motors in the same tick on a list of segments each, keep the queues filled, and
         run.
 
-        Until they are at rest, or for so many ticks. Returns when the first pulses of the first
-        tick may come.
+        Runs until they are at rest, or for `ticks`. Returns when the first pulses of the first tick
+        may come.
         """
         waiting = {motor: list(made) for motor, made in zip(motors, segments, strict=True)}
 
@@ -206,6 +204,6 @@ class Bench:
         return start
 
     def times(self, motor=0):
-        """Times of a motor's rising edges (cycles) and the way of each step (+1, -1), as arrays."""
+        """Return times of a motor's rising edges (cycles) and the direction of each step."""
         engine = self.engines[motor]
         return np.array(engine.rises, dtype=float), np.array(engine.ways, dtype=int)

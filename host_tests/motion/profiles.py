@@ -1,8 +1,8 @@
-"""Ideal motions: position over time in exact arithmetic, the moments of its steps, and its segments
+"""Ideal motions: position over time in exact arithmetic, the times of its steps, and its segments
 for the kernel.
 
-Time in ticks of 1 ms, position in steps. Nothing here is shared with the code under test but the
-formats of a segment.
+Time in ticks of 1 ms, position in steps. Apart from the formats of a segment, nothing is shared
+with the code under test.
 """
 
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ class Piece:
         return self.v + self.a * x + self.j * x * x / 2
 
     def split(self):
-        """The same in pieces that a segment may be long."""
+        """Split it into pieces that fit a segment."""
         done = 0
         while done < self.ticks:
             ticks = min(LONGEST, self.ticks - done)
@@ -53,11 +53,11 @@ class Piece:
             done += ticks
 
     def segment(self):
-        """In the numbers of the kernel: it adds up displacements of ticks and their differences."""
+        """Convert to the kernel's numbers: it adds up displacements of ticks and differences."""
         whole = self.p // 1
         first = self.v + self.a / 2 + self.j / 6
         second = self.a + self.j
-        # the kernel rounds the acceleration down from Q27 to Q22: half a unit makes up for it
+        # The kernel rounds the acceleration down from Q27 to Q22: add half a unit.
         return (
             self.ticks,
             int(whole),
@@ -69,8 +69,7 @@ class Piece:
 
 
 class Profile:
-    """Made of pieces: (ticks, acceleration) or (ticks, acceleration, jerk), from position p and
-    velocity v."""
+    """Pieces (ticks, acceleration) or (ticks, acceleration, jerk), from position p, velocity v."""
 
     def __init__(self, pieces, p=0, v=0):
         self.pieces = []
@@ -82,7 +81,7 @@ class Profile:
         self.end, self.final, self.ticks = p, v, at
 
     def segments(self, rest=True):
-        """Segments for the kernel; with `rest`, and one that comes to rest at the end."""
+        """Return segments for the kernel; `rest`: with one at the end that comes to rest."""
         made = [part.segment() for piece in self.pieces for part in piece.split()]
         if rest:
             assert self.final == 0
@@ -90,7 +89,7 @@ class Profile:
         return made
 
     def velocity(self, times):
-        """Steps per tick at each of these times, in ticks."""
+        """Return steps per tick at each of these times, in ticks."""
         times = np.asarray(times, dtype=float)
         result = np.zeros(len(times))
         for piece in self.pieces:
@@ -101,18 +100,18 @@ class Profile:
         return result
 
     def steps(self):
-        """(times in ticks, ways): step k is made when the position reaches k, from either side."""
+        """Return (times in ticks, directions): step k is made when the position reaches k."""
         times, ways = [], []
         made = int(self.pieces[0].p // 1)
         for piece in self.pieces:
             v, a, j = float(piece.v), float(piece.a), float(piece.j)
             cuts = [0.0, float(piece.ticks)]
-            # where the velocity passes zero
+            # times at which the velocity is zero
             for root in np.roots([c for c in (j / 2, a, v)]) if (j or a) else []:
                 if abs(root.imag) < 1e-12 and 0 < root.real < piece.ticks:
                     cuts.append(root.real)
             cuts.sort()
-            p = float(piece.p - made)  # relative to the steps made, for the precision
+            p = float(piece.p - made)  # relative to the steps made, for precision
             base = made
             for start, end in pairwise(cuts):
 
@@ -142,8 +141,8 @@ class Profile:
 
 
 def trapezoid(ticks_up, acceleration, ticks_cruise):
-    """Up, cruise, down; the end is on a whole step if acceleration · ticks_up · (ticks_up +
-    ticks_cruise) is whole."""
+    """Ramp up, cruise, ramp down; the end is on a whole step if acceleration · ticks_up · (ticks_up
+    + ticks_cruise) is whole."""
     return Profile(
         [(ticks_up, acceleration), (ticks_cruise, 0), (ticks_up, -Fraction(acceleration))]
     )

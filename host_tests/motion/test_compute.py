@@ -1,5 +1,4 @@
-"""What formulas are made of: each operation against `reals`, bit by bit, angles against double
-precision."""
+"""Operations of formulas: each compared with `reals` bit by bit, angles with double precision."""
 
 import math
 from array import array
@@ -19,7 +18,7 @@ END = (f.END, 0, 0, 0)
 
 @st.composite
 def numbers(draw):
-    """A mantissa and an exponent as a register has them, or 0."""
+    """Draw a mantissa and an exponent as in a register, or 0."""
     size = draw(
         st.one_of(st.integers(2**29, 2**30 - 1), st.integers(0, 3).map(lambda n: 2**29 + n))
     )
@@ -41,7 +40,7 @@ def computed(r, *operation):
 @example((2**30 - 1, 0), (2**30 - 1, 0))
 @example((2**30 - 1, -1), (2**29, 0))  # the next smaller number: their difference is rounded to 0
 @example((-(2**29), 0), (1 - 2**30, -1))
-@example((2**29, 0), (2**30 - 1, -31))  # of the smaller one nothing is left
+@example((2**29, 0), (2**30 - 1, -31))  # nothing remains of the smaller one
 @example((2**30 - 1, -31), (2**29, 0))
 def test_the_same_bits_as_reals(a, b):
     r = registers(a, b)
@@ -62,7 +61,7 @@ def test_the_same_bits_as_reals(a, b):
         assert r[C : C + 2] == r[D : D + 2], what
     assert r[:C] == array("i", [*a, *b])
     computed(r, f.SUBTRACT, A, A, B)
-    reals.subtract(r, D, C, B)  # a register may be operand and result at once
+    reals.subtract(r, D, C, B)  # a register may be both operand and result
     order = reals.compare(registers(a, b), A, B)
     assert computed(registers(a, b), f.ABOVE, 0, A, B) == (order > 0)
     assert computed(registers(a, b), f.NOT_ABOVE, 0, A, B) == (order <= 0)
@@ -116,7 +115,7 @@ DEGREES = st.one_of(
 
 
 @given(DEGREES)
-@example(2.0**27 + 0.25)  # the greatest whose turns are counted have quarters of a degree
+@example(2.0**27 + 0.25)  # the greatest angles whose turns are counted have quarters of a degree
 def test_sines(degrees):
     r = registers((0, 0))
     put(r, A, degrees)
@@ -150,7 +149,7 @@ def test_angle(y, x):
 @pytest.mark.parametrize("k", range(16))
 @pytest.mark.parametrize("beside", [-(2.0**-20), 0, 2.0**-20])
 def test_angles_half_way_between_two_sixteenths(k, beside):
-    """Where the series has most to give."""
+    """Here the series contributes most."""
     r = registers((0, 0))
     put(r, A, (2 * k + 1) / 32 + beside)
     put(r, B, 1)

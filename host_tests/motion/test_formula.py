@@ -1,5 +1,4 @@
-"""The compiler of formulas: what it makes of a text, computed, against Python's arithmetic; what it
-refuses."""
+"""The compiler of formulas: its results, computed, against Python's arithmetic; what it refuses."""
 
 import math
 from array import array
@@ -19,7 +18,7 @@ END = bytes((c.END, 0, 0, 0))
 
 
 def computed(text, *values):
-    """What compute() returns, and the numbers in A, B, C, D and after J."""
+    """Return the result of compute(), and the numbers in A, B, C, D and after J."""
     r = array("i", [0] * 24)
     for i, value in enumerate(values):
         put(r, 2 * i, value)
@@ -116,7 +115,7 @@ def test_what_does_not_hold_ends_it(condition, holds):
 
 
 def test_the_fewest_operations():
-    """Powers of two are no multiplications; the result's register serves for the parts."""
+    """Powers of two are not multiplied; the result's register is used for intermediate results."""
     cosine = "D = sqrt((A - B) * (A + B))"
     assert formula(NAMES, cosine) == END.join(
         [

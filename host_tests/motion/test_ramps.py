@@ -1,5 +1,5 @@
-"""Motions as a main loop asks for them, whatever it asks: limits kept in every tick, and the end
-exact and in time."""
+"""Motions with any requests of a main loop: limits kept in every tick, and the end exact and in
+time."""
 
 from array import array
 from itertools import accumulate, pairwise
@@ -22,8 +22,7 @@ LONGEST_RUN = 30_000  # ticks
 
 
 class Motor:
-    """One axis on a bench, its profile watched tick by tick: `gone` are the steps it goes in
-    each."""
+    """One axis on a bench, whose profile is recorded tick by tick: `gone` has the steps of each."""
 
     def __init__(self, velocity, acceleration, jerk=0, place=0):
         self.bench = Bench()
@@ -45,9 +44,9 @@ class Motor:
         block = self.block
         assert block[stepper.FAULT] == 0
         before, self.place = self.place, block[stepper.POSITION] + block[stepper.FRACTION] / ONE
-        # At rest a motor forgets the fraction of a step that a stop has left. A stop that ends
-        # within a sixteenth of a whole step is put on it in its last tick, by segments.settle():
-        # that is no motion of the plan's.
+        # At rest a motor drops the fraction of a step that a stop has left. If a stop ends within a
+        # sixteenth of a whole step, segments.settle() puts it on the step in its last tick: that is
+        # not a motion of the plan.
         rests = block[stepper.MODE] in (stepper.DRAIN, stepper.IDLE)
         on_a_step = abs(self.place - before) <= 1 / 16 and block[stepper.FRACTION] == 0
         last = (
@@ -57,11 +56,11 @@ class Motor:
         self.gone.append(0.0 if rests or (on_a_step and (last or stood)) else self.place - before)
 
     def _prepare_and_look(self, hal, *ticks):
-        """Takes down the state that a plan starts from, in steps and steps per tick."""
+        """Record the state from which a plan starts, in steps and steps per tick."""
         if not self._prepare(hal, *ticks):
             return False
         block = self.block
-        # that of a stop at its end is forgotten
+        # that of a stop at its end is dropped
         self.place = block[stepper.POSITION] + block[stepper.FRACTION] / ONE
         whole, part, low, v, lower = self.axis.cubic[: segments.G1 + 2]
         self.planned_from = whole + part / 2**16 + low / 2**46, v / 2**16 + lower / 2**46
@@ -74,7 +73,7 @@ class Motor:
         return self.axis.move_to(self.bench, array("i", [0, target]), 1, share)
 
     def to_rest(self, limit=LONGEST_RUN):
-        """Ticks until nothing moves any more."""
+        """Return the ticks until nothing moves any more."""
         ticks = 0
         while self.axis.moving:
             self.run(1)
@@ -83,19 +82,20 @@ class Motor:
         return ticks
 
     def check(self, velocity, acceleration):
-        """Everything that holds for any motion within these limits, in steps/s and steps/s²."""
+        """Check everything that holds for any motion within these limits, steps/s and steps/s²."""
         steps = self.bench.engines[0]
         assert self.start + steps.position == self.block[stepper.POSITION]
         assert all(second > first for first, second in pairwise(steps.rises))
         assert not steps.rises or steps.rises[-1] < self.bench.now
         gone = [*self.gone, 0.0]
         top = max(map(abs, gone)) * 1e3
-        # Where two segments meet, a tick may be some ten-thousandth of a step longer: 0.25 steps/s.
+        # Where two segments meet, a tick may be some ten-thousandths of a step longer: 0.25
+        # steps/s.
         assert top <= velocity * 1.0001 + 0.25, f"{top} steps/s"
-        # Segments meet within some ten-thousandth of a step, which a change of velocity over a tick
-        # shows. Near a standstill it may be more: a stop ends with a whole tick, and what turns
-        # back in that very tick is half a tick's change ahead; and the last 256th of a step is not
-        # planned for, the motor just counts as there.
+        # Segments meet within some ten-thousandths of a step, which shows as a change of velocity.
+        # Near rest it may be more: a stop ends with a whole tick, and a motion that turns in that
+        # tick is half a tick's change ahead. The last 256th of a step is not planned: the motor
+        # just counts as being there.
         slow = max(2 * acceleration / 1e6, 1 / 250)
         for before, way in pairwise(gone):
             share, step = (1.5, 4000) if max(abs(before), abs(way)) < slow else (1.01, 500)
@@ -104,8 +104,8 @@ class Motor:
 
 
 def shortest(way, v, velocity, acceleration):
-    """Ticks from a velocity v (steps per tick) to rest `way` steps on: numbers per tick, no jerk
-    limit."""
+    """Return the ticks from a velocity v (steps per tick) to rest `way` steps further on. Limits
+    per tick, no jerk limit."""
     if way < 0 or (way == 0 and v < 0):
         way, v = -way, -v
     to_stop = v * abs(v) / (2 * acceleration)
@@ -127,7 +127,7 @@ def shortest(way, v, velocity, acceleration):
 
 @st.composite
 def speeds(draw):
-    """Velocity and acceleration in steps/s and steps/s², with ramps of half a second at most."""
+    """Draw velocity and acceleration in steps/s and steps/s², with ramps of up to half a second."""
     velocity = round(10 ** draw(st.floats(1, 5.69)))
     acceleration = round(10 ** draw(st.floats(2, 6.6)))
     return velocity, max(acceleration, velocity * 2)
@@ -135,7 +135,7 @@ def speeds(draw):
 
 @st.composite
 def ways(draw, velocity, acceleration):
-    """A distance with or without a cruise, or some steps."""
+    """Draw a distance with or without a cruise, or a few steps."""
     ramp = velocity * velocity // acceleration
     size = draw(st.sampled_from([3, 50, ramp + 1, 2 * ramp + 1, ramp + velocity // 5 + 1]))
     return draw(st.integers(-size, size))
@@ -153,7 +153,7 @@ def moves(draw):
 @example((500_000, 250_000, -1_100_000))
 @example((1_000, 1_000_000, 10))
 def test_one_move(move):
-    """Rest to rest: exact, and as soon as velocity and acceleration allow."""
+    """Rest to rest: exact, and as fast as velocity and acceleration allow."""
     velocity, acceleration, way = move
     motor = Motor(velocity, acceleration)
     assert motor.move_to(way) == (way != 0)
@@ -169,7 +169,7 @@ def test_one_move(move):
 
 @st.composite
 def scripts(draw):
-    """Some requests at any moments, and a target in the end."""
+    """Draw some requests at any time, and a target at the end."""
     velocity, acceleration = draw(speeds())
     script = []
     for _ in range(draw(st.integers(1, 6))):
@@ -190,7 +190,7 @@ def scripts(draw):
 
 
 def play(motor, velocity, acceleration, script):
-    """Goes through the requests; the steepest deceleration asked for, as a multiple of the
+    """Carry out the requests. Return the steepest deceleration requested, as a multiple of the
     setting."""
     steepest = 1
     for what, x, y in script:
@@ -206,7 +206,7 @@ def play(motor, velocity, acceleration, script):
     return steepest
 
 
-# its last plan begins between two ticks with a change of phase in each
+# its last plan begins between two ticks in each of which the phase changes
 BETWEEN_BRIDGES = [
     (TRAVEL, 1, 10000),
     (PAUSE, 7, 0),
@@ -221,8 +221,7 @@ BETWEEN_BRIDGES = [
 @example(case=(100, 10000, [*BETWEEN_BRIDGES, (TRAVEL, 1, 10000), (PAUSE, 0, 0), (PAUSE, 1, 0)], 0))
 @settings(max_examples=200)
 def test_any_requests(case):
-    """Targets, stops and settings at any moment; in the end the motor stands on the last target, in
-    due time."""
+    """Targets, stops and settings at any time; in the end the motor is on its target, in time."""
     velocity, acceleration, script, target = case
     motor = Motor(velocity, acceleration)
     steepest = play(motor, velocity, acceleration, script)
@@ -239,7 +238,7 @@ def test_any_requests(case):
 
 @given(scripts(), st.sampled_from([1, 4]))
 def test_stop_at_any_moment(case, factor):
-    """From whatever motion: down to rest at once, by the deceleration asked for."""
+    """From any motion: down to rest at once, with the requested deceleration."""
     velocity, acceleration, script, _ = case
     motor = Motor(velocity, acceleration)
     steepest = max(factor, play(motor, velocity, acceleration, script))
@@ -259,8 +258,7 @@ OTHERS = st.lists(st.tuples(st.integers(1, 300), st.integers(-3000, 3000)), max_
 @given(moves(), st.integers(1, 1_000_000), OTHERS)
 @example((487, 1_000_000, 0), 107_232, [(1, 7), (8, 0)])
 def test_jerk_limited(move, jerk, others):
-    """With a limit of the jerk in 1000 steps/s³: the same, and the acceleration comes and goes
-    gradually."""
+    """With a jerk limit in 1000 steps/s³: the same, and the acceleration changes gradually."""
     velocity, acceleration, way = move
     if velocity / 1e3 / jerk * 1e6 > 3e6:  # ramps of minutes
         jerk = max(jerk, round(velocity / 1e3))
@@ -279,7 +277,7 @@ def test_jerk_limited(move, jerk, others):
     [(400_000, 4_000_000, 40_000), (5_000, 1_000_000, 10_000), (74, 74_826, 148), (43, 110, 7)],
 )
 def test_retargeted_within_the_jerk_limit(velocity, acceleration, jerk):
-    """In each tick of the way to the top velocity: a new target does not take the motor past it."""
+    """In each tick of the ramp to the top velocity: a new target does not make it overshoot."""
     for tick in range(2, round(2 * sqrt(velocity * 1e3 / jerk)) + 10, 2):
         motor = Motor(velocity, acceleration, jerk)
         motor.move_to(velocity * 10)
@@ -291,8 +289,8 @@ def test_retargeted_within_the_jerk_limit(velocity, acceleration, jerk):
 
 @pytest.mark.parametrize("jerk", [2000, 1000, 300])
 def test_stopped_on_the_way_it_keeps_within_it(jerk):
-    """In each tick of a move without a cruise, whose jerk lasts some ticks or fewer: a stop and a
-    turn do not take the motor past where it was to end."""
+    """In each tick of a move without a cruise, whose jerk lasts a few ticks: a stop and a turn do
+    not take the motor beyond the end of the move."""
     velocity, acceleration, way = 2799, 6097, 392
     for tick in range(2, 510, 4):
         for stops in (True, False):
@@ -310,8 +308,8 @@ def test_stopped_on_the_way_it_keeps_within_it(jerk):
 
 @st.composite
 def gentle_scripts(draw):
-    """Settings with a jerk limit, whose ramps take some seconds at most, requests at any moments,
-    and a last target."""
+    """Draw settings with a jerk limit and ramps of a few seconds, requests at any time, and a last
+    target."""
     velocity = round(10 ** draw(st.floats(1, 3.6)))
     acceleration = max(round(10 ** draw(st.floats(2, 5))), velocity * 2)
     jerk = max(round(10 ** draw(st.floats(0, 4))), velocity // 2000)
@@ -338,7 +336,7 @@ def gentle_ways(velocity):
 @given(gentle_scripts())
 @settings(max_examples=60)
 def test_any_requests_within_the_jerk_limit(case):
-    """As test_any_requests, with stops and jogs of any share: within the limits, between the
+    """Like test_any_requests, with stops and jogs of any share: within the limits, between the
     targets, exact."""
     velocity, acceleration, jerk, script, target = case
     motor = Motor(velocity, acceleration, jerk)
@@ -360,6 +358,6 @@ def test_any_requests_within_the_jerk_limit(case):
     assert motor.block[stepper.POSITION] == target
     motor.check(velocity, acceleration)
     places = list(accumulate(motor.bench.engines[0].ways))
-    # what it turns back from may be a step past where it was to end
+    # the position from which it turns may be a step beyond its planned end
     assert lowest - 2 <= min(places, default=0)
     assert max(places, default=0) <= highest + 2

@@ -1,4 +1,4 @@
-"""The planner's numbers against exact fractions."""
+"""The planner's numbers compared with exact fractions."""
 
 import math
 from array import array
@@ -25,7 +25,7 @@ def exact(r, a) -> Fraction:
 
 @st.composite
 def registers(draw, count=2):
-    """Registers with numbers of any size that the planner meets: 2^-60 to 2^60, and 0."""
+    """Draw registers with numbers of any size that occur in planning: 2^-60 to 2^60, and 0."""
     r = array("i", [0] * 16)
     for i in range(count):
         reals.put(r, 2 * i, draw(INT32), 0)
@@ -65,7 +65,7 @@ def test_sums(r):
     a, b = exact(r, A), exact(r, B)
     reals.add(r, C, A, B)
     reals.subtract(r, D, A, B)
-    # right to the size of the greater number: what cancels is gone
+    # exact to the size of the greater number: cancelled digits are lost
     assert abs(exact(r, C) - (a + b)) <= EXACT * max(abs(a), abs(b))
     assert abs(exact(r, D) - (a - b)) <= EXACT * max(abs(a), abs(b))
 

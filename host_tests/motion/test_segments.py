@@ -1,4 +1,4 @@
-"""Cubics and their segments against exact fractions."""
+"""Cubics and their segments compared with exact fractions."""
 
 import random
 from array import array
@@ -18,7 +18,7 @@ UNIT = Fraction(1, 2**46)  # of a coefficient
 
 
 def number(cubic, k):
-    """A coefficient: P (without whole steps), G1, G2 or G3."""
+    """Return a coefficient: P (without whole steps), G1, G2 or G3."""
     assert 0 <= cubic[k + 1] < 2**30
     bits = 58 if k == segments.G3 else 46
     return Fraction(cubic[k] * 2**30 + cubic[k + 1], 2**bits)
@@ -34,7 +34,7 @@ def polynomial(p, x):
 
 
 def moved(p, h):
-    """The coefficients seen from x = h."""
+    """Return the coefficients as seen from x = h."""
     return [
         polynomial(p, h),
         p[1] + 2 * h * p[2] + 3 * h * h * p[3],
@@ -45,8 +45,8 @@ def moved(p, h):
 
 @st.composite
 def cubics(draw):
-    """Within what a motor does: 500 steps a tick, 4 steps a tick², and jerks that lead there within
-    some ticks."""
+    """Draw cubics of real motors: 500 steps per tick, 4 steps per tick², and jerks that lead there
+    within some ticks."""
     cubic = array("i", [0] * segments.CUBIC_WORDS)
     cubic[segments.WHOLE] = draw(st.integers(-(2**31) + 2**15, 2**31 - 2**15))
     low = st.integers(0, 2**30 - 1)
@@ -64,7 +64,7 @@ def test_shift(cubic, fraction, powers, back):
     h = Fraction(fraction, 2**30) * 2**powers * (-1 if back else 1)
     before = coefficients(cubic)
     segments.shift(cubic, fraction, powers, back)
-    # each product is cut off at its 46th bit, before the powers of two are put back
+    # each product is cut off at its 46th bit, before the powers of two are restored
     n = 2**powers
     for k, (is_, ideal) in enumerate(zip(coefficients(cubic), moved(before, h), strict=True)):
         bound = UNIT * (16 * n * n if k == 0 else 16 * n * n if k == 1 else 8 * n)
@@ -74,7 +74,7 @@ def test_shift(cubic, fraction, powers, back):
 
 @pytest.mark.parametrize("above", [0, 1, 8])
 def test_shifted_a_hair_past_the_end_of_the_range(above):
-    """From as many steps above the lowest position to it and 2^-24 of a step further."""
+    """From `above` steps over the lowest position, by as much and 2^-24 of a step more."""
     cubic = array("i", [0] * segments.CUBIC_WORDS)
     cubic[segments.WHOLE] = above - 2**31
     cubic[segments.G1], cubic[segments.G1 + 1] = -(above << 14) - 1, 2**30 - 2**20
@@ -94,7 +94,7 @@ def test_there_and_back(cubic, fraction):
 @pytest.mark.parametrize("ticks", [1009, 10_007, 30_011])
 @pytest.mark.parametrize("top", [499, -499, 50, -1])
 def test_moved_along_for_half_a_minute(ticks, top):
-    """In steps of up to 32 ticks, from full speed to rest: less than a hundredth of a step off."""
+    """In steps of up to 32 ticks, from full velocity to rest: the error is below 0.01 step."""
     cubic = array("i", [0] * segments.CUBIC_WORDS)
     r = array("i", [0] * 8)
     # a curve that comes to rest at the end: v·(1 - (x/T)²)
@@ -125,8 +125,7 @@ def new_block():
 
 
 def added_up(segment):
-    """Where the kernel gets with a segment, and the velocity and acceleration it would go on
-    with."""
+    """Return where the kernel gets with a segment, and its velocity and acceleration there."""
     ticks, whole, rem, v, a, j = segment[:6]
     position = whole * ONE + rem
     for _ in range(ticks):
@@ -138,9 +137,9 @@ def added_up(segment):
 
 @given(cubics(), st.integers(1, segments.LONGEST))
 def test_cut(cubic, ticks):
-    """A segment leads to where the cubic is then, but for some thousandth of a step of rounding."""
+    """A segment leads to the cubic's position, but for some thousandths of a step of rounding."""
     block, queue = new_block()
-    block[stepper.WRITE_INDEX] = 2**30 - 1  # the last slot, then over to the first
+    block[stepper.WRITE_INDEX] = 2**30 - 1  # the last slot, then the first
     before = coefficients(cubic)
     segments.cut(cubic, block, ticks)
     assert block[stepper.WRITE_INDEX] == 0
@@ -206,7 +205,7 @@ def test_settle(cubic):
 @pytest.mark.parametrize("step", [-58, 0, 7, -(2**31)])
 @pytest.mark.parametrize("part", [-4095, -1536, -1, 1, 4095])
 def test_settled_beside_its_step(step, part):
-    """Where it has come to rest beside a step (smoothing.py) it settles on that."""
+    """A cubic that rests next to a step (smoothing.py) settles on that step."""
     cubic = array("i", [0] * segments.CUBIC_WORDS)
     segments.snap(cubic, array("i", [step, part]))
     segments.settle(cubic)
@@ -263,7 +262,7 @@ STEPS = st.one_of(
 @example(-(2**21), 0, 0, 1)
 @example(5, 5, 1, 0)
 def test_distance(target, whole, fraction, low):
-    """From any place to any other, 2^32 steps away at most."""
+    """From any position to any other, at most 2^32 steps away."""
     cubic = array("i", [0] * segments.CUBIC_WORDS)
     cubic[segments.WHOLE], cubic[segments.P], cubic[segments.P + 1] = whole, fraction, low
     r = array("i", [0] * 2)
@@ -281,7 +280,7 @@ def test_distance(target, whole, fraction, low):
 
 
 def test_mirror():
-    """A coupled motor goes the same way, or the opposite one, from its own base."""
+    """A coupled motor moves alike, or in the opposite sense, from its own base."""
     cubic = array("i", [0] * segments.CUBIC_WORDS)
     for turned in 0, 1:
         for seed in range(300):

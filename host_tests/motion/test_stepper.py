@@ -1,4 +1,4 @@
-"""The tick kernel against ideal motions: when each edge comes, and how a motion ends.
+"""The tick kernel compared with ideal motions: the time of each edge, and the end of a motion.
 
 Late interrupts are in test_stepper_clock.py.
 """
@@ -78,7 +78,7 @@ def test_two_steps_in_the_tick_after_one_without():
 
 @pytest.mark.parametrize("acceleration, limit_us", [(400_000, 8), (1_000_000, 20), (4_000_000, 60)])
 def test_steep_ramp(acceleration, limit_us):
-    """Beyond 100 000 steps/s² the first steps lie less exactly."""
+    """Beyond 100 000 steps/s² the first steps are less exact."""
     bench = Bench().settle()
     profile = trapezoid(100, Fraction(acceleration, 10**6), 100)
     start = bench.play([profile.segments()])
@@ -90,7 +90,7 @@ def test_steep_ramp(acceleration, limit_us):
 
 
 def test_jerk_limited_ramp():
-    """Segments with a jerk, along a curve of the third degree: 512 ticks up to 16 steps a tick."""
+    """Segments with a jerk, along a cubic: 512 ticks up to 16 steps per tick."""
     j = Fraction(1, 4096)
     profile = Profile([(256, 0, j), (256, 256 * j, -j), (100, 0), (256, 0, -j), (256, -256 * j, j)])
     bench = Bench().settle()
@@ -105,8 +105,7 @@ def test_jerk_limited_ramp():
 @pytest.mark.parametrize("width", [0, 3, 15])
 @pytest.mark.parametrize("invert", [False, True])
 def test_reversals(setup_us, width, invert):
-    """Back and forth: each change of direction lies between two pulses, `setup` before the next
-    one."""
+    """Back and forth: each change of direction is between two pulses, `setup` before the second."""
     bench = Bench(width=width, setup=setup_us * PER_US, invert=invert).settle()
     a = Fraction(1, 20)
     profile = Profile([(100, a), (200, -a), (173, a), (96, -a), (23, a)], p=0)
@@ -114,8 +113,7 @@ def test_reversals(setup_us, width, invert):
     start = bench.play([profile.segments()])
     error = errors_us(bench, start, profile)
     engine = bench.engines[0]
-    # A step that comes at once after a turn waits for the set-up time; none does here but where
-    # that is long.
+    # A step directly after a turn waits for the set-up time; here only a long one matters.
     assert np.abs(error).max() < max(3, setup_us)
     assert len(engine.turns) == np.count_nonzero(np.diff(engine.ways)) + (
         1 if invert == 0 else 0
@@ -131,7 +129,7 @@ def test_reversals(setup_us, width, invert):
 
 
 def test_trembling_makes_no_steps():
-    """A motor that stands on a step and moves by less than one to either side makes none."""
+    """A motor at rest on a step that moves by less than a step to either side makes none."""
     bench = Bench().settle()
     a = Fraction(9, 1000)
     profile = Profile([(10, a), (20, -a), (10, a)], p=5)
@@ -152,7 +150,7 @@ def test_direction_pin_stays_while_nothing_turns():
 
 @pytest.mark.parametrize("width", range(16))
 def test_widths(width):
-    """Nearly as fast as a pulse width allows, with equal time high and low."""
+    """Nearly as fast as a pulse width allows, with equal times high and low."""
     bench = Bench(width=width).settle()
     least = 2 * (34 + 32 * width)
     rate = min(int(0.98 * 125e6 / least), 500_000)
@@ -164,8 +162,8 @@ def test_widths(width):
 
 
 def test_any_phase_within_a_tick():
-    """A motion may begin and end between two steps and within a tick; each edge is where it
-    belongs."""
+    """A motion may begin and end between two steps and within a tick; each edge is at its right
+    time."""
     for numerator in range(1, 200, 7):
         bench = Bench().settle()
         p = Fraction(numerator, 200)
@@ -178,8 +176,8 @@ def test_any_phase_within_a_tick():
 
 @pytest.mark.parametrize("rate", [125, 250, 500, 1000, 2000, 4000])
 def test_steps_on_the_ends_of_ticks(rate):
-    """Where each step falls on the end of a tick, rounding must not put it into this tick or that:
-    none, then two."""
+    """If each step falls on the end of a tick, rounding must not move steps to another tick: none
+    in one, two in the next."""
     for hair in range(-40, 41, 8):
         bench = Bench().settle()
         profile = Profile([(64, Fraction(rate, 64_000)), (300, 0)])
@@ -206,7 +204,7 @@ def test_motors_start_in_step(order):
 
 
 def test_motors_that_start_later_are_in_step_too():
-    """The same motion some ticks later lies those ticks later."""
+    """The same motion some ticks later has the same edges, as many ticks later."""
     bench = Bench(4, jitter_us=20).settle()
     profile = trapezoid(100, Fraction(1, 10), 50)
     segments = profile.segments()
@@ -224,8 +222,7 @@ def test_motors_that_start_later_are_in_step_too():
 @pytest.mark.parametrize("pause", [0, 1, 2, 3, 4, 5, 10])
 @pytest.mark.parametrize("late_us", [0, 700, 1600])
 def test_start_again_soon(pause, late_us):
-    """After whatever pause, with the engine still busy or not, a motion begins in step with the
-    others."""
+    """After any pause, the engine busy or not, a motion begins in step with the others."""
     bench = Bench(2, jitter_us=0).settle()
     short = trapezoid(20, Fraction(1, 10), 0)
     bench.put(0, short.segments())
@@ -250,22 +247,22 @@ def test_start_again_soon(pause, late_us):
 
 
 def test_eight_motors_fill_no_fifo():
-    """Three commands a tick in all motors for as long as it goes: 3 steps a tick while the velocity
-    changes."""
+    """Three commands per tick in all motors for as long as possible: 3 steps per tick while the
+    velocity changes."""
     bench = Bench(8, jitter_us=60).settle()
     profile = trapezoid(400, Fraction(1, 100), 0)  # a hundred ticks with three steps each, twice
     bench.play([profile.segments()] * 8, motors=range(8))
     assert max(engine.fullest for engine in bench.engines) <= 8  # a lost command fails by itself
 
 
-# ---------------------------------------------------------------- how a motion ends
+# ---------------------------------------------------------------- the end of a motion
 
 
 @pytest.mark.parametrize(
     "rate, brake", [(100, 4), (20_000, Fraction(1, 50)), (350_000, Fraction(3, 2))]
 )
 def test_queue_runs_dry(rate, brake):
-    """A fault, and a ramp by BRAKE from the velocity there was."""
+    """A fault, and a ramp with BRAKE from the present velocity."""
     bench = Bench().settle()
     bench.block()[stepper.BRAKE] = int(Fraction(brake) * ONE)
     profile = steady(rate, 64)
@@ -274,7 +271,7 @@ def test_queue_runs_dry(rate, brake):
     assert block[stepper.FAULT] == bench.state[stepper.FAULTS] == stepper.FAULT_DRY
     ticks = int(Fraction(rate, 1000) // brake)
     v = Fraction(rate, 1000)
-    # displacements v, v - brake, v - 2·brake, … : the acceleration sets in a tick later
+    # displacements v, v - brake, v - 2·brake, … : the acceleration begins a tick later
     ideal = Profile([(64, 0), (1, 0), (ticks, -Fraction(brake))], v=v)
     assert abs(block[stepper.POSITION] - ideal.end) <= float(v) + 2
     times, ways = bench.times()
@@ -305,8 +302,7 @@ def test_a_segment_that_begins_elsewhere():
 
 
 def test_rounding_at_a_joint_is_taken_in():
-    """Segments that disagree by a hair, as rounding has it: the next one's place holds, no
-    fault."""
+    """Segments disagree by a rounding error: the next one's position counts, without a fault."""
     for hair in -30, -1, 1, 30:
         for p in Fraction(0), Fraction(999_999, 1_000_000), Fraction(1, 3):
             bench = Bench().settle()
@@ -318,7 +314,7 @@ def test_rounding_at_a_joint_is_taken_in():
             segments[1] = (t, place // ONE, place % ONE, *rest)
             bench.play([segments], 60)
             assert bench.state[stepper.FAULTS] == 0
-            # at full velocity from the first tick on: no real motion begins so
+            # full velocity from the first tick on: no real motion begins like that
             rises = bench.engines[0].rises[2:]
             assert np.abs(np.diff(rises) / PER_TICK - 1).max() < 1e-3
 
@@ -327,8 +323,8 @@ def test_rounding_at_a_joint_is_taken_in():
 @pytest.mark.parametrize("decel", [Fraction(1, 1000), Fraction(1, 50), Fraction(1), Fraction(4)])
 @pytest.mark.parametrize("after", [40, 41, 64])
 def test_halt(rate, decel, after):
-    """From the next tick on slower by `decel` each tick; the steps made are where the motor
-    stands."""
+    """From the next tick on slower by `decel` in each tick; the motor is where its steps have taken
+    it."""
     if abs(rate) / decel > 3_000_000:
         decel *= 100
     bench = Bench().settle()
@@ -350,7 +346,7 @@ def test_halt(rate, decel, after):
     gone = np.abs(np.diff(places))
     expected = [float(v - (k + 1) * decel) for k in range(ticks)]
     assert np.abs(gone[:ticks] - expected).max(initial=0) < 1e-3
-    assert gone[ticks] < 1  # what is left of a step is let go
+    assert gone[ticks] < 1  # the rest of a step is dropped
     assert not gone[ticks + 1 :].any()
     times, ways = bench.times()
     assert (ways == (1 if rate > 0 else -1)).all()
@@ -359,7 +355,7 @@ def test_halt(rate, decel, after):
 
 
 def test_halt_while_speeding_up():
-    """The stop takes over from the velocity of that moment: no tick is faster than the last."""
+    """The stop begins with the velocity of that moment: no tick is faster than the one before."""
     for after in range(1, 70, 3):
         bench = Bench().settle()
         block = bench.block()
@@ -394,11 +390,11 @@ def test_halt_twice_takes_the_steeper():
 
 @pytest.mark.parametrize("when", ["idle", "started", "drained", "started while draining"])
 def test_halt_without_motion(when):
-    """Nothing moves by it, whatever the motor did before."""
+    """It moves nothing, whatever the motor did before."""
     bench = Bench().settle()
     block = bench.block()
     if "drain" in when:
-        # leave a motion that was cut short while speeding up
+        # leave a motion that was cut off while speeding up
         bench.play([trapezoid(64, Fraction(1, 10), 64).segments()], 20)
         stepper.halt(block, 1, ONE, 0)
         while block[stepper.MODE] != stepper.DRAIN:

@@ -1,4 +1,4 @@
-"""The tick and its clock: interrupts that come late or not at all, and counters that wrap."""
+"""The tick and its clock: interrupts that come late or never, and counters that wrap."""
 
 from fractions import Fraction
 
@@ -44,8 +44,8 @@ def test_a_late_interrupt_finds_an_engine_that_has_run_dry(late_us, rate):
     "rate, brake", [(5_000, Fraction(1, 50)), (5_000, Fraction(4)), (300_000, Fraction(1, 2))]
 )
 def test_hole_in_time(hole_us, phase_us, rate, brake):
-    """Engines that ran dry: a fault, a ramp from what velocity is left, never a burst. Then all is
-    as before."""
+    """Engines that ran dry: a fault, a ramp from the remaining velocity, never a burst. Then
+    everything is as before."""
     bench, profile, _ = moving(rate, brake)
     was = bench.state[stepper.TICKS]
     bench.off((bench.due - bench.now) / PER_US - phase_us, hole_us + phase_us)
@@ -54,7 +54,7 @@ def test_hole_in_time(hole_us, phase_us, rate, brake):
     bench.run(2 + hole_us // 1000)
     block = bench.block()
     assert block[stepper.FAULT] == bench.state[stepper.FAULTS] == stepper.FAULT_LATE
-    assert bench.state[stepper.TICKS] - was < 5  # what was missed is not made up for
+    assert bench.state[stepper.TICKS] - was < 5  # missed ticks are not made up for
     for _ in range(2000):
         bench.tick()
         if block[stepper.MODE] == stepper.IDLE:
@@ -66,11 +66,11 @@ def test_hole_in_time(hole_us, phase_us, rate, brake):
     if len(after) > 2:
         rates = 1e6 * PER_US / np.diff(after)  # steps/s
         assert rates.max() < rate * 1.01
-        # slower by the brake for every tick of standing still
+        # slower by the brake for every tick without a pulse
         left = rate - 1000 * float(brake) * ((after[1] - dry) / PER_TICK - 2)
         assert rates.max() < left * 1.02 + 1000
         ramp = rates[1:]
-        assert (np.diff(ramp) < 0.01 * rate + 5).all()  # down all the way
+        assert (np.diff(ramp) < 0.01 * rate + 5).all()  # decreasing all the time
     else:
         assert rate < 1000 * float(brake) * (hole_us / 1000 + 4)
     # and a motion after that is exact again
@@ -86,7 +86,7 @@ def test_hole_in_time(hole_us, phase_us, rate, brake):
 @pytest.mark.parametrize("part", [0, 1, 2, 3])
 @pytest.mark.parametrize("rate", [5_000, -5_000, 4_300, -12_700, 1_500])
 def test_hole_between_two_steps(rate, part):
-    """Wherever between two steps it was, a motor goes on no faster than it went."""
+    """Wherever between two steps the gap is, the motor goes on no faster than before."""
     brake = Fraction(1, 50)
     bench = Bench(jitter_us=0).settle()
     block = bench.block()
@@ -116,7 +116,7 @@ def test_hole_at_rest_is_no_fault():
         bench.off(100, hole_us)
         bench.run(70 + 40)
         assert bench.state[stepper.FAULTS] == 0
-        # the grid is found again: the next motion has the whole lead
+        # the grid has been found again: the next motion has the whole lead
         profile = trapezoid(60, Fraction(1, 10), 0)
         start = bench.play([profile.segments()])
         assert np.abs(errors_us(bench, start, profile)).max() < 2
@@ -126,7 +126,7 @@ def test_hole_at_rest_is_no_fault():
 
 @pytest.mark.parametrize("late_us", range(50, 1800, 50))
 def test_a_motion_just_after_a_late_interrupt_has_its_lead(late_us):
-    """One that came late at rest does not make those after it late."""
+    """An interrupt that came late at rest does not make later ones late."""
     bench = Bench(jitter_us=0).settle()
     bench.off((bench.due - bench.now) / PER_US - 1, late_us)
     bench.run(4)
@@ -138,7 +138,7 @@ def test_a_motion_just_after_a_late_interrupt_has_its_lead(late_us):
 
 @pytest.mark.parametrize("phase", range(6))
 def test_hole_before_the_first_pulse(phase):
-    """A motion asked for just before a hole begins after it; one that is over is over."""
+    """A motion requested just before a gap begins after it; one that is over stays over."""
     bench = Bench(jitter_us=0).settle()
     short = trapezoid(20, Fraction(1, 10), 0)
     bench.put(0, short.segments())

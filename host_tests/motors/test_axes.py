@@ -1,4 +1,4 @@
-"""An axis and all of them: settings, limits, starts and stops, what counts as moving, phases from
+"""Axis and Axes: settings, limits, starts and stops, when a motor counts as moving, phases from
 outside."""
 
 from array import array
@@ -118,7 +118,7 @@ def test_jerk(jerk):
         (0, None, 100, HIGHEST, 1),
         (0, -100, None, HIGHEST, 0),
         (0, None, None, HIGHEST, 0),
-        # a motor past a limit may go toward the range, not further away (field note 4.3)
+        # a motor beyond a limit may go toward the range, not further away (field note 4.3)
         (150, -100, 100, 140, 0),
         (150, -100, 100, 150, 0),
         (150, -100, 100, 151, 1),
@@ -148,7 +148,7 @@ def test_limits_that_cross():
 
 @given(st.integers(-300, 300), st.integers(-300, 300))
 def test_clamp(place, target):
-    """Held within the limits; a motor past one may come back as far as it likes."""
+    """Clamped to the limits; a motor beyond one may come back as far as it likes."""
     axis = Axes(Bench())[0]
     axis.set_position(word(place), 1)
     axis.set_limits(True, True, array("i", [-100, 100]), 0)
@@ -170,7 +170,7 @@ def test_clamp(place, target):
 
 @pytest.mark.parametrize("place", [0, 1, -1, 2**30, -(2**30) - 1, HIGHEST, LOWEST])
 def test_set_position(place):
-    """Another number for where it stands: nothing moves, and a motion starts from there."""
+    """The present position gets another number: nothing moves, and a motion starts from there."""
     rig = Rig()
     rig.move_to(0, 1000)
     rig.to_rest()
@@ -212,7 +212,7 @@ def test_nothing_to_do():
 
 
 def test_the_same_target_again_changes_nothing():
-    """A MOVE sent twice, or a JOG streamed: not later than without."""
+    """A MOVE sent twice, or repeated JOGs: no later than without."""
     times = []
     for again in False, True:
         rig = Rig(jitter_us=0)
@@ -264,7 +264,7 @@ def test_shares(share, part):
 
 
 def test_a_share_follows_the_settings():
-    """Settings changed between two jogs with the same share count for the second."""
+    """Settings changed between two jogs with the same share apply to the second."""
     rig = Rig()
     rig.move_to(0, 10_000, 5000)
     rig.run(600)
@@ -276,8 +276,8 @@ def test_a_share_follows_the_settings():
 
 
 def test_a_lower_acceleration_set_in_motion():
-    """It waits until the motor stands, the motor counts as moving so long, and a motion that is
-    asked for in between waits as well."""
+    """It waits until the motor is at rest. Until then the motor counts as moving, and a motion that
+    is requested in between waits as well."""
     rig = Rig()
     axis = rig[0]
     rig.move_to(0, 100)
@@ -305,7 +305,7 @@ def test_a_lower_acceleration_set_in_motion():
 
 
 def test_a_jog_the_other_way_stops_first():
-    """field note 4.2: against the present direction it first ramps to a stop, then turns."""
+    """field note 4.2: it first ramps to a stop, then turns."""
     rig = Rig()
     rig[0].set_speed(20_000, 100_000)
     rig.move_to(0, HIGHEST)
@@ -344,8 +344,8 @@ def test_stop_all_and_hard_stop():
 
 
 def test_release_starts_all_in_one_tick():
-    """Queued with begin_plan(), append_phase() and feed(), started by release(): the first pulses
-    of all in step."""
+    """Queued with begin_plan(), append_phase() and feed(), started by release(): their first pulses
+    come together."""
     rig = Rig(4)
     numbers = array("i", [0] * 8)
     reals.put(numbers, 0, 400, 0)  # ticks
@@ -371,8 +371,8 @@ def test_release_starts_all_in_one_tick():
 
 @pytest.mark.parametrize("period", ["41.70837", "33.3667", "7.3", "1.9", "0.4", "1000.25"])
 def test_phases_appended_on_the_way(period):
-    """A path through steps at times that are no ticks, appended one by one: exact at each, whatever
-    the moment."""
+    """A path through steps at times between ticks, appended one by one: exact at each of them,
+    whenever that is."""
     rig = Rig(jitter_us=0)
     axis = rig[0]
     ticks = float(period)
@@ -478,8 +478,8 @@ def test_one_pass_between_two_long_absences(young):
 
 
 def play(phases):
-    """Plays (duration in 1/64 tick, step at its end, velocity there in 1/64 step per tick) from
-    rest at step 0."""
+    """Play (duration in 1/64 tick, step at its end, velocity there in 1/64 step per tick) from rest
+    at step 0."""
     rig = Rig()
     axis = rig[0]
     axis.begin_plan(rig.bench)
@@ -504,8 +504,8 @@ def play(phases):
 @pytest.mark.parametrize("wait", [0, 1, 13, 32, 40, 63, 64, 65, 100])
 def test_a_phase_that_ends_in_the_tick_of_its_start(wait, sense):
     """A ramp of a tick, less or next to nothing, beginning anywhere in the first ticks: its whole
-    steps are not quite where its velocities lead, and yet each segment begins where the one before
-    it has ended."""
+    steps are not quite where its velocities lead, but each segment begins where the one before it
+    ended."""
     for duration in sorted({0, 1, 7, 33, 60, 63, 64, 65, 128, 64 - wait % 64}):
         for velocity in (0, 20, 90, 237):
             if velocity > 4 * duration:

@@ -1,6 +1,6 @@
-"""Backlash: what the motor does so that the load is where it was asked for.
+"""Backlash: the motor moves so that the load is at the requested position.
 
-The gear is modeled on its own here: the load lies between the motor's position and the backlash
+The gear is modeled here independently: the load is between the motor's position and the backlash
 above it, and the motor drags it at either end.
 """
 
@@ -25,7 +25,7 @@ UP, EITHER, DOWN = 1, 0, -1
 
 
 def gear(load, motor, backlash):
-    """Where the load is after the motor has gone to `motor`."""
+    """Return the load's position after the motor has gone to `motor`."""
     return min(max(load, motor), motor + backlash)
 
 
@@ -70,7 +70,7 @@ class Gear:
         return self.backlash.plan_from_cut(at, found, 1), found[1]
 
     def go(self, motor):
-        """Where the load is after the motor has gone there."""
+        """Move the motor there, and return the load's position."""
         self.block[stepper.POSITION] = motor
         self.backlash.refresh()
         return self.backlash[b.LOAD]
@@ -86,7 +86,7 @@ class Gear:
         ([-10], [-40]),
         ([-10, -20], [-40, -50]),  # it is taken up once
         ([-10, 5], [-40, 5]),
-        ([-10, -10], [-40, -40]),  # the load is there already
+        ([-10, -10], [-40, -40]),  # the load is already there
         ([0], [0]),
     ],
 )
@@ -184,7 +184,7 @@ def test_without_backlash_it_is_taken_up_for_any_direction():
     assert all(Gear(0).backlash.taken_up(way) for way in (UP, EITHER, DOWN))
 
 
-# ------------------------------------------------------------------------------ all who share it
+# ------------------------------------------------------------------------------ all its users
 
 
 def with_backlash(steps=STEPS):
@@ -200,7 +200,7 @@ def loads(axis):
 
 
 def meet(rig, axis, limit=20_000):
-    """Run until a target is met, with what comes of it."""
+    """Run until a target is met, including what follows from it."""
     for _ in range(limit):
         rig.run(1)
         if not axis.moving:
@@ -264,7 +264,7 @@ def test_reports_say_where_the_load_is():
 
 @given(steps, positions, st.sampled_from((1, -1)), st.sampled_from((UP, DOWN)))
 def test_the_check_counts_the_steps_that_the_motor_makes(backlash, frames, order, direction):
-    """Those of the frame where it turns half as much again, with an eighth of those next to it."""
+    """In the frame where it turns half as much again, plus an eighth of the neighbours'."""
     words = array("i", [0] * path_check.CHECK_WORDS)
     words[path_check.FASTEST] = 0
     words[path_check.STEEPEST] = words[path_check.HARDEST] = words[path_check.PULSED] = 2**29

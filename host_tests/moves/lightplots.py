@@ -1,5 +1,5 @@
-"""Light levels and triggers as a host would upload them, good and bad, and what must come of them
-by a dictionary.
+"""Light levels and triggers as a host would upload them, good and bad, and a dictionary that says
+what must come of them.
 
 `plots()` makes scripts for host_tests/runtime/lightplots_replay.py, `expected()` gives the answers.
 """
@@ -21,18 +21,18 @@ replay = runpy.run_path(str(Path(__file__).parents[1] / "runtime" / "lightplots_
 
 
 def answers(*lines):
-    """What lightplots_replay.py answers to these lines."""
+    """Return what lightplots_replay.py answers to these lines."""
     return list(replay(lines))
 
 
 def levels(channel, index, last, values):
-    """An MSG_RT_UPLOAD_MOVE_DMX."""
+    """Return an MSG_RT_UPLOAD_MOVE_DMX."""
     head = struct.pack("<HI", channel, index | bool(last) << 31)
     return wire.encode(messages.MSG_RT_UPLOAD_MOVE_DMX, head + bytes(values), 5).hex()
 
 
 def triggers(mask, pairs):
-    """An MSG_RT_UPLOAD_MOVE_TRIGGERS."""
+    """Return an MSG_RT_UPLOAD_MOVE_TRIGGERS."""
     data = struct.pack("<I", mask) + b"".join(struct.pack("<II", *pair) for pair in pairs)
     return wire.encode(messages.MSG_RT_UPLOAD_MOVE_TRIGGERS, data, 6).hex()
 
@@ -46,7 +46,7 @@ class Model:
     the triggers."""
 
     def __init__(self, size):
-        """size: of the memory, bytes. What does not fit is asked of `refused`."""
+        """size: of the memory, bytes. `refused` says whether the store had no room for a line."""
         self.may_refuse = size < PLENTY
         self.refused = False
         self.clear()
@@ -107,7 +107,7 @@ class Model:
         )
 
     def table(self, index):
-        """Every channel's level at a frame."""
+        """Return every channel's level at a frame."""
         if self.state != "READY":
             return {}
         levels = {}
@@ -142,10 +142,10 @@ class Model:
 
 
 def expected(script, answers):
-    """The answers to a script, a list of (line, step of the model), whose answers are given.
+    """Yield the answers to a script, a list of (line, step of the model), by the store's answers.
 
-    Where there is little memory a store may refuse what would be all right: then the model
-    does without it, too, and so tells whether the store does.
+    If there is little memory, a store may refuse what would be valid: then the model leaves it out
+    as well, and its later answers show whether the store did.
     """
     model = None
     for (_, (name, *arguments)), given in zip(script, answers, strict=True):
@@ -158,7 +158,7 @@ def expected(script, answers):
             yield "" if answer is None else str(answer)
 
 
-# A range longer than what can be stored, and indexes that leave 32 bits when they are made keys;
+# A range longer than the store can hold, and indexes that exceed 32 bits when they become keys;
 # with the answers
 _FAR = 2**20
 FAR = [
@@ -179,8 +179,8 @@ FAR = [
     (f"TRIGGERS {2**30 - 2} {2**30 - 1}", "1"),
 ]
 
-# A section as long as the largest frame holds, in the middle of units of 193 frames; with the
-# steps of the model, as plots() has them
+# A section as long as the largest frame can carry, across units of 193 frames; with the steps of
+# the model, as plots() has them
 _stairs = [(i * i // 7 + i) // 3 % 2 + i // 2 % 100 for i in range(2000)]
 _most = messages.LARGEST_PAYLOAD - messages.RtUploadMoveDmx.levels
 _noise = [(i * i * 31 + (i * 2654435761 >> 7)) % 256 for i in range(_most)]
@@ -201,7 +201,7 @@ _words = st.one_of(st.integers(0, 2**32 - 1), st.sampled_from([0, 1, 2**30, 2**3
 
 @st.composite
 def _values(draw, count):
-    """A section's worth of levels: still, a fade, on and off, anything."""
+    """Draw the levels of a section: still, a fade, on and off, anything."""
     kind = draw(st.sampled_from(["still", "still", "fade", "blocks", "steps", "any"]))
     level = draw(st.sampled_from([0, 1, 127, 128, 255]))
     if kind == "still":
@@ -221,7 +221,7 @@ def _values(draw, count):
 
 @st.composite
 def plots(draw, steps=30):
-    """A store that is too small or large enough, and what is loaded into it and played."""
+    """Draw a store, too small or large enough, and what is loaded into it and played."""
     size = draw(st.sampled_from([176, 240, 400, 1000, PLENTY, PLENTY]))
     frames = draw(st.one_of(st.integers(1, 60), st.sampled_from([1, 2, 200, 900])))
     channels = draw(

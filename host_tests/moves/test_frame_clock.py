@@ -1,4 +1,4 @@
-"""When each frame of a pass is: round(N · 10^9 / fps_milli) microseconds after the first, by
+"""When each frame of a pass comes: round(N · 10^9 / fps_milli) microseconds after the first, by
 fractions."""
 
 import itertools
@@ -24,7 +24,7 @@ def begun(fps_milli, tick=0):
 
 
 def moments(clock, frames):
-    """Microseconds from the first frame to each of `frames`, by a counter of ticks that wraps."""
+    """Return the microseconds from the first frame to each of `frames`; the counter wraps."""
     past, before = 0, clock.tick
     for _ in range(frames):
         past += (clock.tick - before) % WRAP
@@ -34,7 +34,7 @@ def moments(clock, frames):
 
 
 def due(number, fps_milli):
-    """The same for one frame, as the rule has it; halves round up."""
+    """Return the same for one frame, by the rule; halves round up."""
     return (Fraction(number * 10**9, fps_milli) + Fraction(1, 2)).__floor__()
 
 
@@ -80,7 +80,7 @@ def test_a_frame_lasts_the_quotient_or_a_microsecond_more(fps_milli):
 
 @given(st.integers(1, FASTEST_FPS), st.integers(1, 200))
 def test_longer_tells_which_of_the_two_without_moving_on(fps_milli, frames):
-    """What a run queues its frames by (RunMove): the same frames are a microsecond longer."""
+    """RunMove queues its frames by longer(): the same frames last a microsecond more."""
     clock = begun(fps_milli)
     longer = [clock.longer() for _ in range(frames)]
     assert (clock.tick, clock.us) == (0, 0)

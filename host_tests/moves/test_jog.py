@@ -16,8 +16,8 @@ WAVE = [round(100 * k + 400 * np.sin(k / 4)) for k in range(61)]
 
 
 class Jog:
-    """Motors that stand on the first frame of an upload; MOVE TIME of each tick from the request on
-    in `heads`."""
+    """Motors at rest on the first frame of an upload; `heads` is MOVE TIME at each tick from the
+    request on."""
 
     def __init__(self, *paths, at=0, **settings):
         self.bench = OperationBench(*paths, **settings)
@@ -45,7 +45,7 @@ class Jog:
 
     @property
     def frame(self):
-        """MOVE TIME at rest, in frames."""
+        """Return MOVE TIME at rest, in frames."""
         return self.bench.operations.move_time / 1000
 
     def place(self, motor=0):
@@ -127,7 +127,7 @@ def test_to_where_it_stands_nothing_moves():
 
 
 def test_move_time_is_the_frame_it_sets_out_from():
-    """field note 4.6; other motions than this one may have brought the motors there"""
+    """field note 4.6; another motion may have brought the motors there"""
     jog = Jog(EVEN, at=33)
     jog.to(41)
     assert jog.bench.operations.sample_move_time(False) == 34_000
@@ -162,7 +162,7 @@ def test_there_is_no_rt_end():
 
 @pytest.mark.parametrize("fps, frames", [(0.5, 2), (2, 6), (5, 20)])
 def test_its_velocity_is_fps_and_its_acceleration_four_frames_per_second_squared(fps, frames):
-    """From rest to rest: fps/4 seconds up, the same down, and between them at fps."""
+    """From rest to rest: fps/4 seconds up, as long down, and at fps between them."""
     jog = Jog(EVEN)
     jog.to(1 + frames, fps)
     jog.rest()
@@ -171,13 +171,13 @@ def test_its_velocity_is_fps_and_its_acceleration_four_frames_per_second_squared
     assert rate.max() == pytest.approx(fps, rel=0.02)
     assert np.abs(rate[100:] - rate[:-100]).max() * 10 <= ACCELERATION * 1.1
     ideal = frames / fps + fps / ACCELERATION
-    # the rate is come to on a whole frame, so the first one and the last one take up to twice as
+    # the jog reaches its rate on a whole frame, so the first and the last one take up to twice as
     # long
     assert ideal - 0.06 <= len(heads) / 1000 <= ideal + 2 / fps
 
 
 def test_all_motors_follow_the_path_as_one_axis():
-    """At every moment each is where the even one says, to what the cubics leave the chords by."""
+    """At every moment each motor follows the even one, but for the cubics' distance from chords."""
     jog = Jog(EVEN, WAVE)
     jog.to(11, 4)
     jog.rest()
@@ -187,7 +187,7 @@ def test_all_motors_follow_the_path_as_one_axis():
 
 
 def test_the_play_head_is_where_the_motors_are():
-    """field note 4.6: of the pins, to the way of two ticks."""
+    """field note 4.6: by the edges on the pins, within the distance of two ticks."""
     jog = Jog(EVEN)
     jog.to(6, 4)
     times = []
@@ -272,7 +272,7 @@ def test_a_refused_destination_leaves_the_one_under_way():
 
 
 def stopped(fps, after, steps=100, everything=True):
-    """A jog stopped `after` milliseconds: (where it was then, its rate, where it rests, how long
+    """Stop a jog after `after` ms; return (where it was then, its rate, where it rests, how long
     that took)."""
     jog = Jog([steps * k for k in range(61)])
     jog.to(61, fps)
@@ -293,7 +293,7 @@ def stopped(fps, after, steps=100, everything=True):
 def test_a_stop_lands_on_the_next_whole_frame_that_can_be_reached(fps, after, everything):
     here, rate, rests, ms = stopped(fps, after, everything=everything)
     braking = rate * rate / 2 / ACCELERATION
-    # the queues are cut some tens of milliseconds ahead; within that it may pass a frame
+    # the stop cuts the queues some tens of milliseconds ahead; a frame may pass in that time
     soonest, latest = np.ceil(here + braking), np.ceil(here + braking + 0.08 * rate)
     assert soonest <= rests <= latest
     assert ms <= LANDING_MS + 100

@@ -1,4 +1,4 @@
-"""The store of light levels against dictionaries, together with that of triggers."""
+"""The store of light levels and that of triggers against dictionaries."""
 
 import pytest
 from hypothesis import given, settings
@@ -51,7 +51,7 @@ def test_the_last_section_repeats_its_final_level():
 def test_frames_never_sent_hold_the_level_before_and_the_first_ones_the_first():
     lines = ["NEW 1000", "BEGIN 8", levels(1, 5, 0, [7]), levels(1, 2, 0, [3]), "FINISH"]
     assert answers(*lines, "PLAY 0 7", "PLAY 7 0")[-2:] == ["1=3;;;;;1=7;;", "1=7;;;1=3;;;;"]
-    # a gap follows what is sent again before it
+    # a gap follows what the host sends again before it
     lines.insert(4, levels(1, 1, 0, [4, 4]))  # 4 at frames 1 to 4 now
     assert answers(*lines, "PLAY 0 7")[-1] == "1=4;;;;;1=7;;"
     lines.insert(5, levels(1, 2, 0, [6, 6]))
@@ -105,7 +105,7 @@ def test_a_full_store_keeps_what_it_has():
     refused = [
         levels(4, 0, 1, noise(100)),
         levels(3, 50, 0, noise(80)),
-        triggers(7, [(1, 3), (5, 28)]),  # mask and frame 1 stay as they were
+        triggers(7, [(1, 3), (5, 28)]),  # the mask and frame 1 stay as they were
     ]
     answered = answers(
         *(*lines, "FREE", *refused, "FREE", levels(4, 0, 1, [1]), "FINISH", "HAS"),
@@ -163,7 +163,7 @@ def test_what_levels_cost(values, most, section):
 
 
 def test_what_triggers_cost():
-    """A unit for each output and 224 frames; a list of them may come in any order."""
+    """A unit for each output and 224 frames; the list may be in any order."""
     pairs = [(frame, 1 | 2**31 * (frame % 2)) for frame in range(FRAMES)]
     lines = [triggers(2**32 - 1, pairs[at : at + 100]) for at in range(FRAMES - 100, -1, -100)]
     answered = answers(f"NEW {34 * UNITS}", f"BEGIN {FRAMES}", *lines, "FREE")
@@ -235,7 +235,7 @@ def test_codes():
 
 
 def test_what_lies_past_the_end_is_ignored():
-    """Field note 5.3: a section or a list of triggers that begins inside the range and reaches past
+    """Field note 5.3: a section or a list of triggers that begins inside the range and extends past
     its end."""
     lines = [
         levels(3, 8, 0, [1, 2, 3, 4]),

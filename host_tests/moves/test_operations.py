@@ -1,5 +1,5 @@
-"""The state machine that every real-time operation goes through: in what order, what bars it, how
-it ends."""
+"""The state machine of every real-time operation: the order of its states, what prevents a step,
+how it ends."""
 
 from array import array
 
@@ -17,12 +17,12 @@ from framestep.pulse import stepper
 from host_tests.fakes import OperationBench
 from host_tests.motion.engine import PER_TICK, PER_US
 
-TICKS = 200  # that the operation below moves for
+TICKS = 200  # the operation below moves so long
 
 
 class There(Operation):
-    """Moves its motors from `begins` to `ends` within TICKS, then back, `passes` times; notes what
-    it is asked."""
+    """Moves its motors from `begins` to `ends` within TICKS, then back, `passes` times; records
+    each call."""
 
     def __init__(self, bench, begins, ends, passes=1):
         super().__init__(bench.operations)
@@ -78,14 +78,14 @@ class There(Operation):
 
 
 def prepared(begins=(50,), ends=(450,), passes=1, **settings):
-    """(bench, operation), the operation taken."""
+    """Return (bench, operation); the operation is accepted."""
     bench = OperationBench(*([0, 10, 20] for _ in begins), **settings)
     operation = There(bench, begins, ends, passes)
     operation.take()
     return bench, operation
 
 
-# ---------------------------------------------------------------- the way to READY
+# ---------------------------------------------------------------- until READY
 
 
 def test_an_operation_first_sends_its_motors_to_where_it_begins():
@@ -175,7 +175,7 @@ def test_an_operation_dropped_before_go_leaves_nothing():
 
 
 def test_all_motors_start_in_the_same_tick():
-    """field note 6.3: equal motions of three motors have equal edges, whenever GO comes."""
+    """field note 6.3: equal motions of three motors have equal edges, however late GO comes."""
     bench, _ = prepared((5, 10, 15), (405, 410, 415))
     bench.until(READY).run(7)
     before = [len(engine.rises) for engine in bench.bench.engines]
@@ -183,7 +183,7 @@ def test_all_motors_start_in_the_same_tick():
     bench.rest()
     edges = [engine.rises[n:] for engine, n in zip(bench.bench.engines, before, strict=True)]
     assert len(edges[0]) == 400
-    # but for the cycles in which the tick writes one command after the other
+    # except for the cycles in which the tick writes one command after another
     assert np.ptp(edges, axis=0).max() < PER_US
 
 

@@ -1,4 +1,4 @@
-"""The smooth path through uploaded frames (field note 5.6), against Hermite cubics by numpy and
+"""The smooth path through uploaded frames (field note 5.6), against Hermite cubics in numpy and
 exact fractions."""
 
 import itertools
@@ -15,11 +15,11 @@ from framestep.moves.path import path, path_check
 
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
 FREE = (LOWEST, HIGHEST)
-FAR = 2**24  # steps per frame: more counts as this in a slope
+FAR = 2**24  # steps per frame; in a slope, more counts as this
 
 
 def slope(frames, index, bounds=FREE, most=path.MONOTONE, exact=0):
-    """The path's slope at a frame of these positions, steps per frame."""
+    """Return the path's slope at a frame of these positions, steps per frame."""
     last = len(frames) - 1
     window = array("i", [int(frames[min(max(index + i, 0), last)]) for i in range(-2, 3)] + [most])
     return Fraction(
@@ -32,13 +32,13 @@ def slopes(frames, bounds=FREE):
 
 
 def hermite(p, q, m, n):
-    """The cubic from p to q within [0, 1] with slopes m and n at its ends."""
+    """Return the cubic from p to q within [0, 1] with slopes m and n at its ends."""
     p, q, m, n = map(float, (p, q, m, n))
     return Polynomial([p, m, 3 * (q - p) - 2 * m - n, 2 * (p - q) + m + n])
 
 
 def curve(frames, bounds=FREE):
-    """The cubics between the frames, one after the other."""
+    """Return the cubics between the frames, one after the other."""
     made = slopes(frames, bounds)
     return [
         hermite(*pair, *ends)
@@ -85,7 +85,7 @@ def test_played_backward_the_path_is_the_same(frames):
 
 
 def test_where_the_rate_changes_within_a_frame_the_lesser_slope_counts_half_as_much():
-    """Up to rest it takes twice as long: with more the curve would go past the frame and come
+    """The curve takes twice as long to come to rest: with more it would pass the frame and come
     back."""
     assert slope([0, 900, 905, 910], 1) == 15
     assert slope([0, 900, 905, 910], 1, most=path.FROM_REST) == Fraction(15, 2)
@@ -194,7 +194,7 @@ def test_frames_are_near_enough_for_midway_up_to_the_steepest_slope_counted():
     assert path.near(window, 3)
 
 
-# ---------------------------------------------------------------- which way
+# ---------------------------------------------------------------- the direction
 
 
 @given(st.lists(st.integers(-1, 1), min_size=1, max_size=8), st.sampled_from((1, -1)))
@@ -219,7 +219,7 @@ RANGE = {
 
 
 def checked(frames, order=1, batch=None, **motor):
-    """The words of a check and what it gives, the frames handed over `batch` at a time."""
+    """Return a check's words and its result, with `batch` frames handed over at a time."""
     motor = RANGE | motor
     words = array("i", [0] * path_check.CHECK_WORDS)
     words[path_check.FASTEST], words[path_check.STEEPEST] = motor["fastest"], motor["steepest"]
@@ -332,8 +332,8 @@ def test_what_the_kernel_or_the_pulse_engine_cannot_do_is_too_hard():
     "frames, way, order", [([0, 60, 20], 1, 1), ([0, -60, -20], -1, 1), ([20, 60, 0], 1, -1)]
 )
 def test_where_the_path_turns_the_motor_makes_up_for_its_play_as_well(frames, way, order):
-    """40 steps of path and 30 of play: its cubic is half as fast again, with an eighth of the
-    frame's beside it."""
+    """40 steps of path and 30 of play: the cubic for both is half as fast again, plus an eighth of
+    the next frame's."""
     most = 70 + 70 // 2 + 60 // 8
     assert checked(frames, order, play=30, way=way, fastest=most)[1] == path_check.FITS
     words, found = checked(frames, order, play=30, way=way, fastest=most - 1)

@@ -1,5 +1,5 @@
-"""What all plays of an uploaded move share: who takes part, whether the motors can (field note
-5.5), how fast."""
+"""What all plays of an uploaded move share: which motors take part, whether they can follow (field
+note 5.5), how fast."""
 
 from array import array
 
@@ -27,7 +27,7 @@ def player_of(*paths, start=1, **settings):
 
 
 def check(player, fps, frames=None, begin=0, step=1, ways=WAY_UP, **more):
-    """The code for `frames` frames from the index `begin` on, of motor 1 alone."""
+    """Return the code for `frames` frames from the index `begin` on, of motor 1 alone."""
     count = len(player.store.paths[0]) if frames is None else frames
     return player.check(1, begin, count, round(fps * 1000), step, ways, **more)
 
@@ -100,7 +100,7 @@ def test_the_window_of_a_slope_has_the_frame_in_its_middle():
     assert player.window[2] == 100
 
 
-# ---------------------------------------------------------------- which way
+# ---------------------------------------------------------------- the direction
 
 
 @pytest.mark.parametrize(
@@ -120,7 +120,7 @@ def test_the_way_matters_to_a_motor_with_play_only():
     assert player.first_direction(0, 0, 1, 2) == 1
 
 
-# ---------------------------------------------------------------- whether the motors can
+# ---------------------------------------------------------------- whether the motors can follow
 
 
 @pytest.mark.parametrize("fps", [0.001, 0.5, 1, 23.976, 24, 60, 120])
@@ -133,7 +133,7 @@ def test_neighbouring_frames_may_lie_as_far_apart_as_the_velocity_allows_and_one
     velocity = 2400
     most = int(velocity / fps) + 1
     begin = 0 if step > 0 else 1
-    # a path of a frame more, so that its two ends are no single step from rest
+    # one frame more, so that the two ends are not a single step from rest
     player = player_of([0, way * most], velocity=velocity)
     assert check(player, fps, begin=begin, step=step) == m.OK
     player.store.paths = ([0, way * (most + 1)],)
@@ -153,7 +153,7 @@ def test_what_was_too_fast_is_told_with_its_motor_its_frame_and_by_how_much():
 
 @pytest.mark.parametrize("step", [1, -1])
 def test_of_all_frames_that_are_too_fast_the_fastest_is_told(step):
-    """Whoever gives the motor that velocity is not refused again."""
+    """A user who gives the motor that velocity is not refused again."""
     path = [0, 150, 250, 650, 800, 600, 500] + [500] * 40 + [250]
     player = player_of(path, start=101, velocity=2400)
     begin = 0 if step > 0 else len(path) - 1
@@ -247,7 +247,7 @@ def test_a_frame_past_a_soft_limit_is_refused(path, code):
     "acceleration, rate", [(410, 24_000), (400, 24_000), (390, 2792), (50, 1000), (1, 141)]
 )
 def test_with_a_ramp_the_rate_is_come_to_within_the_acceleration(acceleration, rate):
-    """JOG_ALL: 100 steps per frame at 4 frames/s² are 400 steps/s²; within a frame a rate gathers
+    """JOG_ALL: 100 steps per frame at 4 frames/s² are 400 steps/s²; within a frame a rate grows by
     half its square."""
     player = player_of(range(0, 100 * 60, 100), acceleration=acceleration)
     assert check(player, 24, ramp=4) == m.OK
@@ -308,14 +308,14 @@ def test_no_rate_is_less_than_a_frame_in_a_thousand_seconds():
 
 
 def register(player, index, value):
-    """A register with a number in it; denominators of 2^20 are exact."""
+    """Write a number into a register; denominators of 2^20 are exact."""
     reals.put(player.numbers, index, round(value * 2**20), -20)
     return index
 
 
 @pytest.mark.parametrize("backward, wanted", [(True, 1000 - 75), (False, 1000 + 75)])
 def test_a_roll_makes_half_the_way_of_its_velocity(backward, wanted):
-    """p - v·T/2: 0.5 steps a tick, come to within 300 ticks."""
+    """p - v·T/2: 0.5 steps a tick, reached within 300 ticks."""
     player = player_of([0, 0])
     places = place(1000)
     velocity, ticks = register(player, OWN, 0.5), register(player, OWN + 2, 300)

@@ -1,5 +1,5 @@
-"""RUN_MOVE (field notes 5.2, 6.1 to 6.11): what is refused, where the motors wait, and where they
-are at each frame."""
+"""RUN_MOVE (field notes 5.2, 6.1 to 6.11): refusals, where the motors wait, and where they are at
+each frame."""
 
 from fractions import Fraction
 
@@ -18,7 +18,7 @@ WAVE = [round(60 * k + 300 * np.sin(k / 2)) for k in range(16)]
 
 
 class Run:
-    """A run of an upload; the clock of the edges begins with the tick in which it starts."""
+    """A run of an upload; the times of edges count from the tick in which it starts."""
 
     def __init__(self, *paths, **settings):
         self.bench = OperationBench(*paths, **settings)
@@ -34,7 +34,7 @@ class Run:
         return self.run.prepare(round(fps * 1000), start, end, pre, post, *angles)
 
     def play(self, fps=25, **request):
-        """Prepare it, GO, until it rests; places by the edges from GO on."""
+        """Prepare it, GO, wait until it rests; places come from the edges after GO."""
         assert self.prepare(fps, **request) == m.OK
         self.bench.until(READY).run(5)
         self.waits = self.places
@@ -53,12 +53,12 @@ class Run:
         return [self.bench.place(motor) for motor in range(self.bench.axes.count)]
 
     def at(self, ms, motor=0):
-        """Where a motor is so many milliseconds after the first frame."""
+        """Return where a motor is, `ms` milliseconds after the first frame."""
         return self.bench.place_at(self.began + (self.starts + ms) * PER_TICK, motor)
 
 
 def due(number, fps):
-    """Milliseconds from the first frame played to another."""
+    """Return the milliseconds from the first frame played to another."""
     return round(Fraction(number * 10**9) / round(fps * 1000)) / 1000
 
 
@@ -128,7 +128,7 @@ def test_a_limit_in_the_way_of_the_pre_roll_is_refused(lower, code):
     "upper, code", [(900 + 100 + 250, m.OK), (900 + 100 + 249, m.ERR_POSTROLL)]
 )
 def test_a_limit_in_the_way_of_the_post_roll_is_refused(upper, code):
-    """field notes 6.2 and 6.11: behind the last frame, which lasts its period."""
+    """field notes 6.2 and 6.11: after the last frame, which lasts its period."""
     run = Run(range(0, 1000, 100))
     run.bench.limit(None, upper)
     assert run.prepare() == code
@@ -164,7 +164,7 @@ def test_a_pre_roll_of_no_time_takes_the_motors_own_acceleration():
 
 
 def test_motors_that_need_less_time_for_it_wait_for_the_slowest():
-    """All come to the first frame at once."""
+    """All reach the first frame at the same time."""
     run = Run(range(0, 1000, 100), range(0, 100, 10), acceleration=50_000)
     run.play(pre=0).rest()
     assert run.waits == [-62, -1]
@@ -187,7 +187,7 @@ def test_a_single_frame_has_no_pre_roll():
 @pytest.mark.parametrize("fps", [10, 23.976, 25, 120])
 @pytest.mark.parametrize("start, end", [(1, 16), (16, 1), (5, 11), (11, 5), (7, 8)])
 def test_at_each_frames_time_a_motor_has_made_the_uploaded_steps(fps, start, end):
-    """field notes 5.6 and 6.5: exactly, but for what the engine takes to make a step."""
+    """field notes 5.6 and 6.5: exactly, except for the time the engine takes to make a step."""
     path = [p // 4 for p in WAVE]
     run = Run(path)
     run.play(fps, start=start, end=end).rest()
@@ -199,7 +199,7 @@ def test_at_each_frames_time_a_motor_has_made_the_uploaded_steps(fps, start, end
 
 @pytest.mark.parametrize("fps", [23.976, 29.97, 120])
 def test_the_durations_of_a_thousand_frames_add_up_to_the_time_of_the_last(fps):
-    """Each is a difference of rounded times, in whole microseconds: no rounding adds up."""
+    """Each is a difference of rounded times in whole microseconds, so no rounding adds up."""
     run = Run([0] * 1001)
     run.prepare(fps)
     run.run.begin_pass()
@@ -238,7 +238,7 @@ def test_the_counter_of_ticks_may_wrap_in_the_middle_of_a_run(ticks):
 
 
 def test_after_the_post_roll_it_goes_back_to_the_end_frame():
-    """field note 6.11: 100 steps of the last frame and 250 of the ramp behind it, then home
+    """field note 6.11: 100 steps of the last frame and 250 of the ramp after it, then back
     again."""
     run = Run(range(0, 1000, 100))
     run.play()
@@ -305,7 +305,7 @@ def test_stop_loop_before_go_makes_it_a_single_pass():
 
 
 def test_a_ping_pong_turns_with_a_ramp():
-    """No step from one velocity to the opposite one: the motor rests where the ramps meet."""
+    """No step from one velocity to its opposite: the motor rests between the ramps."""
     run = Run([100 * k for k in range(6)])
     run.play(turns=True, pre=100, post=100)
     while len(run.bench.told) < 7:
@@ -317,7 +317,7 @@ def test_a_ping_pong_turns_with_a_ramp():
     run.rest()
 
 
-# -------------------------------------------------------------- long moves, and what goes with them
+# -------------------------------------------------------------- long moves, and their cues
 
 
 def test_65535_frames_are_checked_and_prepared():

@@ -1,4 +1,4 @@
-"""What goes with a run besides the motors: at which tick each output, the camera and the lights
+"""What accompanies a run besides the motors: at which tick each output, the camera and the lights
 change."""
 
 from array import array
@@ -19,7 +19,7 @@ BOTH = ("meter", "shutter")
 
 
 class Kernel:
-    """Gives each cue in its tick, as the tick does; cues have to come to it in the order of their
+    """Gives each cue in its tick, as the tick does; cues must arrive in the order of their
     times."""
 
     SLOTS = 4
@@ -109,12 +109,12 @@ class OutputsBench:
         self.levels = []
 
     def show(self, lights):
-        """The DMX port's."""
+        """Do what the DMX port does."""
         self.levels.append((self.now, lights.level(1)))
 
     @property
     def now(self):
-        """Ticks since the beginning."""
+        """Return the ticks since the beginning."""
         return (self.kernel.state[stepper.TICKS] - self.origin) % WRAP
 
     def schedule(self, tick, mask, values):
@@ -144,7 +144,7 @@ class OutputsBench:
                 assert hasattr(self.plan, name)
                 setattr(self.plan, name, value)
         ticks = self.kernel.state[stepper.TICKS]
-        # as OperationRunner has it: the next tick's pulses come two later
+        # as in OperationRunner: the next tick's pulses come two later
         self.start = self.now + 3
         self.show_.begin(self.plan, first, step, (ticks + 3) % WRAP, (ticks + lead) % WRAP, closing)
         self.first = self.now + lead
@@ -163,12 +163,12 @@ class OutputsBench:
         return self
 
     def after(self, name):
-        """[(milliseconds after the first frame, level)]"""
+        """Return [(milliseconds after the first frame, level)]."""
         return [(tick - self.first, level) for tick, level in self.changes[name]]
 
 
 def tick_of(frame, fps, angle=0):
-    """Ticks from the first frame to an angle of another, as they are rounded."""
+    """Return the ticks, rounded, from the first frame to an angle of another."""
     us = (
         round(Fraction(frame * 10**9, round(fps * 1000)))
         + 10**9 // round(fps * 1000) * angle // 360
@@ -239,7 +239,7 @@ def test_the_counter_of_ticks_may_wrap_before_a_signal(ticks):
 
 @pytest.mark.parametrize("fps", [1, 23.976, 25, 120])
 def test_triggers_come_at_the_beginning_of_their_frame(fps):
-    """The run's end is the end of the last frame: then they are off."""
+    """The run ends when the last frame ends: then they are off."""
     hand = OutputsBench(mask=0b01, triggers={1: 1, 2: 1, 3: 0, 4: 1}).play(5, fps)
     hand.run(hand.first + tick_of(5, fps) + 10)
     wanted = [(tick_of(frame, fps), level) for frame, level in ((1, 1), (3, 0), (4, 1), (5, 0))]
@@ -340,7 +340,7 @@ def test_a_video_camera_gets_a_pulse_at_go_and_another_at_the_end():
 
 
 def test_the_pulse_that_stops_it_comes_a_hundred_milliseconds_after_the_one_that_started_it():
-    """Where the run ends at once: or the camera would see one long pulse."""
+    """If the run ends at once: the camera would see one long pulse otherwise."""
     hand = OutputsBench().play(3, video=True)
     hand.run(10)
     hand.show_.end()

@@ -1,5 +1,5 @@
-"""Go-motion (field notes 7.1 to 7.3): what is refused, when the shutter opens, and where the motors
-are then."""
+"""Go-motion (field notes 7.1 to 7.3): refusals, when the shutter opens, and where the motors are
+then."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ LOWEST, HIGHEST = -(2**31), 2**31 - 1
 
 
 class Shot:
-    """One exposure; the clock of the edges begins with the tick in which it starts."""
+    """One exposure; the times of edges count from the tick in which it starts."""
 
     def __init__(self, *paths, **settings):
         self.bench = OperationBench(*paths, **settings)
@@ -42,7 +42,7 @@ class Shot:
         return listed
 
     def play(self):
-        """GO, until it rests."""
+        """GO, and wait until it rests."""
         self.bench.until(READY)
         self.waits = self.places
         self.bench.operations.start()
@@ -60,14 +60,14 @@ class Shot:
         return [self.bench.place(motor) for motor in range(self.bench.axes.count)]
 
     def at(self, tick, ms=0.0, motor=0):
-        """Where a motor is at the moment of a cue, and so many milliseconds later."""
+        """Return where a motor is, `ms` milliseconds after the moment of a cue."""
         return self.bench.place_at(
             self.began + (tick - self.starts + ms) * PER_TICK + self.late, motor
         )
 
     @property
     def late(self):
-        """How much later than a tick's first pulse its cues come, cycles."""
+        """Return how much later than a tick's first pulse its cues come, cycles."""
         return LEAD * PER_TICK - self.bench.kernel[stepper.AHEAD] + CUE_DELAY_US * PER_US
 
 
@@ -138,7 +138,7 @@ def test_a_limit_in_the_way_of_run_up_or_run_out_is_refused(lower, upper, code):
 
 @pytest.mark.parametrize("acceleration, code", [(51_500, m.OK), (50_000, m.ERR_RANGE)])
 def test_ramps_of_an_eighth_steeper_than_the_motor_are_refused(acceleration, code):
-    """field note 7.3: 900 steps in 7/8 of 400 ms, come to within 50 ms, are 51429 steps/s²."""
+    """field note 7.3: 900 steps in 7/8 of 400 ms, reached within 50 ms, are 51429 steps/s²."""
     assert Shot([0], acceleration=acceleration).angles((1, 0, 900)) == code
 
 
@@ -177,8 +177,8 @@ def test_excluded_motors_do_not_move():
 
 @pytest.mark.parametrize("frame, a, b", [(2, 37.5, 187.5), (1, -25, 37.5), (3, 187.5, 425)])
 def test_without_a_pair_a_and_b_are_the_path_half_a_frame_before_and_after(frame, a, b):
-    """field note 7.2: these frames lie on 50·x + 50·x²; beyond the ends of the upload the path goes
-    on straight."""
+    """field note 7.2: these frames lie on 50·x + 50·x²; beyond the ends the path continues
+    straight."""
     shot = Shot([0, 100, 300])
     assert shot.angles(frame=frame, ms=4000) == m.OK
     assert shot.shoot.shot.starts[0] == pytest.approx(a, abs=0.5)
@@ -201,7 +201,7 @@ def test_the_shutter_opens_on_a_and_closes_on_b(a, b, ms):
 
 
 def test_the_run_up_and_the_run_out_last_a_second():
-    """field note 7.1: so that Dragonframe can time its shutter."""
+    """field note 7.1: Dragonframe times its shutter by it."""
     shot = Shot([0])
     shot.blur((1, 0, 800))
     shot.play()
@@ -212,7 +212,7 @@ def test_the_run_up_and_the_run_out_last_a_second():
 
 
 def test_the_motion_comes_as_much_later_than_its_ticks_as_cues_do():
-    """A tick, since the shutter opens in a whole one, then what cues are later by: 100 µs and
+    """One tick, because the shutter opens in a whole one, and the delay of cues: 100 µs and
     12."""
     shot = Shot([0])
     shot.blur((1, 0, 800))
@@ -286,14 +286,14 @@ def test_the_first_and_the_last_eighth_are_ramps_and_between_the_speed_is_consta
 
 @pytest.mark.parametrize("opened, closed", [(0, 360), (90, 270), (-90, 270), (90, 450), (-36, 396)])
 def test_the_exposure_spans_open_to_close(opened, closed):
-    """field note 7.2: a degree takes exposure/(close - open), and the way is symmetrical about 180
+    """field note 7.2: a degree takes exposure/(close - open); the motion is symmetrical about 180
     degrees."""
     shot = Shot([0])
     shot.angles((1, 0, 700), ms=closed - opened, opened=opened, closed=closed)
     shot.play()
     assert shot.closes - shot.opens == closed - opened
     assert shot.at(shot.opens, 180 - opened) == pytest.approx(350, abs=1)
-    # so many milliseconds after angle 0
+    # -opened milliseconds after angle 0
     assert shot.at(shot.opens, -opened) <= 1
     assert shot.at(shot.opens, 360 - opened) >= 699
 

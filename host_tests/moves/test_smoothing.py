@@ -16,7 +16,7 @@ SAMPLES = 48  # within a frame
 
 
 def passed(frames, index, bounds=FREE, exact=0):
-    """Where the path passes a frame, steps beyond its position, and its slope there."""
+    """Return the path's offset from a frame's position, steps, and its slope there."""
     last = len(frames) - 1
     around = (frames[min(max(index + i, 0), last)] for i in range(-path.BESIDE, path.BESIDE + 1))
     window = array("i", [*map(int, around)])
@@ -26,13 +26,13 @@ def passed(frames, index, bounds=FREE, exact=0):
 
 
 def curve(frames, bounds=FREE, exact=0):
-    """(places, slopes) at all frames."""
+    """Return (places, slopes) at all frames."""
     found = [passed(frames, index, bounds, exact) for index in range(len(frames))]
     return np.array(frames) + [beyond for beyond, _ in found], np.array([s for _, s in found])
 
 
 def cubics(places, slopes):
-    """Samples of the path from frame to frame, a row for each; its ends are on both."""
+    """Return samples of the path, a row for each frame, which contains both ends."""
     x = np.linspace(0, 1, SAMPLES + 1)
     rise = np.diff(places)[:, None]
     a, b = slopes[:-1, None], slopes[1:, None]
@@ -40,8 +40,8 @@ def cubics(places, slopes):
 
 
 def motor_at_frames(frames, rows):
-    """A motor steps when the path is a whole step from it: where it stands at each frame, and the
-    farthest that it gets on the way to each."""
+    """Follow the path as a motor does, which steps when the path is a whole step away; return its
+    positions at the frames, and the lowest and highest between each two."""
     stands, found, reached = frames[0], [frames[0]], []
     for row in rows:
         ends = [stands]
@@ -83,7 +83,7 @@ def test_at_each_frame_the_motor_stands_on_its_position(frames):
 
 @given(moves, st.integers(0, 1))
 def test_between_frames_on_its_way_it_does_not_turn(frames, exact):
-    """Nor in a hold. Where it turns it may pass the position, as the path without smoothing."""
+    """Nor in a hold. It may pass the position of a turn, as without smoothing."""
     _, reached = motor_at_frames(frames, cubics(*curve(frames, exact=exact)))
     for k, (low, high) in enumerate(reached):
         a, b = frames[k : k + 2]
@@ -110,8 +110,7 @@ def test_no_frame_is_passed_a_step_beside_its_position(frames):
 
 @given(moves)
 def test_backward_is_the_mirror_image(frames):
-    """The same slopes; where forward it passes beyond the smoothed position, backward it does so on
-    the other side."""
+    """The slopes are the same; backward the path passes the smoothed position on the other side."""
     places, slopes = curve(frames)
     back, falls = curve(frames[::-1])
     assert np.array_equal(slopes, -falls[::-1])
@@ -130,7 +129,7 @@ def test_it_does_not_matter_where(frames, shift):
 
 @given(st.lists(st.integers(LOWEST + 1, HIGHEST), min_size=2, max_size=12))
 def test_positions_as_far_apart_as_can_be(frames):
-    """No number overflows: on its way the slope goes with the positions around it."""
+    """No number overflows: between turns the slope follows the positions around it."""
     for index in range(1, len(frames) - 1):
         back = frames[index] - frames[index - 1]
         ahead = frames[index + 1] - frames[index]
@@ -144,8 +143,7 @@ def test_positions_as_far_apart_as_can_be(frames):
 
 @pytest.mark.parametrize("rate", [0.4, 1.618, 7.3, 61.7])
 def test_a_line_is_nearly_a_line(rate):
-    """Rounding moves positions by up to half a step and leaves a slope of up to a step beside
-    it."""
+    """Rounding moves positions by up to half a step and leaves slopes wrong by up to a step."""
     frames = [round(rate * index + 0.3) for index in range(120)]
     places, slopes = curve(frames)
     assert np.abs(slopes[10:-10] - rate).max() < 0.1

@@ -1,4 +1,4 @@
-"""The store of triggers; test_light_levels.py holds both stores against dictionaries."""
+"""The store of triggers; test_light_levels.py compares both stores with dictionaries."""
 
 from host_tests.moves.lightplots import answers, triggers
 

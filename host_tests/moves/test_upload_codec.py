@@ -1,4 +1,4 @@
-"""The memory of the upload store: codes of every width, units given and given back, frames read in
+"""The memory of the upload store: codes of every width, units taken and returned, frames read in
 any order."""
 
 from array import array
@@ -42,8 +42,8 @@ def test_far_out_after_the_first_frame_of_a_chunk(at, there):
 @pytest.mark.parametrize("more", [-1, 0, 1])
 @pytest.mark.parametrize("at", [1, 2, 127, 128, 129])
 def test_changes_at_the_edge_of_a_width(width, more, at):
-    """Of the steps per frame, up and down, at once and in order; each needs as many bits as the
-    next less."""
+    """The steps per frame change by about 2^(width - 1), up or down; the host sends the frames in
+    order and backward."""
     change = 2 ** (width - 1) + more
     first = max(-(2**31) + 1, -change // 2)
     there_and_back = [first] * at + [min(2**31 - 1, first + change)] * (260 - at)
@@ -68,8 +68,8 @@ UNIT = 2 * uploads.UNIT
 
 
 def memory_for(chunks, units):
-    """Bytes of a store for one motor with that many chunks, all of it promised, and so many
-    units."""
+    """Return the bytes of a store for one motor with that many chunks, all of it promised, and
+    that many units."""
     memory = chunks * CHUNK + units * UNIT
     assert UploadStore(1, memory).capacity_frames(1) >= 128 * chunks
     return memory
@@ -98,7 +98,7 @@ def test_memory_for_one_wild_chunk():
 
 
 def test_memory_given_back_in_pieces_serves_others():
-    """Units come and go in a hundred different orders; as many are there at the end as at the
+    """Units come and go in a hundred different orders; at the end as many are free as at the
     beginning."""
     chunks, random = 24, Random(1)
     lines, sent = [f"NEW 1 {memory_for(chunks, 24)}", f"BEGIN 0 {chunks * 128 - 1}"], {}
@@ -146,7 +146,7 @@ def test_a_jump_over_frames_never_sent_takes_memory_at_the_end():
 
 
 def test_what_lies_behind_the_upload_takes_no_memory_at_the_end():
-    positions = [50 * k * k for k in range(141)]  # 14 000 steps per frame where it ends
+    positions = [50 * k * k for k in range(141)]  # 14 000 steps per frame at the end
     lines = [
         f"NEW 1 {memory_for(2, 2)}",
         "BEGIN 0 150",
@@ -164,14 +164,14 @@ def test_what_a_refused_section_needed_is_not_counted_at_the_end():
         axis(1, 0, 0, [0] * 70),
         axis(1, 256, 0, [0, 100_000] * 100),
     ]
-    # five units needed, and six there
+    # needs five units, and six are free
     answered = answers(*lines, axis(1, 140, 0, [100_000] * 10), "FINISH")
     assert answered[2:] == [str(OK), str(ERR_RANGE), str(OK), str(OK)]
 
 
 def bends(random, count):
-    """Positions whose steps per frame change by up to 511 from one frame to the next, and go to 30
-    000."""
+    """Return positions whose steps per frame change by up to 511 from frame to frame, and reach
+    30 000."""
     positions, position, slope = [], 0, random.randrange(-30_000, 30_000)
     for i in range(count):
         slope += random.choice(
@@ -183,8 +183,8 @@ def bends(random, count):
 
 @pytest.mark.parametrize("size", [1, 2, 100, 257])
 def test_the_capacity_holds_the_steepest_moves_that_are_promised(size):
-    """All motors in turn, in sections of any size, into the last byte; a change of 512 once is too
-    much then."""
+    """All motors in turn, in sections of any size, down to the last byte; then a single change of
+    512 does not fit."""
     capacity = int(answers("NEW 3 2600")[0])
     moves = [bends(Random(motor), capacity) for motor in range(3)]
     lines = [
@@ -203,8 +203,8 @@ def test_the_capacity_holds_the_steepest_moves_that_are_promised(size):
 
 @pytest.mark.parametrize("jump", [300, 5000, 10**6, 2**31 - 1])
 def test_memory_ends_at_any_point(jump):
-    """Moves that take ever more memory until it is used up: what is refused changes nothing, what
-    is not is there."""
+    """Moves that take more and more memory until none is left: a refusal changes nothing, and what
+    is accepted is stored."""
     capacity, random = int(answers("NEW 2 1800")[0]), Random(jump)
     model = uploads.Model(2, 1800)
     lines, wanted = ["NEW 2 1800", f"BEGIN 0 {capacity - 1}"], []
@@ -232,7 +232,7 @@ def test_memory_ends_at_any_point(jump):
 )
 @settings(max_examples=100, deadline=None)
 def test_frames_read_in_any_order(reads, bend, random):
-    """From wherever the frame before was read: forward, backward, within a chunk and out of it."""
+    """In any order: forward, backward, within a chunk and out of it."""
     move = [random.randrange(bend) for _ in range(397)]
     store = UploadStore(2, 8000)
     store.begin(0, 396)

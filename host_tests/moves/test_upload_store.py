@@ -75,7 +75,7 @@ def test_the_lowest_position_is_refused_wherever_it_stands(at, near):
 
 
 def test_a_refused_section_leaves_no_trace_behind_what_has_been_sent():
-    # small steps at first, so that it is packed as it comes; then the position that is refused
+    # small steps at first, which are packed as they come; then the position that is refused
     refused = axis(1, 10, 0, [100 + i for i in range(60)] + [-(2**31)])
     answered = answers(
         "NEW 1 8000", "BEGIN 1 200", axis(1, 0, 0, [7] * 10), refused, "FINISH", "READ 0 0"
@@ -101,7 +101,7 @@ def test_a_refused_end_leaves_no_trace():
         "BEGIN 0 255",
         axis(1, 0, 0, [1] * 10),
         axis(2, 0, 0, [0] * 70),
-        # frames 128 to 139 will hold 0, so there will be a jump within a chunk
+        # frames 128 to 139 hold 0, so a jump lies within a chunk
         axis(2, 140, 0, [100_000] * 10),
         "FINISH",
         axis(1, 9, 0, [5]),
@@ -191,8 +191,8 @@ def test_too_little_memory_is_refused_with_what_is_needed(motors):
 @pytest.mark.parametrize("frames", [1, 5, 127, 128, 129, 200])
 @pytest.mark.parametrize("last", [0, 1])
 def test_a_section_past_the_end_is_stored_as_far_as_it_fits(frames, last):
-    """Field note 5.3: in one piece, in pieces, again; what lies past the end is not even looked
-    at."""
+    """Field note 5.3: in one piece, in pieces, again; the store does not even look at what lies
+    past the end."""
     whole = [(-3) ** (i % 5) + i for i in range(frames)]
     beyond = [-(2**31), 2**31 - 1, 5]
     for cut in {0, frames // 2, frames - 1}:

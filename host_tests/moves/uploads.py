@@ -21,12 +21,12 @@ LOWEST = -(2**31)
 
 
 def answers(*lines):
-    """What store_replay.py answers to these lines."""
+    """Return what store_replay.py answers to these lines."""
     return list(replay(lines))
 
 
 def axis(motor, index, last, positions):
-    """An MSG_RT_UPLOAD_MOVE_AXIS; `motor` from 1."""
+    """Return an MSG_RT_UPLOAD_MOVE_AXIS; `motor` from 1."""
     head = struct.pack("<BI", motor, index | last << 31)
     return wire.encode(
         messages.MSG_RT_UPLOAD_MOVE_AXIS, head + struct.pack(f"<{len(positions)}i", *positions), 5
@@ -37,7 +37,7 @@ FRAMES, CHUNK, UNIT, MOST_UNITS = 128, 69, 17, 12  # of a chunk; half words
 
 
 def _units(chunk):
-    """Units that a chunk, {frame: position}, takes."""
+    """Return the units that a chunk, {frame: position}, takes."""
     positions = [position for _, position in sorted(chunk.items())]
     if len(set(positions)) > 1 and any(not -(2**29) <= position < 2**29 for position in positions):
         return MOST_UNITS
@@ -47,8 +47,8 @@ def _units(chunk):
 
 
 class Model:
-    """What an UploadStore must do: dictionaries for the positions, and for the memory the count of
-    its units."""
+    """What an UploadStore must do: dictionaries for the positions, and the number of units for the
+    memory."""
 
     def __init__(self, motors, memory_bytes):
         self.motors = motors
@@ -103,12 +103,11 @@ class Model:
         return OK
 
     def region(self):
-        """Half words of a motor's region."""
+        """Return the half words of a motor's region."""
         return -(-self.count // FRAMES) * CHUNK
 
     def change(self, changes, regions):
-        """Put new dictionaries in the place of old ones if at any moment the pool has the units for
-        it."""
+        """Replace old dictionaries by new ones if the pool has the units for it at every moment."""
         room = (self.halves - regions * self.region()) // UNIT
         in_use, used = self.in_use, self.used
         for motor, new in changes:
@@ -141,7 +140,7 @@ class Model:
 
 
 def expected(script):
-    """The answers to a script, a list of (line, step of the model)."""
+    """Yield the answers to a script, a list of (line, step of the model)."""
     model = None
     for _, (name, *arguments) in script:
         if name == "new":
@@ -167,7 +166,7 @@ def _clipped(position):
 
 @st.composite
 def _positions(draw, index, count, before):
-    """A section's worth from frame `index` on: still, moving evenly, bending, wandering or
+    """Draw positions for a section from frame `index` on: still, even, bending, wandering or
     jumping."""
     start = draw(st.one_of(_near, _far, st.just(before), st.just(before)))
     kind = draw(
@@ -226,7 +225,7 @@ def _positions(draw, index, count, before):
 
 @st.composite
 def uploads(draw, steps=25, memories=(180, 380, 700, 1100, 2000, 3500, 20_000)):
-    """A store that is a little too small or large enough, and some uploads into it."""
+    """Draw a store, slightly too small or large enough, and some uploads into it."""
     motors = draw(st.integers(1, 4))
     memory = draw(st.sampled_from(memories))
     model = Model(motors, memory)

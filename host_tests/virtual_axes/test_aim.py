@@ -30,7 +30,7 @@ PLACE = st.tuples(*[st.floats(-20000, 20000)] * 3)
 
 
 def aimed(place, point, pan=0.0, safe=0.0):
-    """Code, pan and tilt from a place to a point, both X, Y, Z."""
+    """Return the code, pan and tilt from a place to a point, both X, Y, Z."""
     r = Firmware(4).r
     for at, value in (
         (V_EW, place[0]),

@@ -1,4 +1,4 @@
-"""VIRT_CONFIG: which payloads are taken, what is refused, and the pose that it tells (note 9.2)."""
+"""VIRT_CONFIG: which payloads are accepted or refused, and the pose that it reports (note 9.2)."""
 
 import math
 from array import array
@@ -82,7 +82,7 @@ LEAST = {1: 93, 2: 17, 3: 93, 4: 85}
 
 @pytest.mark.parametrize("kind", [1, 2, 3, 4])
 def test_what_follows_is_ignored(kind):
-    """Field note 1.8: behind the last optional field that is there. The boom table is there from
+    """Field note 1.8: after the last optional field that is present. The boom table is present from
     484 bytes on (9.2)."""
     bare = Rig(
         kind, FULL[kind].axes, FULL[kind].length, FULL[kind].extension, FULL[kind].nodal
@@ -100,7 +100,7 @@ def test_what_follows_is_ignored(kind):
                 safe,
             )
             payload = rig.payload()
-            # what is too short for the next optional field, or any length behind the last one
+            # too short for the next optional field, or any length after the last one
             room = 485 if safe is not None and table is None and kind == 1 else 900
             most = 3 if safe is None and kind != 2 else room - len(payload) + len(bare) - 2
             for more in {0, 1, 2, 3, min(4, most), most // 2, most}:
@@ -150,7 +150,7 @@ def test_what_is_told_is_held_within_32_bits(told, mantissa, sign, exponent):
 
 @pytest.mark.parametrize("kind", [1, 2, 3, 4])
 def test_all_positions_0_read_0(kind):
-    """Whatever the reach of the boom, the nodal offset and the steps at which the motors stand."""
+    """Whatever the reach of the boom, the nodal offset and the steps at which the motors are."""
     for steps in (
         (0,) * 6,
         (12_345, -54_321, 2**30, 77_777, -8_888, 9_999),
@@ -165,7 +165,7 @@ def test_all_positions_0_read_0(kind):
 
 @pytest.mark.parametrize("kind", [1, 3, 4])
 def test_the_pose_told_is_that_of_the_message(kind):
-    """To its last digit, and what is asked for is meant relative to it."""
+    """To its last digit; a target is relative to it."""
     told = (8.25, -19999.99999, 0.00001, -10.5, 3.25, 21474.83647)
     order = {1: (2, 1, 0, 3, 4, 5), 3: (2, 1, 0, 3, 4, 5), 4: (1, 2, 0, 3, 4, 5)}[kind]
     axes = tuple(Axis(i + 1, 250, told[k], 5000 * i) for i, k in enumerate(order))

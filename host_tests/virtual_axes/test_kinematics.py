@@ -61,7 +61,7 @@ def test_swing_pan(swing, pan, wanted):
 
 @st.composite
 def arms(draw):
-    """An arm, with a table or without, and joints within its reach: up to ±88 degrees, several
+    """Draw an arm, with a table or without, and joints within its reach: up to ±88 degrees, several
     turns of the swing."""
     kind = draw(st.sampled_from([reference.BOOM_SWING_TRACK, reference.Y_SWING_TRACK]))
     length = draw(st.integers(200_000, 5_000_000)) / 1000
@@ -88,17 +88,17 @@ def arms(draw):
     return rig, joints
 
 
-_ROUNDING = 2.0**-29  # of a number's size: how far a result of `reals` may be off (motion/reals.py)
+_ROUNDING = 2.0**-29  # of a number's size: the error of a result of `reals` (motion/reals.py)
 # degrees: the arc tangent (motion/compute.py), and what the steps of an angle round to
 _ANGLE = 1e-6
 
 
 def conditioning(rig, joints):
-    """How far inverse() may be from the joints if each result it works with is off by its rounding,
-    to first order.
+    """Return how far inverse() may be from the joints if each of its intermediate results has a
+    rounding error, to first order.
 
     Near ±90 degrees of boom and swing a place says little about an angle: an error of the place
-    comes out 1 / cos(boom) times as large in the reach, and that 1 / cos(swing) times as large in
+    is 1 / cos(boom) times as large in the reach, and a further 1 / cos(swing) times as large in
     swing and track.
     """
     boom, swing, track = joints[0], joints[1], abs(joints[2])
@@ -124,8 +124,8 @@ def conditioning(rig, joints):
 
 
 def spread(rig, joints):
-    """The same for forward(): the angles' rounding, on the arm that they turn, and that of sines
-    and sums."""
+    """Return the same for forward(): the angles' rounding on the arm that they turn, and the
+    rounding of sines and sums."""
     angles = np.radians(3 * _ROUNDING * np.abs(joints) + _ANGLE / 2)
     size = rig.length + abs(rig.extension)
     nodal = sum(map(abs, rig.nodal))
@@ -158,7 +158,7 @@ def spread(rig, joints):
     )
 )
 def test_forward_and_back(case):
-    """inverse() of forward() is where the arm was, and each is what double precision says."""
+    """inverse() of forward() gives the joints back, and each agrees with double precision."""
     rig, joints = case
     firmware = Firmware.of(rig)
     steps = np.round(rig.steps(joints))
@@ -176,8 +176,8 @@ def test_forward_and_back(case):
 @given(arms(), st.tuples(*[st.floats(-2, 2)] * 3))
 @example((Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 857.7, 78), np.zeros(6)), (0, 0, 1.1))
 def test_what_is_out_of_reach(case, way):
-    """Where the reference finds no joints, nor does the firmware; where they are a degree away from
-    that it does."""
+    """The firmware finds no joints where the reference finds none, and finds them a degree away
+    from that."""
     rig, joints = case
     firmware = Firmware.of(rig)
     firmware.locate(
@@ -335,8 +335,8 @@ def test_an_axis_without_a_motor_stays():
     ],
 )
 def test_a_place_too_far_to_be_exact(sign, start, far):
-    """Motors' steps are 32 bits, and what they go from where they stood at VIRT_CONFIG is exact to
-    a part of a step up to 2^26; a pose for which a motor would have to go beyond is out of reach.
+    """Motors' steps are 32 bits, and their distance from their steps at VIRT_CONFIG is exact to a
+    part of a step up to 2^26; a pose that needs a motor beyond it is out of reach.
     """
     rig = Rig(4, (Axis(1, 1, 0.0, sign * start), Axis(2), Axis(3), *HEAD))
     firmware = Firmware.of(rig)
