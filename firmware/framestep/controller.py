@@ -280,15 +280,20 @@ class Controller:
         lost = self.hal.take_lost_commands()
         if lost or flags & stepper.FLAG_FAULT:
             self.stops.on_fault(lost)
-        if self.operations.rt_end_due:
-            self.operations.rt_end_due = False
-            self.reports.position = self.reports.end = True
-        self.reports.send(now, self.was_open)
+        self._send_end()
         if self.journal:
             self.journal.poll(
                 now, self.reports.was_moving or self.operations.busy or self.virtuals.engaged
             )
         self.unsent = self.port.send(self.writer)
+
+    def _send_end(self):
+        """Send reports, RT_END with them if an operation has ended. Return whether that is done."""
+        if self.operations.rt_end_due:
+            self.operations.rt_end_due = False
+            self.reports.position = self.reports.end = True
+        self.reports.send(self.now, self.was_open)
+        return not self.reports.end
 
     def _plan(self, now):
         """Plan a piece, such as a frame or segments of one motor; the next pass goes on."""
@@ -327,6 +332,10 @@ class Controller:
         state = self.operations.state
         if state == POSITIONING or state == ENDING:
             self.operations.poll()  # so that answers give the present state
+        # An operation that has ended is over for the host before the answer to its next request,
+        # which may begin another one.
+        if (self.operations.rt_end_due or self.reports.end) and not self._send_end():
+            return True
         writer = self.writer
         busy = False
         self.backlog = True
