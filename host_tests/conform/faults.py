@@ -7,7 +7,7 @@ from typing import NamedTuple
 from framestep_tools.client.wire import Frame
 from framestep_tools.conform import spec
 
-from .spoiled import Behaviour
+from .fault_proxy import Behaviour
 
 
 class Fault(NamedTuple):

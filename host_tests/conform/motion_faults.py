@@ -12,10 +12,10 @@ from framestep_tools.client.wire import Frame
 from framestep_tools.conform import spec
 from framestep_tools.judge.trace import Edge
 
+from .fault_proxy import Behaviour
+from .fault_proxy import asked as _asked
+from .fault_proxy import field as _field
 from .faults import Fault
-from .spoiled import Behaviour
-from .spoiled import asked as _asked
-from .spoiled import field as _field
 
 _FPS, _FIRST, _LAST, _PRE, _POST, _SYNC, _BLOOP, _CHANNEL, _BLOOP_MS, _FLAGS = range(10)
 _RUN = struct.Struct("<IiiIIBIHHH")

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from framestep_tools.conform import kit, report
 from framestep_tools.conform.kit import Result
 
-from . import faults, motion_faults, together
+from . import coupled_faults, faults, motion_faults
 from .faults import Fault
 from .simulated import results
 from .variants import VARIANTS, Variant
 
-FAULTS = faults.FAULTS + motion_faults.FAULTS + together.FAULTS
+FAULTS = faults.FAULTS + motion_faults.FAULTS + coupled_faults.FAULTS
 _ALARMS = (kit.FAULT, kit.DEPARTS)
 
 

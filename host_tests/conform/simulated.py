@@ -11,7 +11,7 @@ from framestep_tools.conform.link import Link
 from framestep_tools.judge.trace import Edge
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
-from .spoiled import Behaviour, Spoiled
+from .fault_proxy import Behaviour, FaultProxy
 
 RIG: dict[str, Any] = {
     "estop": "nc",
@@ -77,7 +77,7 @@ def results(
     with SimulatedBoard({**RIG, **(rig or {})}, motors) as board:
         hands = SimulatedHands(board)
         behaviour = behaviour or Behaviour()
-        link = Link(Spoiled(LockstepPort(board), behaviour))
+        link = Link(FaultProxy(LockstepPort(board), behaviour))
         link.pump(0.3)
         checks = [c for c in every_check() if not subjects or c.subject in subjects]
         bench = Bench(link, True, SimulatedPins(board, behaviour), hands)

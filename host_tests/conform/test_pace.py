@@ -12,7 +12,7 @@ from framestep_tools.conform.link import Failed, Link
 from framestep_tools.conform.pace import HELD_UP_S, HoldUps, PacedPort
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 from host_tests.conform import motion_faults
-from host_tests.conform.spoiled import Behaviour, Spoiled
+from host_tests.conform.fault_proxy import Behaviour, FaultProxy
 
 
 class Held:
@@ -32,7 +32,7 @@ def bench():
 
     def make(hold_ups, behaviour=None):
         boards.append(board := SimulatedBoard(motors=1))
-        link = Link(Spoiled(LockstepPort(board), behaviour or Behaviour()))
+        link = Link(FaultProxy(LockstepPort(board), behaviour or Behaviour()))
         link.pump(0.3)
         return Bench(link, hold_ups=hold_ups)
 

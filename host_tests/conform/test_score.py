@@ -44,7 +44,9 @@ def test_devices_that_are_right_in_another_way_raise_no_alarm(name):
 
 
 @pytest.mark.parametrize(
-    "fault", (*score.FAULTS[4::24], *score.together.FAULTS[:6:2]), ids=lambda fault: fault.name
+    "fault",
+    (*score.FAULTS[4::24], *score.coupled_faults.FAULTS[:6:2]),
+    ids=lambda fault: fault.name,
 )
 def test_faults_are_found(fault):
     assert score.found(fault)

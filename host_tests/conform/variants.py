@@ -7,7 +7,7 @@ from framestep_tools.client.wire import Frame
 from framestep_tools.conform import spec
 from framestep_tools.judge.trace import Edge
 
-from .spoiled import Behaviour
+from .fault_proxy import Behaviour
 
 _SLOW_S = 0.02
 

@@ -1,14 +1,14 @@
-"""Setting `smoothing`: the uploaded steps at each frame's time, and less unrest between them."""
+"""Setting `smoothing`: the uploaded steps at each frame's time, and less ripple between them."""
 
 import itertools
 
 import numpy as np
 import pytest
 
-from framestep_tools.bench.moves import UNREST_FRAMES, unrest_paths
+from framestep_tools.bench.moves import RIPPLE_FRAMES, ripple_paths
 from framestep_tools.client.client import Client
 from framestep_tools.judge.judge import frame_times_ns
-from framestep_tools.judge.ripple import Unrest, origins_ns, unrest
+from framestep_tools.judge.ripple import Ripple, origins_ns, ripple
 from framestep_tools.judge.trace import Trace
 from framestep_tools.payloads import (
     MotorGetPosition,
@@ -68,7 +68,7 @@ def common_origin(trace, start, upload, fps, index):
     return (low + high) // 2
 
 
-def rounded(paths, frames=UNREST_FRAMES):
+def rounded(paths, frames=RIPPLE_FRAMES):
     return {
         motor: np.rint(path(np.arange(frames))).astype(int).tolist()
         for motor, path in paths.items()
@@ -76,17 +76,17 @@ def rounded(paths, frames=UNREST_FRAMES):
 
 
 @pytest.mark.parametrize("fps", [12, 24, 60])
-def test_the_uploaded_positions_at_each_frame_and_less_unrest(fps):
-    paths = unrest_paths()
+def test_the_uploaded_positions_at_each_frame_and_less_ripple(fps):
+    paths = ripple_paths()
     upload = rounded(paths)
-    due = frame_times_ns(UNREST_FRAMES, 1000 * fps)
+    due = frame_times_ns(RIPPLE_FRAMES, 1000 * fps)
     found = {}
     for smoothing in (False, True):
         board, client = prepared(upload, fps, rig={"smoothing": smoothing})
         trace, start = played(board, client)
         if smoothing:
-            origin = common_origin(trace, start, upload, fps, range(UNREST_FRAMES))
-        sums = Unrest()
+            origin = common_origin(trace, start, upload, fps, range(RIPPLE_FRAMES))
+        sums = Ripple()
         for motor, path in paths.items():
             times, ways = trace.steps(motor)
             if not smoothing:  # the edge onto the second frame's position of the fastest motor
@@ -94,8 +94,8 @@ def test_the_uploaded_positions_at_each_frame_and_less_unrest(fps):
                 edges, turns = trace.steps(fast)
                 at = start[fast] + np.cumsum(turns)
                 origin = edges[np.flatnonzero(at == upload[fast][8])[0]] - due[8]
-            sums += unrest(
-                (times - origin) * fps / 1e9, ways, start[motor], path, UNREST_FRAMES - 1
+            sums += ripple(
+                (times - origin) * fps / 1e9, ways, start[motor], path, RIPPLE_FRAMES - 1
             )
         found[smoothing] = sums
         assert positions(client) == {**positions(client), **{m: p[-1] for m, p in upload.items()}}
@@ -118,7 +118,7 @@ def edges_by_frame(trace, motor, origin, fps, frames):
 
 
 def test_a_section_is_passed_as_the_whole_is():
-    upload = rounded(unrest_paths(), 60)
+    upload = rounded(ripple_paths(), 60)
     board, client = prepared(upload, 24)
     trace, start = played(board, client)
     whole = common_origin(trace, start, upload, 24, range(60))
@@ -135,7 +135,7 @@ def test_a_section_is_passed_as_the_whole_is():
 
 
 def test_backward_is_the_mirror_image():
-    upload = rounded(unrest_paths(), 60)
+    upload = rounded(ripple_paths(), 60)
     board, client = prepared(upload, 24)
     trace, start = played(board, client)
     origin = common_origin(trace, start, upload, 24, range(60))
@@ -185,7 +185,7 @@ def test_turns_corners_and_holds(backward, backlash):
 
 
 def test_loops_come_to_where_they_begin():
-    upload = rounded(unrest_paths(), 30)
+    upload = rounded(ripple_paths(), 30)
     _, client = prepared(upload, 24, flags=2)
     start = positions(client)
     client.request(RtGo())

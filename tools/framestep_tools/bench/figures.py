@@ -67,7 +67,7 @@ FIGURES = (
         "over all frames in motion; one origin of time for all motors",
     ),
     Figure(
-        "velocity_unrest",
+        "velocity_ripple",
         "",
         None,
         0.25,
@@ -75,7 +75,7 @@ FIGURES = (
         "rounded to steps, over the same without it; lines, eases and sines of 0.4 to 500 "
         "steps/frame at 12, 24 and 60 frames/s",
     ),
-    Figure("acceleration_unrest", "", None, 0.15, "the same of the acceleration"),
+    Figure("acceleration_ripple", "", None, 0.15, "the same of the acceleration"),
     Figure(
         "tick_us_8",
         "µs",

@@ -39,7 +39,7 @@ from .figures import FIGURES
 from .late import worst_late_us
 from .moves import MOTORS, STEADY_RATES, STEEPEST, WINDOW, mixed_move, steady_move
 from .session import Session
-from .smoothness import unrest_ratios
+from .smoothness import ripple_ratios
 from .virtual_cost import virtual_update_us
 
 _CHANNELS = 512
@@ -217,7 +217,7 @@ def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
     say("upload through a single port")
     with EmulatedBoard({**rig, "ports": 1}, trace=False, args=args) as board:
         figures["rx_bytes_per_s_single_port"] = upload_rate(Session(board), 1000)
-    figures["velocity_unrest"], figures["acceleration_unrest"] = unrest_ratios(rig, args, say)
+    figures["velocity_ripple"], figures["acceleration_ripple"] = ripple_ratios(rig, args, say)
     return {figure.key: figures[figure.key] for figure in FIGURES}
 
 

@@ -45,8 +45,8 @@ def steady_move(rate: int, motors: int, frames: int = 11) -> dict[int, np.ndarra
     }
 
 
-UNREST_FRAMES = 96
-UNREST_RATES = (12, 24, 60)  # frames per second
+RIPPLE_FRAMES = 96
+RIPPLE_RATES = (12, 24, 60)  # frames per second
 
 
 Shape = Callable[[np.ndarray], np.ndarray]  # a path before rounding: steps at times in frames
@@ -54,7 +54,7 @@ Shape = Callable[[np.ndarray], np.ndarray]  # a path before rounding: steps at t
 
 def _ease(steps: float) -> Shape:
     """From rest to rest, velocity and acceleration without jumps."""
-    return lambda t: steps * np.polyval((6, -15, 10, 0, 0, 0), t / (UNREST_FRAMES - 1))
+    return lambda t: steps * np.polyval((6, -15, 10, 0, 0, 0), t / (RIPPLE_FRAMES - 1))
 
 
 def _line(rate: float) -> Shape:
@@ -65,7 +65,7 @@ def _sine(steps: float, period: float) -> Shape:
     return lambda t: steps * np.sin(2 * np.pi * t / period + 0.4)
 
 
-def unrest_paths() -> dict[int, Shape]:
+def ripple_paths() -> dict[int, Shape]:
     """Lines, eases and sines of 0.4 to 500 steps per frame, one for each of eight motors."""
     shapes = (
         *(_line(rate) for rate in (0.4, 7.3, -60.7, 500.3)),

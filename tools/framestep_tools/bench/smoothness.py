@@ -1,4 +1,4 @@
-"""How much unrest `smoothing` takes out of a run: edges on the pins of two boards, with and
+"""How much ripple `smoothing` removes from a run: edges on the pins of two boards, with and
 without it."""
 
 from collections.abc import Callable, Sequence
@@ -8,24 +8,24 @@ import numpy as np
 
 from ..errors import ToolError
 from ..judge.judge import frame_times_ns, judge
-from ..judge.ripple import Unrest, origins_ns, unrest
+from ..judge.ripple import Ripple, origins_ns, ripple
 from ..judge.trace import Trace
 from ..payloads import RtEnd, RtGo
 from ..simulator.boards import EmulatedBoard
-from .moves import UNREST_FRAMES, UNREST_RATES, unrest_paths
+from .moves import RIPPLE_FRAMES, RIPPLE_RATES, ripple_paths
 from .session import Session
 
 
-def unrest_ratios(
+def ripple_ratios(
     rig: dict[str, Any], args: Sequence[str], say: Callable[[str], None]
 ) -> tuple[float, float]:
-    """Unrest of velocity and of acceleration with `smoothing`, as parts of that without it."""
+    """Ripple of velocity and of acceleration with `smoothing`, as parts of that without it."""
     found = []
     for smoothing in (True, False):
-        say(f"unrest of rounding, {'with' if smoothing else 'without'} smoothing")
+        say(f"ripple of rounding, {'with' if smoothing else 'without'} smoothing")
         with EmulatedBoard({**rig, "smoothing": smoothing}, trace=False, args=args) as board:
             session = Session(board)
-            found.append(sum((_played(session, fps, smoothing) for fps in UNREST_RATES), Unrest()))
+            found.append(sum((_played(session, fps, smoothing) for fps in RIPPLE_RATES), Ripple()))
     smooth, rough = found
     return (
         smooth.velocity_rms / rough.velocity_rms,
@@ -33,10 +33,10 @@ def unrest_ratios(
     )
 
 
-def _played(session: Session, fps: int, smoothing: bool) -> Unrest:
-    """The unrest of all paths at this rate. ToolError where a motor was beside its position."""
-    paths = unrest_paths()
-    at = np.arange(UNREST_FRAMES)
+def _played(session: Session, fps: int, smoothing: bool) -> Ripple:
+    """The ripple of all paths at this rate. ToolError where a motor was beside its position."""
+    paths = ripple_paths()
+    at = np.arange(RIPPLE_FRAMES)
     rounded = {motor: np.rint(path(at)).astype(int) for motor, path in paths.items()}
     stands = session.positions
     moved = session.prepare(rounded, 100_000, fps)
@@ -56,19 +56,19 @@ def _played(session: Session, fps: int, smoothing: bool) -> Unrest:
         origin = _origin(trace, start, moved, fps)
     else:
         origin = judge(trace, moved, 1000 * fps, start).origin_ns
-    result = Unrest()
+    result = Ripple()
     for motor, path in paths.items():
         times, ways = trace.steps(motor)
         frames = (times - origin) * fps / 1e9
         begins = start[motor] - stands[motor]
-        result += unrest(frames, ways, begins, path, UNREST_FRAMES - 1)
+        result += ripple(frames, ways, begins, path, RIPPLE_FRAMES - 1)
     return result
 
 
 def _origin(trace: Trace, start: dict[int, int], moved: dict[int, np.ndarray], fps: int) -> float:
     """When the first frame was, ns: the one moment that has each motor on its position at each
     frame's time."""
-    due = frame_times_ns(UNREST_FRAMES, 1000 * fps)
+    due = frame_times_ns(RIPPLE_FRAMES, 1000 * fps)
     low, high = -(1 << 62), 1 << 62
     for motor, positions in moved.items():
         spans = origins_ns(*trace.steps(motor), start[motor], positions.tolist(), due)

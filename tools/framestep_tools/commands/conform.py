@@ -128,12 +128,12 @@ def conform(
 
 
 def _person():
-    from ..conform.person import Person
+    from ..conform.operator import Operator
 
     def say(text: str) -> None:
         typer.prompt(text, default="", show_default=False, prompt_suffix=" ", err=True)
 
-    return Person(say, lambda text: typer.confirm(text, err=True))
+    return Operator(say, lambda text: typer.confirm(text, err=True))
 
 
 def add(app: typer.Typer) -> None:

@@ -1,11 +1,11 @@
-"""How restless a played move is, judged by the edges on the pins.
+"""Ripple of a played move, measured from the edges on the pins.
 
-The path before it was rounded to whole steps is the measure. An edge says that the motor is between
-two steps; between edges the motion is taken as even. Beside the path that gives an error at each
-frame and half-way between two, and the unrest: how much that error changes from frame to frame
-(velocity, steps per frame), and how much that change changes (acceleration, steps per frame²).
-Where the motor turns, from the last edge one way to the first one the other way, edges say nothing,
-and nothing is counted.
+The reference is the path before it was rounded to whole steps. At an edge the motor is halfway
+between two steps; between edges its velocity is assumed constant. The difference from the path is
+an error at each frame and halfway between frames. Ripple is the change of that error from frame to
+frame (velocity, steps per frame), and the change of that change (acceleration, steps per frame²).
+At a turn, between the last edge one way and the first edge the other way, the position is unknown,
+so nothing is counted.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,20 +13,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_MARGIN = 4  # frames at either end that are not counted: there the motion begins and ends
+_MARGIN = 4  # frames at either end, where the motion begins and ends: not counted
 
 
 @dataclass(frozen=True)
-class Unrest:
-    """Sums over the moments that count; two of them can be added."""
+class Ripple:
+    """Sums over all counted moments. Two of them can be added."""
 
     velocity: float = 0.0  # sum of squares, (steps/frame)²
     velocities: int = 0  # how many
     acceleration: float = 0.0
     accelerations: int = 0
 
-    def __add__(self, other: "Unrest") -> "Unrest":
-        return Unrest(
+    def __add__(self, other: "Ripple") -> "Ripple":
+        return Ripple(
             self.velocity + other.velocity,
             self.velocities + other.velocities,
             self.acceleration + other.acceleration,
@@ -44,16 +44,19 @@ class Unrest:
         return float(np.sqrt(self.acceleration / self.accelerations))
 
 
-def unrest(
+def ripple(
     frames: np.ndarray,
     ways: np.ndarray,
     start: int,
     path: Callable[[np.ndarray], np.ndarray],
     last: int,
-) -> Unrest:
-    """Of one motor. frames: when its edges come, in frames after the first; ways: 1 or -1 each;
-    start: its position before the first of them. path: position at a time in frames, before
-    rounding; last: its last frame."""
+) -> Ripple:
+    """Return the ripple of one motor.
+
+    frames: times of its edges, in frames after the first frame; ways: 1 or -1 for each edge; start:
+    its position before the first edge; path: position at a time in frames, before rounding; last:
+    the path's last frame.
+    """
     positions = start + np.cumsum(ways) - ways / 2
     at = np.arange(_MARGIN, last - _MARGIN + 0.25, 0.5)
     following = np.clip(np.searchsorted(frames, at, side="right"), 1, len(frames) - 1)
@@ -64,7 +67,7 @@ def unrest(
     bend = error[4:] - 2 * error[2:-2] + error[:-4]
     counts = known[2:] & known[:-2]
     counts_too = counts[2:] & counts[:-2]
-    return Unrest(
+    return Ripple(
         float((change[counts] ** 2).sum()),
         int(counts.sum()),
         float((bend[counts_too] ** 2).sum()),
@@ -75,11 +78,11 @@ def unrest(
 def origins_ns(
     times_ns: np.ndarray, ways: np.ndarray, start: int, uploaded: Sequence[int], due_ns: np.ndarray
 ) -> list[tuple[int, int]]:
-    """When the first frame can have been, so that at each frame's time the motor stood on its
-    position: spans of time, empty if it never can.
+    """Return the spans of time in which the first frame can have been.
 
-    times_ns, ways: the motor's edges; start: its position before them; due_ns: times of the frames
-    after the first one.
+    With such a time, the motor is at its uploaded position at each frame's time. No spans: it
+    missed a position. times_ns, ways: the motor's edges; start: its position before them; due_ns:
+    times of the frames after the first one.
     """
     positions = np.concatenate(([start], start + np.cumsum(ways)))
     begins = np.concatenate(([-(1 << 62)], times_ns))

@@ -1,10 +1,13 @@
-"""Somebody at the rig who presses its switches when asked."""
+"""An operator at the rig who presses its switches when asked."""
 
 from collections.abc import Callable
 
 
-class Person:
-    """`say` shows a sentence and waits until it has been done; `ask` gets a yes or no."""
+class Operator:
+    """Asks somebody to press switches.
+
+    say: shows a sentence and waits until the operator confirms; ask: returns a yes or no.
+    """
 
     slow = True
 
@@ -14,13 +17,13 @@ class Person:
         self._ready = ""
 
     def has(self, what: str) -> bool:
-        """Asked once."""
+        """Return whether the rig has a switch. Each is asked for once."""
         if what not in self._has:
             self._has[what] = self.ask(f"Is there a switch to press for the {what}?")
         return self._has[what]
 
     def ready(self, what: str) -> None:
-        """It is to be pressed under way."""
+        """Announce that a switch has to be pressed during the next motion."""
         self.say(
             f"Motor 1 will move slowly. As soon as it does, press the {what} and hold it "
             "until you are asked to let go. Enter begins"
@@ -28,7 +31,7 @@ class Person:
         self._ready = what
 
     def press(self, what: str, on: bool) -> None:
-        """Press it, unless it is being pressed under way, or let go of it."""
+        """Have a switch pressed, unless ready() has announced it, or released."""
         if on and self._ready == what:
             return
         self._ready = ""

@@ -16,10 +16,10 @@ _GRAIN_S = 1e-6
 class Behaviour:
     """How a faulty device behaves. This one is sound; a fault overrides what it spoils.
 
-    `port` is the Spoiled port that it sits in.
+    `port` is the FaultProxy port that it sits in.
     """
 
-    port: "Spoiled"
+    port: "FaultProxy"
 
     def asked(self, frame: Frame) -> Frame | None:
         """The request as the device gets it; None: it is acknowledged and nothing is done."""
@@ -34,7 +34,7 @@ class Behaviour:
         return edges
 
 
-class Spoiled:
+class FaultProxy:
     """A port in front of a port."""
 
     def __init__(self, port: Any, behaviour: Behaviour):

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from framestep_tools.client.wire import Frame
 from framestep_tools.conform import spec
 
+from .fault_proxy import Behaviour, asked, field
 from .faults import Fault
-from .spoiled import Behaviour, asked, field
 
 _COUPLED = 0x30
 _BOOM, _EXT = 18, 19  # fields of VIRT_CONFIG behind the type, in types 1 and 3
