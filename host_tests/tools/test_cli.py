@@ -191,14 +191,14 @@ def test_a_capture_is_read(tmp_path, capsys):
         "9 0x7777 3 bytes: 00 00 00",
         "10 RT_UPLOAD_MOVE_AXIS motor=1 start_index=0 "
         "positions=[0, 1, 2, 3, 4, 5, 6, 7, … 99; 100 values] (from frame 0 of the move)",
-        "5 frames; 5 bytes in no frame, 0 frames with a wrong checksum, "
+        "5 frames; 5 bytes outside frames, 0 frames with a wrong checksum, "
         "0 bytes of an unfinished frame at the end",
     ]
 
 
 def test_an_empty_capture_says_so():
     assert list(read_capture(b"")) == [
-        "0 frames; 0 bytes in no frame, 0 frames with a wrong checksum, "
+        "0 frames; 0 bytes outside frames, 0 frames with a wrong checksum, "
         "0 bytes of an unfinished frame at the end"
     ]
 

@@ -1,5 +1,4 @@
-"""Where the command `framestep` begins: Ctrl-C ends it without a word also while it is still being
-loaded."""
+"""Entry of the command `framestep`. Ctrl-C ends it silently, even while it is still loading."""
 
 import signal
 import sys

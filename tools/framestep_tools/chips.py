@@ -14,11 +14,11 @@ FILE = paths.BOARDS / "chips.json"
 class Chip:
     """An entry of the file; every one has all of these."""
 
-    name: str  # as people write it
+    name: str  # as it is usually written
     hal: str  # its HAL is the folder framestep/hal/<hal>
-    engine: str  # what makes the pulses: a key of files.ENGINES
-    motors: int  # that the engine can step
-    pins: int  # numbers from 0 on that a board's data and a rig file may name
+    engine: str  # what makes the pulses: a key of board_files.ENGINES
+    motors: int  # as many as the engine can step
+    pins: int  # board data and rig files may name 0 to one less
     uarts: list[dict[str, list[int]]]  # the pins that each UART can have as TX and RX
     processor: str  # as mpy-cross calls it
     uf2_family: str
@@ -27,7 +27,7 @@ class Chip:
 
 @cache
 def chips() -> dict[str, Chip]:
-    """All of them by their key."""
+    """Return all chips by their key."""
     entries = json.loads(FILE.read_text())
     names = {field.name for field in fields(Chip)}
     for key, entry in entries.items():
@@ -41,7 +41,7 @@ def chips() -> dict[str, Chip]:
 
 
 def chip(key: str) -> Chip:
-    """ToolError if there is no such chip."""
+    """Return a chip. Raises ToolError if there is none of this name."""
     if key not in chips():
         raise ToolError(f"no chip {key!r}: there are {', '.join(chips())}")
     return chips()[key]

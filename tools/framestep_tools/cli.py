@@ -2,7 +2,7 @@
 
 The device is the only board on USB, or --device: a port's path (/dev/ttyACM1, COM5) or
 socket://HOST:PORT, which may also come first after the command. The controller stops its motors
-when its host leaves, so a command that moves something waits until it stands.
+when its host disconnects, so a command that moves something waits until it is at rest.
 """
 
 from typing import Annotated

@@ -1,5 +1,4 @@
-"""Errors that the user of a tool can do something about, and commands that show them as one
-sentence."""
+"""Errors that a user can act on, and commands that show them as one sentence."""
 
 import os
 import sys
@@ -8,7 +7,7 @@ from typing import Any
 import typer
 from typer.exceptions import Abort, TyperException
 
-# Exit statuses of a command; docs/use/troubleshooting.md has the same list
+# Exit statuses of a command, as in docs/use/troubleshooting.md
 DONE = 0
 FAILED = 1
 USAGE = 2
@@ -33,18 +32,18 @@ STATUSES = {
 
 
 class ToolError(Exception):
-    """Something is wrong outside the tool: what was expected, what came, what to do.
+    """Something is wrong outside the tool. The text says what was expected, what came, what to do.
 
-    `status` is what the command exits with, one of STATUSES.
+    `status` is the command's exit status, one of STATUSES.
     """
 
     status = FAILED
 
 
 class Command(typer.Typer):
-    """A command line that answers what is wrong with one sentence on standard error.
+    """A command line that reports an error as one sentence on standard error.
 
-    Exit status: one of STATUSES; what is in `expected` is FAILED.
+    Its exit status is one of STATUSES; errors in `expected` give FAILED.
     """
 
     def __init__(self, name: str, expected: tuple[type[Exception], ...] = (), **options: Any):
@@ -54,7 +53,7 @@ class Command(typer.Typer):
             pretty_exceptions_enable=False,
             rich_markup_mode=None,
             **options,
-        )  # plain text: rich would take as long again as all the rest of a command's start
+        )  # plain text: loading rich would double the time that a command takes to start
         self.program = name
         self.expected: tuple[type[Exception], ...] = (ToolError, *expected)
 
@@ -80,7 +79,7 @@ class Command(typer.Typer):
             return self._say(str(error), getattr(error, "status", FAILED))
         except (Abort, KeyboardInterrupt):
             return INTERRUPTED
-        except BrokenPipeError:  # who reads the output has enough
+        except BrokenPipeError:  # the reader of the output has closed it
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
             return DONE
         except Exception as error:
@@ -94,8 +93,8 @@ class Command(typer.Typer):
 
 
 def _interrupted(error: BaseException | None) -> bool:
-    """Whether a Ctrl-C is behind an error: some libraries make an ImportError of it while they are
-    loaded."""
+    """Return whether a Ctrl-C caused an error. Some libraries turn it into an ImportError while
+    they are being loaded."""
     while error is not None:
         if isinstance(error, KeyboardInterrupt):
             return True

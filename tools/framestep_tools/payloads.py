@@ -1,20 +1,19 @@
-"""The protocol's messages as typed values, as framestep.protocol.declared has them, and tables of
-them."""
+"""The protocol's messages as typed values, from framestep.protocol.declared, and tables of them."""
 
 from typing import Any
 
 from framestep.protocol import declared
 
-# All of them, so that one that is added is there
+# Import all names, so that a new message is here too
 from framestep.protocol.declared import *  # noqa: F403
 from framestep.protocol.declared import Ack, Payload, Request, RtEnd, RtGo
 
 # The high bit of START INDEX: these are the channel's last values, repeat the final one (spec:
 # MSG_RT_UPLOAD_MOVE_AXIS)
 LAST_SECTION = declared.LAST_SECTION << 16
-# By their numbers, with those that only a device sends
+# Requests by number, including messages that only a device sends
 REQUESTS: dict[int, type[Request[Any]]] = {cls.TYPE: cls for cls in Request.__subclasses__()}
-# What comes without the acknowledgement flag, asked for or not
+# Messages without the acknowledgement flag, whether requested or not
 REPORTS: dict[int, type[Payload]] = {
     cls.TYPE: cls
     for cls in (*(each.REPLY for each in Request.__subclasses__()), declared.HardStop, RtEnd, RtGo)
@@ -28,5 +27,5 @@ TYPE_NAMES = {
 
 
 def type_name(type: int) -> str:
-    """The specification's name of a message type, without its MSG_."""
+    """Return the specification's name of a message type, without MSG_."""
     return TYPE_NAMES.get(type, f"0x{type:04X}")

@@ -225,7 +225,7 @@ def test_a_section_that_does_not_fit_is_told_without_its_positions():
             client.upload_move(1, 16_000, {motor: wild for motor in range(1, 9)})
         said = str(explain(client, caught.value))
     assert "the positions of motor " in said
-    assert "memory is full; what does not fit needs " in said
+    assert "memory is full; this section needs " in said
     assert len(said) < 300
 
 
@@ -237,7 +237,7 @@ def test_a_run_against_a_limit_switch_names_the_motor():
     )  # fmt: skip
     board._board.set_input(22, 0)
     board.run_until(board.now_ns + 200_000_000)
-    words = "motor 3 stands at its upper limit switch, and may move down only"
+    words = "motor 3 is at its upper limit switch, and may move down only"
     with Client(LockstepPort(board)) as client:
         for request in (RtRunMove(24_000, 1, 3, 500, 500), RtPositionFrame(3), MotorMove(3, 5)):
             assert words in refused(client, request)

@@ -173,5 +173,5 @@ def test_the_status_command_says_so(monkeypatch, capsys):
     assert capsys.readouterr().out.splitlines()[1:] == [
         "motor 1: -7",
         "motor 2: 0",
-        "this device does not tell how far its positions can be trusted",
+        "this device does not report how far its positions can be trusted",
     ]

@@ -208,7 +208,7 @@ def test_a_long_table_goes_in_sections(tmp_path):
         ("frame,513\n1,2\n", "line 1: expected a DMX channel, 1 to 512, or .* found '513'"),
         ("frame,lamp\n1,2\n", "line 1: expected a DMX channel, .* found 'lamp'"),
         ("frame,output 0\n1,1\n", "line 1: expected a DMX channel, .* found 'output 0'"),
-        ("frame,5,dmx 5\n1,2,3\n", "line 1: dmx 5 is there twice"),
+        ("frame,5,dmx 5\n1,2,3\n", "line 1: dmx 5 occurs twice"),
         ("frame,5\n1,2\n2,256\n", "line 3: expected 0 to 255 for 5, found 256"),
         ("frame,output 1\n1,2\n", "line 2: expected 0 to 1 for output 1, found 2"),
         ("frame,5\n1,2\n3,2\n", "line 3: expected frame 2, found 3"),

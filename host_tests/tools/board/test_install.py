@@ -162,4 +162,4 @@ def test_an_image_for_the_other_chip_is_not_copied(tmp_path):
 
 def test_a_folder_that_is_no_drive(tmp_path, capsys):
     assert cli.app.status(["install", "--drive", str(tmp_path)]) == 3
-    assert "is no board's drive: hold the board's BOOTSEL button" in capsys.readouterr().err
+    assert "is not a board's drive: hold the board's BOOTSEL button" in capsys.readouterr().err

@@ -59,7 +59,7 @@ def test_a_board_with_little_memory_gets_smaller_pieces(monkeypatch):
     def run(device, script):
         scripts.append(script)
         if "DeflateIO" in script:  # which needs a piece of its own
-            raise DeviceError("the board stumbled: MemoryError")
+            raise DeviceError("the board reported an error: MemoryError")
         return ""
 
     monkeypatch.setattr(Device, "run", run)

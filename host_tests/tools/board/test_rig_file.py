@@ -30,7 +30,7 @@ NO_JSON = {
     ),
     b'{"name": "x",\n5}': "not valid JSON in line 2, column 1",
     b'{"ports": NaN}': "not valid JSON (NaN is no JSON)",
-    b'{\n"name": "\xe9"}': "expected is UTF-8, found byte 0xE9 in line 2",
+    b'{\n"name": "\xe9"}': "expected UTF-8, found byte 0xE9 in line 2",
     b"[1]": "expected an object of settings, found list",
 }
 
@@ -170,7 +170,7 @@ def test_a_doubled_key(text, tmp_path, capsys):
     file = tmp_path / "rig.json"
     file.write_text(text)
     assert cli.app.status(["rig", "check", str(file)]) == 1
-    assert '"ports" is there twice in one {…}' in capsys.readouterr().err
+    assert '"ports" occurs twice in one {…}' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("content", ["{}", '{"name": "a // b \\" // c"}', '{\n  "motors": [{}]\n}'])
@@ -277,7 +277,7 @@ def test_a_file_that_only_the_board_refuses_leaves_the_draft(tmp_path, monkeypat
 
         def see(self, opened, protocol, ports):
             assert (protocol, ports) == ("/dev/protocol", 2)
-            raise rig_change.Refused("the board does not take it (why)")
+            raise rig_change.Refused("the board rejects it (why)")
 
     def run_editor(draft):
         draft.write_text(draft.read_text().replace("before", "after"))
@@ -289,6 +289,6 @@ def test_a_file_that_only_the_board_refuses_leaves_the_draft(tmp_path, monkeypat
         rig_file.edit(Board(), "/dev/protocol")
     draft = tmp_path / "rig.json"
     assert str(caught.value) == (
-        f"the board does not take it (why); framestep rig edit {draft} goes on with the draft"
+        f"the board rejects it (why); framestep rig edit {draft} goes on with the draft"
     )
     assert "after" in draft.read_text()

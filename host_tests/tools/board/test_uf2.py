@@ -61,7 +61,7 @@ def test_a_block_for_another_family_stays_first():
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [
-        (b"", "no UF2 file"),
+        (b"", "not a UF2 file"),
         (uf2_file()[: 512 * 9], "is cut short: it has 9 of 12 blocks"),
         (b"x" * 512, "block 0 is not one of UF2"),
         (uf2_file()[:-1], "a multiple of 512"),

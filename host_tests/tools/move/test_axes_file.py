@@ -21,13 +21,13 @@ from host_tests.tools.move.move_samples import ARC, LINEAR, run
         (LINEAR + 'hold = "x"\n', "axis 2 (pan): \"hold\": expected a number, found 'x'"),
         (LINEAR.replace("motor = 1", "motor = 0"), '"motor": expected a whole number from 1 to 32'),
         (LINEAR.replace("motor = 1", "motor = true"), '"motor": expected a whole number'),
-        (LINEAR.replace("motor = 1", "motor = 2"), '"motor": 2 is there twice'),
+        (LINEAR.replace("motor = 1", "motor = 2"), '"motor": 2 occurs twice'),
         (
             LINEAR.replace("motor = 1", "motor = 3"),
             "there is no axis for motor 1, but one for motor 2",
         ),
-        (LINEAR.replace('"pan"', '"track"'), "\"name\": 'track' is there twice"),
-        (LINEAR + 'in_file = "track"\n', "\"in_file\": 'track' is there twice"),
+        (LINEAR.replace('"pan"', '"track"'), "\"name\": 'track' occurs twice"),
+        (LINEAR + 'in_file = "track"\n', "\"in_file\": 'track' occurs twice"),
         (
             LINEAR.replace("= 10\n", "= 0\n"),
             'unit": expected a number from 1e-06 to 1e+09, found 0',
@@ -65,7 +65,7 @@ def test_there_is_no_axes_toml(tmp_path, capsys):
     for name, axes in (("shot.arcm", "track in cm, pan in deg"), ("raw", "column 1, column 2")):
         assert run(tmp_path, "import", str(tmp_path / name), "-o", str(tmp_path / "out")) == 1
         error = capsys.readouterr().err
-        assert f"are to the motors ({axes}); docs/use/formats.md shows one" in error
+        assert f"({axes}) to motors; docs/use/formats.md shows one" in error
         assert len(error.splitlines()) == 1
     with pytest.raises(ToolError, match=r"cannot read the axes .*axes.toml: No such file"):
         read_axes(tmp_path / "axes.toml")

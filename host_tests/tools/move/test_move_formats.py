@@ -234,7 +234,7 @@ def test_seconds_from_zero_on_are_exported(shot):
 
 def test_axes_that_nobody_has_are_named(shot, capsys):
     imported(shot, "frame,track,focus,pan,iris\n1,0,5,2,4\n")
-    assert "left out, as no axis has them: focus, iris" in capsys.readouterr().err
+    assert "left out, no axis names them: focus, iris" in capsys.readouterr().err
 
 
 def test_help_names_the_formats(capsys):

@@ -161,7 +161,7 @@ def test_one_sentence_says_what_is_wrong_and_nothing_is_written(text, options, s
 @pytest.mark.parametrize(
     ("args", "status", "said"),
     [
-        (["import", "SOURCE", "-o", "SOURCE"], 2, "is the file that is read"),
+        (["import", "SOURCE", "-o", "SOURCE"], 2, "is the file to read"),
         (["import", "SOURCE", "-o", "OUT", "--format", "flair"], 2, "'flair' is not one of arc, "),
         (["import", "nothing", "-o", "OUT"], 1, "cannot read the move nothing: No such file"),
         (["import", "SOURCE", "-o", "no/where.csv"], 1, "cannot write no/where.csv: No such file"),

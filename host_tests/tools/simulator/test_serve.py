@@ -364,7 +364,7 @@ def test_pace_does_not_make_up_for_a_long_pause(monkeypatch):
             0.5,
             3_210_000_000,
             "this computer did not keep up with --speed 0.5: the board's time lost 3.2 s, "
-            "so times that clients took are wrong\n",
+            "so clients measured wrong times\n",
         ),
     ],
 )

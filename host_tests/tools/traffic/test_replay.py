@@ -160,7 +160,7 @@ def test_a_line_that_is_none_is_named(line):
 def test_files_that_are_no_logs(tmp_path, capsys):
     other = tmp_path / "other"
     other.write_text("hello")
-    for path, text in ((other, "is no log of traffic"), (tmp_path / "none", "cannot read the log")):
+    for path, text in ((other, "is not a traffic log"), (tmp_path / "none", "cannot read the log")):
         assert cli.app.status(["replay", str(path)]) == 1
         assert text in capsys.readouterr().err
 
@@ -348,7 +348,7 @@ def test_a_device_that_says_nothing_is_given_up_soon(log):
 
 
 def test_names_that_are_no_messages():
-    with pytest.raises(ToolError, match="FLY is no message"):
+    with pytest.raises(ToolError, match="FLY is not a message"):
         names_known(["fly"])
 
 
@@ -402,7 +402,7 @@ def test_the_line_at_the_end(log):
     for entry in log:
         tally.add(entry)
     text = str(tally)
-    assert f"{len(DAMAGED)} bytes in no frame" in text
+    assert f"{len(DAMAGED)} bytes outside frames" in text
     assert "the slowest answer after" in text
 
 

@@ -142,7 +142,7 @@ def tell_rig(content: bytes | None, board: str, say: Callable[[str], None]) -> i
         return check(parse(content, RIG_FILE), board_data(board), RIG_FILE).ports
     except RigFileError as error:
         say(f"{error}")
-        say("until it is right nothing will move: framestep rig edit")
+        say("nothing moves until it is corrected: framestep rig edit")
         return 2
 
 

@@ -247,7 +247,9 @@ class Device:
         try:
             return self._transport.exec(script).decode()
         except TransportExecError as error:
-            raise DeviceError(f"the board stumbled:\n{error.error_output.strip()}") from None
+            raise DeviceError(
+                f"the board reported an error:\n{error.error_output.strip()}"
+            ) from None
         except (OSError, TransportError) as error:
             raise DeviceError(f"the board on {self.path} has gone: {error}") from None
 

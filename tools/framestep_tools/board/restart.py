@@ -27,7 +27,7 @@ def hello(
     is known; ports: how many the rig file asks for; advice: what to do if nobody answers.
     """
     if advice is None:
-        advice = f"what it says as it starts shows mpremote connect {repl} exec 'import main'"
+        advice = f"mpremote connect {repl} exec 'import main' shows what it prints at its start"
     return answer(
         lambda: repl if ports == 1 else protocol or protocol_of(repl),
         "it has no port named framestep DMC",

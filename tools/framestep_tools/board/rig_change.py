@@ -49,4 +49,4 @@ class RigChange:
                 device.replace(RIG_FILE, self._before)
             device.restart()
         hello(self._repl, protocol, self._ports_before)
-        raise Refused(f"the board does not take it ({why}) and has restarted with that of before")
+        raise Refused(f"the board rejects it ({why}) and has restarted with the previous one")

@@ -52,7 +52,7 @@ def parse(content: bytes, name: str) -> dict[str, Any]:
         settings = json.loads(content.decode(), parse_constant=constant, object_pairs_hook=once)
     except _Doubled as error:
         raise RigFileError(
-            f'{name}: "{error}" is there twice in one {{…}}: the board would take the last one'
+            f'{name}: "{error}" occurs twice in one {{…}}: the board would use the last one'
         ) from None
     except json.JSONDecodeError as error:
         if _bare(content) != content:
@@ -65,7 +65,7 @@ def parse(content: bytes, name: str) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise RigFileError(
-            f"{name}: expected is UTF-8, found byte 0x{content[error.start]:02X} in line {line}"
+            f"{name}: expected UTF-8, found byte 0x{content[error.start]:02X} in line {line}"
         ) from None
     except (ValueError, RecursionError) as error:
         raise RigFileError(f"{name}: not valid JSON ({error})") from None
@@ -147,8 +147,8 @@ def ask_again(mistake: str) -> bool:
 
 
 _HEAD = """\
-// Settings of the rig. What follows // is a comment, for this editing only: the board gets what is left.
-// Below are all settings with their defaults; copy those that you change into the braces, with a comma between them.
+// Settings of the rig. Text after // is a comment, for this editor only: it does not go to the board.
+// All settings and their defaults are below. Copy those that you change into the braces, with commas between them.
 """  # noqa: E501
 
 

@@ -109,7 +109,7 @@ def parse(content: bytes, name: str) -> Image:
     chips at once."""
     if not content or len(content) % _BLOCK.size:
         raise Uf2Error(
-            f"{name} is no UF2 file: it has {len(content)} bytes, "
+            f"{name} is not a UF2 file: it has {len(content)} bytes, "
             f"expected a multiple of {_BLOCK.size}"
         )
     images: dict[int, Image] = {}
@@ -120,7 +120,7 @@ def parse(content: bytes, name: str) -> Image:
         block = content[at : at + _BLOCK.size]
         magic, magic2, flags, address, size, number, total, family, data, end = _BLOCK.unpack(block)
         if (magic, magic2, end) != _MAGIC or size > len(data):
-            raise Uf2Error(f"{name} is no UF2 file: block {at // _BLOCK.size} is not one of UF2")
+            raise Uf2Error(f"{name} is not a UF2 file: block {at // _BLOCK.size} is not one of UF2")
         raw.append((family, block))
         if flags & _NOT_FOR_FLASH or not flags & _HAS_FAMILY:
             continue

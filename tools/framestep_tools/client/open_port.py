@@ -53,7 +53,7 @@ def open_port(url: str, timeout: float) -> Any:
     except Exception as error:
         if type(error).__name__ != "error":  # termios.error, where there is a termios
             raise
-        raise NoPort(f"cannot open {url}: it is no serial port") from error
+        raise NoPort(f"cannot open {url}: it is not a serial port") from error
     try:
         others = holders(url)
         if others:  # one that has not asked for the port alone
@@ -103,7 +103,7 @@ def _why(url: str, error: Exception) -> ToolError:
     why = os.strerror(number) if number else text  # pyserial's own text says everything three times
     if "FileNotFoundError(2" in text:
         why = os.strerror(errno.ENOENT)
-    return NoPort(f"cannot open {url}: {why}; framestep ports lists the ports that there are")
+    return NoPort(f"cannot open {url}: {why}; framestep ports lists all ports")
 
 
 def _exclude(port: Any, on: bool) -> None:

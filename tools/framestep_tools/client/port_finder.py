@@ -156,7 +156,7 @@ def protocol_port() -> str:
     if not found and ports:
         raise PortError(
             f"the board on {ports[0].path} shows one port only: "
-            "framestep is not running there (what the REPL says tells why), "
+            "framestep is not running there (the REPL says why), "
             f'or its rig file says "ports": 1, then name the port: --device {ports[0].path}'
         )
     return _only(found, "framestep")

@@ -79,10 +79,10 @@ _LIMITS = "set by SET_LIMITS: Dragonframe's axis set-up"
 _STOPPED = (
     (
         CONDITION_RIG_FILE_INVALID,
-        "the rig file has a mistake, which the REPL tells: nothing moves until it is right",
+        "the rig file has a mistake, see the REPL: nothing moves until it is corrected",
     ),
     (CONDITION_ESTOP, "the E-stop is held"),
-    (CONDITION_DRIVER, "a driver does not work (the REPL tells which and why)"),
+    (CONDITION_DRIVER, "a driver does not work (the REPL says which and why)"),
 )
 _UNSENT = -(2**31)  # stands for a frame not sent (field note 5.3)
 _NO_UPLOAD = "no move has been uploaded since the board's start: framestep upload FILE"
@@ -189,9 +189,9 @@ def _at_switch(client: Client, motors: Any, code: Ack) -> str | None:
     found = [m for m in motors if (client.request(GetExceeded(m)).bits or 0) & bit]
     if not found:
         return None
-    stand = "stands at its" if len(found) == 1 else "stand at their"
+    where = "is at its" if len(found) == 1 else "are at their"
     return (
-        f"{_named(found)} {stand} {'upper' if up else 'lower'} limit switch, "
+        f"{_named(found)} {where} {'upper' if up else 'lower'} limit switch, "
         f"and may move {'down' if up else 'up'} only"
     )
 
@@ -273,7 +273,7 @@ def _section(client: Client, request: Payload, code: Ack) -> str | None:
     if told.what != EXCEEDED_MEMORY:
         return _outside(request)
     return (
-        f"{_part(request)}: the board's memory is full; what does not fit needs {told.by} bytes, "
+        f"{_part(request)}: the board's memory is full; this section needs {told.by} bytes, "
         f"{told.room} are free: fewer frames, motors or channels, or calmer motion and light"
     )
 
@@ -339,7 +339,7 @@ def _play(client: Client, request: Payload, code: Ack) -> str | None:
     if told.what == EXCEEDED_BOARD:
         return (
             f"{where} would need a change of velocity that the board cannot make: "
-            "less steps or fewer frames/s"
+            "fewer steps or fewer frames/s"
         )
     if told.what == EXCEEDED_UPPER:
         return (
@@ -355,7 +355,7 @@ def _play(client: Client, request: Payload, code: Ack) -> str | None:
         return _ramp(request, told)
     if code == Ack.ERR_NOT_IN_POSITION:
         return (
-            "the motors stand on no frame of the upload: send them to one"
+            "the motors are not on a frame of the upload: send them to one"
             if isinstance(request, RtJogAll)
             else "the motors are not where it begins: prepare it again"
         )
@@ -400,7 +400,7 @@ def _where(request: Payload, rate: str) -> str:
             f"frame {request.frame} is not in the upload, "
             f"or an exposure of {request.exposure_ms} ms is too long"
         )
-    return "what was prepared does not fit what has been set since"
+    return "the prepared run does not fit the settings made since"
 
 
 def _ramp(request: Payload, told: Exceeded) -> str:

@@ -26,13 +26,13 @@ from ..payloads import (
 )
 from .client import Client, ClientError, RequestRefused
 
-_NOT_TOLD = "this device does not tell how far its positions can be trusted"
+_NOT_TOLD = "this device does not report how far its positions can be trusted"
 _STOPS = {
     HARD_STOP_GENERAL: "the E-stop was pressed",
     HARD_STOP_UPPER: "motor {} ran into its upper limit switch",
     HARD_STOP_LOWER: "motor {} ran into its lower limit switch",
     HARD_STOP_FAULT: (
-        "a fault in the firmware or a driver (framestep status and the REPL tell more)"
+        "a fault in the firmware or a driver (framestep status and the REPL say more)"
     ),
 }
 

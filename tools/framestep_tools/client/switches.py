@@ -55,7 +55,7 @@ def lines(found: Switches) -> list[str]:
     return (
         told
         if found.limits is not None
-        else [*told, "this device does not tell its limit switches"]
+        else [*told, "this device does not report its limit switches"]
     )
 
 

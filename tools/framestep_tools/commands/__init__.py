@@ -1,6 +1,5 @@
-"""The commands of `framestep`, by subject. Each module's `add` puts its own into the command line
-(cli.py).
+"""The commands of `framestep`, by subject. Each module's `add` puts its commands into the command
+line (cli.py).
 
-A module imports what only a command's body needs in that body: `framestep --help` is to come at
-once.
+A command imports in its body what only that body needs, so `framestep --help` comes at once.
 """

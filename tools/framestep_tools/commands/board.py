@@ -1,4 +1,4 @@
-"""framestep onto a board: install, flash."""
+"""Commands that put framestep on a board: install, flash."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,29 +25,29 @@ def install(
     drive: Annotated[
         Path | None,
         typer.Option(
-            help="folder of the board's drive, where it is not found by itself", metavar="DIR"
+            help="folder of the board's drive, if it is not found by itself", metavar="DIR"
         ),
     ] = None,
     image: Annotated[
-        Path | None, typer.Option(help="another UF2 file than framestep's own", metavar="FILE")
+        Path | None, typer.Option(help="a UF2 file other than framestep's own", metavar="FILE")
     ] = None,
 ) -> None:
     """Put framestep on a board that is plugged in with BOOTSEL held.
 
-    Then ask it who it is.
+    Then ask it for its name and version.
     """
     from ..board import bootsel_drive, install
     from ..board.bootsel_drive import DriveError
     from ..building.board_files import board_data
 
     if board:
-        board_data(board)  # there is one of this name
+        board_data(board)  # raises ToolError for an unknown name
     if drive is None:
         found = bootsel_drive.wait(_say, install.DRIVE_S)
     else:
         known = bootsel_drive.look(drive)
         if known is None:
-            raise DriveError(f"{drive} is no board's drive: {bootsel_drive.PRESS}")
+            raise DriveError(f"{drive} is not a board's drive: {bootsel_drive.PRESS}")
         found = known
     wanted = install.board_on(found, board)
     content = install.read(image) if image else install.image_of(wanted)
@@ -62,16 +62,16 @@ def flash(
     protocol: Annotated[
         str | None,
         typer.Option(
-            help="port that Dragonframe will use, where it cannot be told", metavar="PORT"
+            help="port that Dragonframe will use, if it is not found by itself", metavar="PORT"
         ),
     ] = None,
     clean: Annotated[
-        bool, typer.Option("--clean", help="back to the modules of the board's image")
+        bool, typer.Option("--clean", help="remove the overlay and use the image's own modules")
     ] = False,
 ) -> None:
     """Copy edited modules onto a board with framestep's image.
 
-    rig.json and other files of yours stay.
+    rig.json and your other files stay.
     """
     from ..board.overlay import flash_overlay
 

@@ -1,4 +1,4 @@
-"""A move judged before anything moves."""
+"""`framestep check`: judge a move before anything moves."""
 
 import re
 from dataclasses import replace
@@ -24,7 +24,7 @@ def check(
         str | None,
         typer.Option(
             "--device", "-d", envvar="FRAMESTEP_DEVICE", metavar="DEVICE", show_default=False,
-            help="ask this board what is set; without it no board is needed",
+            help="use this board's settings; without it no board is needed",
         ),
     ] = None,
     fps: Fps = 24,
@@ -59,9 +59,9 @@ def check(
     ] = None,
     json: Json = False,
 ) -> int:  # fmt: skip
-    """Say what a move asks of each motor, beside what is set, and whether the board would play it.
-    Nothing moves. Exit status: 0 if all fits, 7 if the board would refuse it, 1 if it would play it
-    though a motor needs more than its acceleration."""
+    """Compare what a move asks of each motor with its settings, and say whether the board would
+    play it. Nothing moves. Exit status: 0 if all fits, 7 if the board would refuse it, 1 if it
+    would play it although a motor needs more than its acceleration."""
     from framestep.protocol.messages import RUN_LOOP, RUN_PING_PONG
     from framestep.rig import RigError
 
@@ -116,7 +116,7 @@ def check(
 def _of_device(
     url: str, motors: list[int], settings: "dict[int, Setting]", asked: "Device"
 ) -> "tuple[dict[int, Setting], Device]":
-    """What a device has set for its motors, and how many motors and frames it has."""
+    """Read a device's settings of motors, its number of motors and of frames."""
     from ..move.move_check import settings_of
 
     with talking(url) as client:
@@ -126,8 +126,8 @@ def _of_device(
 
 
 def _take(settings: "dict[int, Setting]", name: str, given: list[str] | None) -> None:
-    """Put velocities or accelerations from the command line into the settings: first those of all
-    motors, then single ones."""
+    """Put velocities or accelerations from the command line into the settings: first values for all
+    motors, then values for single ones."""
     for text in sorted(given or [], key=lambda text: "=" in text):
         found = _VALUE.fullmatch(text)
         if not found or not 0 < int(found["value"]) < 2**30:

@@ -1,5 +1,4 @@
-"""What several commands have in common: the device, numbers as they are typed, Ctrl-C, output for
-programs."""
+"""Common parts of commands: the device, negative numbers, Ctrl-C, output for programs."""
 
 import json
 import os
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
     from ..client.client import Client
 
 STOP_TIME_S = 60.0
-_OFFER_S = 0.5  # for a program that has just opened the port to let others through
+_OFFER_S = 0.5  # time for a program that has just opened the port to offer it to others
 
 Url = Annotated[
     str | None,
@@ -42,17 +41,17 @@ _DEVICE = re.compile(r"/dev/|COM\d+$|\\\\\.\\|[A-Za-z][\w+]*://")
 
 
 class SpokenCommand(TyperCommand):
-    """Takes negative numbers as they are typed, and a device before the other arguments."""
+    """A command that accepts negative numbers as typed, and a device before other arguments."""
 
-    under_way = "framestep"  # the command that runs, for those who would like its port
+    under_way = "framestep"  # the running command, for other programs that want its port
 
     def invoke(self, ctx: Any) -> Any:
-        """As the library does, and note which command this is."""
+        """Note which command this is, then run it."""
         SpokenCommand.under_way = ctx.command_path
         return super().invoke(ctx)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """As the library does, of the same arguments in an order that it understands."""
+        """Parse the arguments, after bringing them into an order that the library understands."""
         options = [p for p in self.params if p.param_type_name == "option"]
         takes = {name for p in options if not getattr(p, "is_flag", False) for name in p.opts}
         needed = sum(p.param_type_name == "argument" and p.required for p in self.params)
@@ -62,10 +61,10 @@ class SpokenCommand(TyperCommand):
 
 
 def arranged(args: list[str], takes: set[str], needed: int | None) -> list[str]:
-    """Arguments as options, "--", and the rest, negative numbers among it.
+    """Return the arguments as options, "--", and the rest, including negative numbers.
 
-    takes: options with a value; needed: how many arguments there are at least without a device,
-    None: it knows none.
+    takes: options with a value; needed: minimum number of arguments without a device, or None if
+    the command takes no device.
     """
     options: list[str] = []
     rest: list[str] = []
@@ -87,15 +86,14 @@ def arranged(args: list[str], takes: set[str], needed: int | None) -> list[str]:
 
 
 def put(app: typer.Typer, *commands: Callable[..., Any]) -> None:
-    """Put commands into a command line, by their functions' names."""
+    """Put commands into a command line under their functions' names."""
     for command in commands:
         app.command(cls=SpokenCommand)(command)
 
 
 @contextmanager
 def extra(what: str) -> Iterator[None]:
-    """For the imports of libraries that not every user has installed; names the command that
-    installs one."""
+    """Wrap imports of optional libraries. If one is missing, name the command that installs it."""
     from ..errors import ToolError
 
     try:
@@ -115,7 +113,7 @@ def say_json(found: Any) -> None:
 
 @contextmanager
 def talking(device: str | None) -> "Iterator[Client]":
-    """A client of the device, or of the only board, which has told who it is."""
+    """Yield a client that has greeted the device, or the only board."""
     from ..client import port_finder
     from ..client.client import RequestRefused, WrongPort
     from ..client.open_port import is_socket
@@ -140,13 +138,13 @@ def talking(device: str | None) -> "Iterator[Client]":
 
 
 def _greeted(url: str) -> "Client":
-    """A client that has greeted the device: at its port, or through the program that has the
+    """Return a client that has greeted the device, at its port or through the program that has the
     port."""
     from ..client import shared_port
     from ..client.client import BrokenOff, Client, NoAnswer
     from ..client.open_port import PortBusy, is_socket
 
-    # A second connection to a socket is closed, which a program behind it need not notice.
+    # The program behind a socket closes a second connection, and may not notice it.
     if is_socket(url) and (client := _through(url)):
         return client
     try:
@@ -165,7 +163,7 @@ def _greeted(url: str) -> "Client":
                 raise
             time.sleep(shared_port.LOOK_S)
         return through
-    with suppress(OSError):  # then no other program comes through
+    with suppress(OSError):  # then the port is not offered to other programs
         client.door = shared_port.Door(
             client, url, f"{SpokenCommand.under_way} (process {os.getpid()})"
         )
@@ -173,7 +171,7 @@ def _greeted(url: str) -> "Client":
 
 
 def _through(url: str) -> "Client | None":
-    """A client that reaches the device through the program that has its port, if there is one."""
+    """Return a client through the program that has the device's port, or None if there is none."""
     from ..client import shared_port
     from ..client.client import DEFAULT_TIMEOUT_S, Client
 
@@ -188,7 +186,7 @@ def _through(url: str) -> "Client | None":
 
 
 def stopped(client: "Client", moved: Iterable[int]) -> str:
-    """Say where the motors are that have moved and are at rest now."""
+    """Return a sentence with the positions of the motors that have moved."""
     from ..payloads import MotorGetPosition
 
     steps = client.request(MotorGetPosition()).steps
@@ -198,8 +196,7 @@ def stopped(client: "Client", moved: Iterable[int]) -> str:
 
 @contextmanager
 def moving(device: str | None) -> "Iterator[Client]":
-    """The same for a command that moves something: Ctrl-C stops the motors before it ends the
-    command."""
+    """Yield a client for a command that moves motors. Ctrl-C stops them before the command ends."""
     with talking(device) as client:
         try:
             yield client
@@ -209,18 +206,20 @@ def moving(device: str | None) -> "Iterator[Client]":
 
 
 def _stop(client: "Client") -> None:
-    """All motors come to rest, and it is said where. A further Ctrl-C: harder; one more leaves it
-    to the controller, which stops them."""
+    """Bring all motors to rest and print their positions.
+
+    Another Ctrl-C stops them harder. One more ends the command; the controller then stops them.
+    """
     from ..client.client import NoAnswer
     from ..payloads import MotorStatus, MotorStopAll
 
     for text, times in (("stopping; Ctrl-C once more stops harder", 1), ("stopping harder", 2)):
         print(text, file=sys.stderr, flush=True)
         try:
-            for _ in range(times):  # a second one within a second is the hard stop (field note 4.4)
+            for _ in range(times):  # twice within a second: hard stop (field note 4.4)
                 try:
                     client.request(MotorStopAll())
-                except NoAnswer:  # what Ctrl-C cut short on its way was completed with these bytes
+                except NoAnswer:  # these bytes have completed the frame that Ctrl-C cut short
                     client.request(MotorStopAll())
             moved = client.request(MotorStatus()).moving
             client.wait_idle(STOP_TIME_S)

@@ -1,4 +1,4 @@
-"""Whether a device keeps to the protocol."""
+"""`framestep conform`: check a device against the protocol."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,9 @@ def conform(
     device: Url = None,
     full: Annotated[
         bool,
-        typer.Option("--full", help="also what only a bench should do: far moves, lights, outputs"),
+        typer.Option(
+            "--full", help="also checks for a bench without a load: far moves, lights, outputs"
+        ),
     ] = False,
     subject: Annotated[
         list[str] | None, typer.Option(help="only this subject, such as framing", metavar="NAME")
@@ -23,7 +25,7 @@ def conform(
     trace: Annotated[
         Path | None,
         typer.Option(
-            help="judge edges too, by the trace that a simulated or emulated device writes",
+            help="also judge edges, from the trace that a simulated or emulated device writes",
             metavar="FILE",
         ),
     ] = None,
@@ -34,7 +36,7 @@ def conform(
     speed: Annotated[
         float,
         typer.Option(
-            help="how fast the device's time runs, as `make sim` and `make emu` were told",
+            help="speed of the device's time, as given to `make sim` or `make emu`",
             metavar="FACTOR",
         ),
     ] = 1,
@@ -74,9 +76,9 @@ def conform(
         if before is not None and not isinstance(before["checks"], list):
             raise ValueError
     except (OSError, ValueError, KeyError, TypeError):
-        raise ToolError(f"{baseline} is no report that --json has written") from None
+        raise ToolError(f"{baseline} is not a report written by --json") from None
     if not yes and not typer.confirm(
-        "Motors move and speeds and limits are set. Is the rig clear?", err=True
+        "Motors will move, and velocities and limits will change. Is the rig clear?", err=True
     ):
         raise typer.Abort
 
@@ -89,7 +91,7 @@ def conform(
     results: list[kit.Result] = []
     port = open_port(url, 1)
     link = Link(PacedPort(port, speed) if speed != 1 else port, PATIENCE)
-    # a port in lockstep has its own clock, which nothing holds up
+    # nothing holds up the clock of a port in lockstep
     hold_ups = None if hasattr(port, "clock") else HoldUps(speed).start()
     tail = None
     try:
@@ -105,7 +107,7 @@ def conform(
         link.send(spec.STOP_ALL)
         raise
     except Exception as error:
-        # termios.error, of a terminal that has gone, is of no other class
+        # termios.error, from a terminal that has gone, is no OSError
         if not isinstance(error, OSError) and type(error).__module__ != "termios":
             raise
         raise BrokenOff(f"the connection to {url} broke off: {error}") from None

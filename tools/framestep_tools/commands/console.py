@@ -1,4 +1,4 @@
-"""The console in the browser."""
+"""`framestep console`: drive a device from the browser."""
 
 import asyncio
 import contextlib
@@ -21,20 +21,18 @@ def console(
     port: Annotated[
         int,
         typer.Option(
-            help="where the page is served on this computer; 0 takes a free one", min=0, max=65535
+            help="port of the page on this computer; 0 takes a free one", min=0, max=65535
         ),
     ] = _PORT,
     repl: Annotated[
-        str | None, typer.Option(help="port of the board's REPL, where it cannot be told")
+        str | None, typer.Option(help="port of the board's REPL, if it is not found by itself")
     ] = None,
-    demo: Annotated[
-        bool, typer.Option("--demo", help="try it without a board, on a simulated one")
-    ] = False,
+    demo: Annotated[bool, typer.Option("--demo", help="use a simulated board")] = False,
     browser: Annotated[bool, typer.Option(help="open the page in the browser")] = True,
     save: Annotated[
         Path | None,
         typer.Option(
-            help="write the page into a folder instead, for a web server of your own", metavar="DIR"
+            help="only write the page into a folder, for your own web server", metavar="DIR"
         ),
     ] = None,
 ) -> None:
@@ -51,19 +49,19 @@ def console(
     from ..client.client import Client
 
     if demo and device:
-        raise typer.BadParameter("--demo simulates a device, so it takes no other one")
+        raise typer.BadParameter("--demo simulates a device, so leave the other one out")
     found = _simulated() if demo else contextlib.nullcontext(device or port_finder.protocol_port())
     with found as url:
         with Client.open(url) as client:
-            client.greet()  # a wrong port is told here, not on the page
-        # a second Ctrl-C while motors ramp down: the controller stops them when its port closes
+            client.greet()  # reports a wrong port here instead of on the page
+        # a second Ctrl-C while motors ramp down closes the port, and the controller stops them
         with contextlib.suppress(KeyboardInterrupt):
             asyncio.run(_serve(url, repl or _repl_of(url), port, browser))
 
 
 @contextlib.contextmanager
 def _simulated() -> Iterator[str]:
-    """The address of a simulated board, with the example rig of a Pico."""
+    """Yield the address of a simulated board with the example rig of a Pico."""
     from ..client.tcp_port import SCHEME
     from ..paths import BOARDS
     from ..simulator.boards import SimulatedBoard, read_rig
@@ -88,7 +86,8 @@ def _simulated() -> Iterator[str]:
 
 
 def _repl_of(url: str) -> str | None:
-    """The REPL's port of the board that has this one, if the system knows it."""
+    """Return the REPL's port of the board with this port, or None if the system does not know
+    it."""
     from ..client import port_finder
     from ..client.open_port import is_socket
 

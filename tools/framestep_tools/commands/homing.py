@@ -1,4 +1,4 @@
-"""Homing: motors look for their switches, as the rig file says."""
+"""`framestep home`: motors find their switches, as the rig file says."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,14 +15,14 @@ def home(
         list[int] | None,
         typer.Argument(
             metavar="[MOTOR]...",
-            help="motor numbers; without one all that have `home` in the rig file",
+            help="motor numbers; without any, all that have `home` in the rig file",
             min=1,
             max=32,
         ),
     ] = None,
     device: Url = None,
 ) -> None:
-    """Home motors: each looks for its switch, one after the other, and knows its position then."""
+    """Home motors, one after the other: each finds its switch, which defines its position."""
     from ..payloads import Home, MotorStatus
 
     with moving(device) as client:
@@ -35,7 +35,7 @@ def home(
 
 
 def _tell(client: "Client", motors: list[int]) -> None:
-    """Say which motors are homed. Stopped if any is not."""
+    """Print which motors are homed. Raises Stopped if any is not."""
     from framestep import texts
     from framestep.motors.positions import HOMED, HOMING
 
@@ -53,7 +53,7 @@ def _tell(client: "Client", motors: list[int]) -> None:
             failed.append((motor, trust))
     if not failed:
         return
-    # one has failed, others have not been begun
+    # one has failed, others have not had their turn
     motor, trust = next((each for each in failed if each[1].reason != HOMING), failed[0])
     why = texts.trust(trust.state, trust.reason)
     if trust.reason == HOMING:

@@ -1,5 +1,5 @@
-"""Single motors: where they are, move, jog, zero, stop; and what else helps in the first hour on a
-bench."""
+"""Commands for single motors: status, move, jog, zero, stop, and others for the first hour with a
+rig."""
 
 import sys
 import time
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from ..client.client import Client
 
 JOG_REPEAT_S = 0.2  # a jog ends by itself when it is not repeated (field note 4.2)
-WATCH_S = 0.2  # from one look to the next
-LEAVE_S = 10.0  # for another program to let go of the port
+WATCH_S = 0.2  # from one update to the next
+LEAVE_S = 10.0  # time for another program to close the port
 
 
 def status(
@@ -37,7 +37,7 @@ def status(
         bool, typer.Option("--watch", "-w", help="go on as a live table, until Ctrl-C")
     ] = False,
 ) -> None:
-    """Say who the device is, where its motors are and what moves."""
+    """Show the device, the positions of its motors, and what moves."""
     from ..client import state
 
     with talking(device) as client:
@@ -63,7 +63,7 @@ def switches(
 def _show(
     client: "Client", json: bool, watch: bool, ask: Any, for_programs: Any, lines: Any, table: Any
 ) -> None:
-    """Ask once and print it; to watch, again and again until Ctrl-C."""
+    """Ask once and print the answer; with `watch`, repeat until Ctrl-C."""
 
     def say() -> None:
         found = ask(client)
@@ -83,7 +83,7 @@ def _show(
 
 
 def _live(render: Any, client: "Client") -> None:
-    """Show what `render` makes, anew again and again."""
+    """Update the output of `render` until Ctrl-C."""
     from rich.live import Live
 
     with Live(render(), refresh_per_second=10, transient=False) as live:
@@ -117,7 +117,7 @@ def move(
 
 
 def _arrived(client: "Client", motor: int, position: int | None = None) -> None:
-    """Say where a motor is; where it ought to be elsewhere, why it is not."""
+    """Print a motor's position. Raises Stopped, with the reason, if it is not at `position`."""
     from ..client import state
 
     found = state.position(client, motor)
@@ -149,7 +149,7 @@ def jog(
 
 
 def _stands(client: "Client", motor: int) -> int:
-    """Where a motor is. What has stopped motors before counts no more."""
+    """Return a motor's position, and forget earlier stops."""
     from ..client import state
 
     found = state.position(client, motor)
@@ -158,7 +158,7 @@ def _stands(client: "Client", motor: int) -> int:
 
 
 def _jog(client: "Client", motor: int, destination: int, speed: int, seconds: float) -> None:
-    """Jog until a motor is there, at most for so long; Stopped if anything else has stopped it."""
+    """Jog until a motor is there or the time is over. Raises Stopped if something else stops it."""
     from ..client import state
     from ..payloads import MotorJog, MotorStop
 
@@ -179,11 +179,11 @@ def _jog(client: "Client", motor: int, destination: int, speed: int, seconds: fl
 def zero(
     motor: Motor,
     position: Annotated[
-        int, typer.Argument(help="what its position is from now on", min=-(2**31), max=2**31 - 1)
+        int, typer.Argument(help="its position from now on", min=-(2**31), max=2**31 - 1)
     ] = 0,
     device: Url = None,
 ) -> None:
-    """Call where a motor stands 0, or another position. Nothing moves."""
+    """Set a motor's position to 0, or to another value. Nothing moves."""
     from ..payloads import MotorResetPosition
 
     with talking(device) as client:
@@ -210,7 +210,7 @@ def stop(
 
 
 class NotStopped(ToolError):
-    """Motors may go on moving; the text says so first."""
+    """Motors may still be moving; the text says so first."""
 
     def __init__(self, error: ToolError):
         super().__init__(
@@ -220,7 +220,7 @@ class NotStopped(ToolError):
 
 
 def _stop(device: str | None, motor: int | None, hard: bool) -> str:
-    """Stop one motor or all and wait until they are at rest; says where they are then."""
+    """Stop one motor or all and wait until they are at rest. Return their positions as text."""
     from ..client.client import BrokenOff
     from ..payloads import MotorStatus, MotorStop, MotorStopAll
 
@@ -228,7 +228,9 @@ def _stop(device: str | None, motor: int | None, hard: bool) -> str:
     asked = False
     try:
         with talking(device) as client:
-            before = client.send(MotorStatus())  # costs the stop no time: nobody waits for it
+            before = client.send(
+                MotorStatus()
+            )  # does not delay the stop: nobody waits for the answer
             client.request(MotorStop(motor) if motor is not None else MotorStopAll())
             if hard:  # a second one within a second is the hard stop (field note 4.4)
                 client.request(MotorStopAll())
@@ -245,8 +247,10 @@ def _stop(device: str | None, motor: int | None, hard: bool) -> str:
 
 
 def _stopped_after_the_other(device: str | None, moved: set[int]) -> str:
-    """The same once the program between has ended, as it does when its motors have stopped. It may
-    take a moment to let go of the port."""
+    """Return the positions once the program that had the port has ended.
+
+    It ends when its motors have stopped, and may take a moment to close the port.
+    """
     from ..client.client import BrokenOff
     from ..client.open_port import PortBusy
 
@@ -265,7 +269,7 @@ def _stopped_after_the_other(device: str | None, moved: set[int]) -> str:
 def buzz(
     motor: Motor,
     device: Url = None,
-    steps: Annotated[int, typer.Option(help="how far to each side", min=1, max=100_000)] = 200,
+    steps: Annotated[int, typer.Option(help="distance to each side", min=1, max=100_000)] = 200,
     times: Annotated[int, typer.Option(help="how often", min=1, max=1000)] = 5,
     speed: Annotated[
         int, typer.Option(help="1 (inching) to 10000 (the motor's maximum)", min=1, max=10_000)

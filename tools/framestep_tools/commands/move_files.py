@@ -1,4 +1,4 @@
-"""Files of moves: from other programs' formats to steps, and back."""
+"""Conversion of moves: from other programs' formats to steps, and back."""
 
 import sys
 from pathlib import Path
@@ -44,7 +44,7 @@ def import_move(
         int | None, typer.Option(help="number of the first frame", min=-(10**9), max=10**9)
     ] = None,
 ) -> None:
-    """Make a move in steps of another program's file."""
+    """Convert another program's file to a move in steps."""
     from ..errors import ToolError
     from ..move.axes_file import read_axes
     from ..move.move_conversion import to_move
@@ -57,14 +57,14 @@ def import_move(
     recording = chosen.read(text, str(file))
     if not axes.exists():
         raise ToolError(
-            f"there is no {axes}, which says what the axes of {file} are to the motors "
-            f"({', '.join(recording.names)}); docs/use/formats.md shows one"
+            f"there is no {axes}, which assigns the axes of {file} "
+            f"({', '.join(recording.names)}) to motors; docs/use/formats.md shows one"
         )
     known = read_axes(axes)
     move, left = to_move(recording, known, str(file), fps, start)
     write_move(output, move)
     if left:
-        print(f"left out, as no axis has them: {', '.join(left)}", file=sys.stderr)
+        print(f"left out, no axis names them: {', '.join(left)}", file=sys.stderr)
     print(
         f"{output}: frames {move.start_frame} to {move.end_frame} for {len(known)} motors, "
         f"from {chosen.NAME}"
@@ -83,7 +83,7 @@ def export_move(
     fps: Annotated[
         float | None,
         typer.Option(
-            help="csv: in seconds at so many frames per second; anim: Maya's rate",
+            help="csv: write seconds, at this many frames per second; anim: Maya's rate",
             min=0.001,
             max=1000,
         ),
@@ -109,7 +109,7 @@ def export_move(
 
 def _not_itself(source: Path, output: Path) -> None:
     if output.exists() and source.exists() and output.samefile(source):
-        raise typer.BadParameter(f"{output} is the file that is read; name another one by -o")
+        raise typer.BadParameter(f"{output} is the file to read; name another one with -o")
 
 
 def add(app: typer.Typer) -> None:

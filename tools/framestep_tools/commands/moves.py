@@ -77,7 +77,7 @@ def upload(file: MoveFile, device: Url = None, dmx: LightFile = None) -> None:
 
 
 def read_files(file: Path, dmx: Path | None) -> "tuple[Move, Lights | None]":
-    """A move, or the example of that name, and its lights; MoveFileError."""
+    """Read a move, or the example of that name, and its lights. Raises MoveFileError."""
     from ..move.light_file import read_lights
     from ..move.move_file import or_example, read_move
 
@@ -85,7 +85,7 @@ def read_files(file: Path, dmx: Path | None) -> "tuple[Move, Lights | None]":
 
 
 def send(client: "Client", content: "Move", lights: "Lights | None") -> None:
-    """Upload a move with its lights; MoveFileError if they do not belong together."""
+    """Upload a move with its lights. Raises MoveFileError if their frames do not match."""
     first, last = content.start_frame, content.end_frame
     if lights:
         lights.check(first, last, client.info or client.greet())
@@ -97,7 +97,7 @@ def send(client: "Client", content: "Move", lights: "Lights | None") -> None:
 def set_speeds(
     client: "Client", content: "Move", velocity: int | None, acceleration: int | None
 ) -> None:
-    """Set the speed of all motors of a move, if one is given."""
+    """Set the velocity and acceleration of all motors of a move, if given."""
     from ..payloads import MotorSetSpeed
 
     if velocity is not None and acceleration is not None:
@@ -106,13 +106,13 @@ def set_speeds(
 
 
 def both_or_neither(velocity: int | None, acceleration: int | None) -> None:
-    """BadParameter for one without the other."""
+    """Raise BadParameter for one without the other."""
     if (velocity is None) != (acceleration is None):
         raise typer.BadParameter("--velocity and --acceleration go together, give both or neither")
 
 
 def fits(request: "Request") -> None:
-    """BadRequest if a value does not fit into its message; before anything is sent."""
+    """Raise BadRequest if a value does not fit into its message, before anything is sent."""
     from ..client.client import BadRequest
 
     try:
@@ -122,7 +122,8 @@ def fits(request: "Request") -> None:
 
 
 def section(content: "Move", first: int | None, last: int | None, reverse: bool) -> tuple[int, int]:
-    """The first and the last scene frame of a play; MoveFileError for one outside of the move."""
+    """Return the first and the last scene frame to play. Raises MoveFileError for one outside the
+    move."""
     from ..move.move_file import MoveFileError
 
     begin = content.start_frame if first is None else first
@@ -154,12 +155,14 @@ def play(
     acceleration: Acceleration = None,
     camera: Annotated[
         Camera | None,
-        typer.Option(help="shutter output: at begin and end (video) or at each frame (stills)"),
+        typer.Option(
+            help="shutter output: at the beginning and end (video) or at each frame (stills)"
+        ),
     ] = None,
     shutter_angle: Annotated[
         int | None,
         typer.Option(
-            help="of stills: degrees of a frame in which the shutter is open, from its begin on",
+            help="stills: degrees of a frame, from its start, with the shutter open",
             min=1,
             max=360,
         ),
@@ -204,7 +207,7 @@ def play(
             | (RUN_VIDEO if camera is Camera.VIDEO else 0)
             | (RUN_STILLS if camera is Camera.STILLS else 0)
         ),
-        open_angle=0,  # with no angle to close at: 90 to 180 degrees (field note 6.9)
+        open_angle=0,  # without an angle to close at: 90 to 180 degrees (field note 6.9)
         close_angle=shutter_angle or 0,
     )
     fits(run)
@@ -217,7 +220,7 @@ def play(
 
 
 def _has_output(client: "Client", output: int) -> None:
-    """ToolError if the device has no such general output; 0 is none."""
+    """Raise ToolError if the device has no such general output; 0 means none."""
     from ..errors import ToolError
 
     there = (client.info or client.greet()).outputs
@@ -251,16 +254,16 @@ def shoot(
     move: Annotated[
         Path | None,
         typer.Option(
-            help="upload this move first; without it, what has been uploaded is shot, and those "
-            "motors blur that Dragonframe has set so",
+            help="upload this move first; without it, shoot the last upload, with the motors that "
+            "Dragonframe has set to blur",
             metavar="CSV",
         ),
     ] = None,
     motors: Annotated[
         str | None,
         typer.Option(
-            help="motors in motion while the shutter is open, such as 1,3, else all of the move; "
-            "none: all stand. Needs --move",
+            help="motors that move while the shutter is open, such as 1,3; default: all of the "
+            "move; none: all rest. Needs --move",
             metavar="MOTORS",
         ),
     ] = None,
@@ -270,7 +273,9 @@ def shoot(
     shutter_angle: Annotated[
         int,
         typer.Option(
-            help="degrees of the frame's motion, about its middle, that are exposed", min=1, max=360
+            help="degrees of the frame's motion, around its middle, that are exposed",
+            min=1,
+            max=360,
         ),
     ] = 180,
     settle: Annotated[
@@ -283,8 +288,9 @@ def shoot(
     acceleration: Acceleration = None,
     dmx: LightFile = None,
 ) -> None:
-    """Shoot frames one by one with the motors in motion (go-motion), shutter and meter outputs with
-    them. Ctrl-C brings the motors to rest softly, a second one harder, and tells what is shot."""
+    """Shoot frames one by one with the motors in motion (go-motion), and with the shutter and meter
+    outputs. Ctrl-C brings the motors to rest softly, a second one harder, and reports which frames
+    are shot."""
     from ..move.shoot import Shots, frames_of, spans
 
     both_or_neither(velocity, acceleration)
@@ -318,7 +324,7 @@ def shoot(
 
 
 def _motors(content: "Move", text: str | None) -> list[int]:
-    """Motors of a move by their numbers; BadParameter for others."""
+    """Parse --motors. Raises BadParameter for motors that the move does not have."""
     if text is None:
         return list(content.positions)
     if text == "none":

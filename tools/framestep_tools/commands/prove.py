@@ -1,4 +1,4 @@
-"""A board that measures itself."""
+"""`framestep prove`: a board that measures itself."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,8 +8,8 @@ import typer
 from .common import Json, Url, extra, put, say_json
 
 _ASK = (
-    "The step and direction pins of all motors are driven, with up to 500 000 steps/s, and speeds "
-    "are set anew. {drivers} Unplug whatever else listens to these pins. Go on?"
+    "The step and direction pins of all motors will move, with up to 500 000 steps/s, and "
+    "velocities will change. {drivers} Unplug anything else that is wired to these pins. Go on?"
 )
 _OFF = (
     "Drivers are held off by their enable pins: unplug those whose enable pin is not wired to the "
@@ -22,7 +22,7 @@ def prove(
     device: Url = None,
     port: Annotated[
         str | None,
-        typer.Option(help="port of the REPL, where it is not found by itself", metavar="PORT"),
+        typer.Option(help="port of the REPL, if it is not found by itself", metavar="PORT"),
     ] = None,
     board: Annotated[
         str | None,
@@ -32,7 +32,7 @@ def prove(
         ),
     ] = None,
     with_drivers: Annotated[
-        bool, typer.Option("--with-drivers", help="let drivers be switched on: motors turn")
+        bool, typer.Option("--with-drivers", help="let the drivers be switched on: motors turn")
     ] = False,
     short: Annotated[
         bool, typer.Option("--short", help="the first four motors, one frame rate")
@@ -51,7 +51,7 @@ def prove(
     from ..errors import ToolError
 
     if board:
-        board_data(board)  # there is one of this name
+        board_data(board)  # raises ToolError for an unknown name
     emulated = report.emulated_boards()
     if not yes:
         text = _ASK.format(drivers=_ON if with_drivers else _OFF)

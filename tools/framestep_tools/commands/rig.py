@@ -1,4 +1,4 @@
-"""`framestep rig`: what a user changes on a board."""
+"""`framestep rig`: check and edit the rig file."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,14 +7,14 @@ import typer
 
 from .common import Json, say_json
 
-rig = typer.Typer(help="The rig file: what a user changes on a board.")
+rig = typer.Typer(help="Check and edit the rig file, the settings on a board.")
 
 
 @rig.command("check")
 def rig_check(
     file: Annotated[Path, typer.Argument(help="a rig file", metavar="FILE", show_default=False)],
     board: Annotated[
-        str, typer.Option(help="the board that it is for, a folder of boards/")
+        str, typer.Option(help="the board that the file is for, a folder of boards/")
     ] = "pico",
     json: Json = False,
 ) -> None:
@@ -53,8 +53,8 @@ def rig_edit(
     file: Annotated[
         Path | None,
         typer.Argument(
-            help="a file to begin with instead of the board's, such as a draft that was left; "
-            "it stays as it is",
+            help="file to begin with instead of the board's, such as an earlier draft; "
+            "it is not changed",
             metavar="FILE",
             show_default=False,
         ),
@@ -63,7 +63,7 @@ def rig_edit(
         str | None, typer.Option(help="port of the REPL; without it the only board on USB")
     ] = None,
     protocol: Annotated[
-        str | None, typer.Option(help="port that Dragonframe uses, where it cannot be told")
+        str | None, typer.Option(help="port that Dragonframe uses, if it is not found by itself")
     ] = None,
 ) -> None:
     """Edit a board's rig file with $EDITOR, check it and put it back.
@@ -78,13 +78,13 @@ def rig_edit(
 
 @rig.command("example")
 def rig_example(
-    board: Annotated[str, typer.Option(help="the board that it is for")] = "pico",
+    board: Annotated[str, typer.Option(help="the board that the file is for")] = "pico",
 ) -> None:
-    """Print a board's example rig file, to begin with."""
+    """Print a board's example rig file to begin with."""
     from .. import paths
     from ..building.board_files import board_data
 
-    board_data(board)  # is there such a board?
+    board_data(board)  # raises ToolError for an unknown name
     print((paths.BOARDS / board / "rig.json").read_text(encoding="utf-8"), end="")
 
 

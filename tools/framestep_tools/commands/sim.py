@@ -1,4 +1,4 @@
-"""A device to try without a board: the controller on this computer."""
+"""`framestep sim`: the controller on this computer, without a board."""
 
 import os
 import sys
@@ -8,13 +8,14 @@ import typer
 
 from .common import put
 
-_ADDRESS = "127.0.0.1:7000"  # where there are no pseudo-terminals
+_ADDRESS = "127.0.0.1:7000"  # on systems without pseudo-terminals
 
 Tcp = Annotated[
-    str | None, typer.Option(help="offer the protocol port as raw TCP too", metavar="HOST:PORT")
+    str | None, typer.Option(help="also offer the protocol port as raw TCP", metavar="HOST:PORT")
 ]
 TraceFile = Annotated[
-    str | None, typer.Option("--trace", help="write every edge as CSV as it comes", metavar="FILE")
+    str | None,
+    typer.Option("--trace", help="write every edge as CSV, as it happens", metavar="FILE"),
 ]
 Speed = Annotated[
     str, typer.Option(help="times real time, or max: as fast as it can while a client waits")
@@ -26,7 +27,7 @@ Board = Annotated[
 
 
 def _takes_a_view() -> bool:
-    """Whether standard input and output are a terminal that takes keys and a picture."""
+    """Return whether standard input and output are a terminal for keys and a picture."""
     if os.environ.get("TERM", "dumb") in ("", "dumb"):
         return False
     try:
@@ -44,9 +45,7 @@ def sim(
     board: Board = "pico",
     motors: Annotated[
         int | None,
-        typer.Option(
-            help="how many motors, whatever the board has; without it as many", min=1, max=12
-        ),
+        typer.Option(help="number of motors, if it is not the board's", min=1, max=12),
     ] = None,
     plain: Annotated[
         bool, typer.Option("--plain", help="no live view, even in a terminal")

@@ -1,5 +1,4 @@
-"""Traces of a board's pins (--trace of `make sim` and `make emu`), for viewers of waves and as a
-picture."""
+"""Conversion of traces (--trace of `make sim` and `make emu`) to waveforms and pictures."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -50,14 +49,14 @@ def vcd(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", help="file to write; without it beside the trace", metavar="FILE"
+            "--out", "-o", help="file to write; by default next to the trace", metavar="FILE"
         ),
     ] = None,
     pulse_us: Annotated[
         float, typer.Option(help="how long a step's pulse is drawn at most", min=0.01, max=1000)
     ] = 1,
 ) -> None:
-    """Make a trace a VCD file, which GTKWave and PulseView open."""
+    """Convert a trace to a VCD file, for GTKWave and PulseView."""
     with extra("a VCD file"):
         from ..judge.vcd import write
 
@@ -73,7 +72,7 @@ def plot(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", help="picture to write (png, svg, pdf); without it beside the trace",
+            "--out", "-o", help="picture to write (png, svg, pdf); by default next to the trace",
             metavar="FILE",
         ),
     ] = None,

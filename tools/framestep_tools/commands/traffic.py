@@ -1,4 +1,4 @@
-"""Protocol traffic in words, logs of it, and which ports there are."""
+"""Commands for protocol traffic in words, its logs, and the list of ports."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -21,12 +21,12 @@ def sniff(
     log: Annotated[
         Path | None,
         typer.Option(
-            help="write all of it into this file as well: for a report, and for replay",
+            help="also write everything to this file, for a report and for replay",
             metavar="FILE",
         ),
     ] = None,
 ) -> None:
-    """Show protocol traffic frame by frame, from a capture or a log or live."""
+    """Show protocol traffic frame by frame: live, from a log, or from a capture."""
     from ..errors import ToolError
     from ..traffic.sniffer import read_capture
 
@@ -100,7 +100,7 @@ def _log_writer(path: Path, subject: str) -> Any:
 
 def replay(
     log: Annotated[
-        Path, typer.Argument(help="what framestep sniff --log has written", show_default=False)
+        Path, typer.Argument(help="a log written by framestep sniff --log", show_default=False)
     ],
     target: Annotated[
         str | None,
@@ -121,20 +121,20 @@ def replay(
         ),
     ] = None,
     exact: Annotated[
-        bool, typer.Option("--exact", help="compare by value what depends on time as well")
+        bool, typer.Option("--exact", help="also compare by value what depends on time")
     ] = False,
     patience: Annotated[
         float, typer.Option(help="seconds to wait for a motion to end", min=0)
     ] = 10.0,
     record: Annotated[
         Path | None,
-        typer.Option("--log", help="write what happens into a log of its own", metavar="FILE"),
+        typer.Option("--log", help="write a log of this replay", metavar="FILE"),
     ] = None,
 ) -> None:
     """Play a log's host side against a device and compare what it answers. Motors move!
 
     Compared by kind only: positions under way, MOTOR_STATUS, inputs, a device's name, version and
-    memory. Ctrl-C closes the port, which stops what moves.
+    memory. Ctrl-C closes the port, which stops all motors.
     """
     from ..client import port_finder
     from ..client.client import DEFAULT_TIMEOUT_S, BrokenOff, Client
@@ -146,10 +146,12 @@ def replay(
 
     entries = read(str(log))
     if not any(entry.who == HOST for entry in entries):
-        raise ToolError(f"the log {log} has nothing that a host has sent")
+        raise ToolError(f"the log {log} contains nothing from a host")
     ignored = names_known(ignore or [])
     url = target or device or port_finder.protocol_port()
-    with Client.open(url) as client:  # somebody who speaks this protocol, before bytes are sent
+    with Client.open(
+        url
+    ) as client:  # checks that a device speaks this protocol before bytes are sent
         client.greet()
     writer = _log_writer(record, f"a replay of {log.name} on {url}") if record else None
     player = Replay(entries, lambda: open_port(url, DEFAULT_TIMEOUT_S), speed, patience)
@@ -183,7 +185,7 @@ def ports(
         bool, typer.Option("--all", help="ports of other devices as well")
     ] = False,
 ) -> None:
-    """List the boards' ports, and what each is for; none is opened."""
+    """List the boards' ports and their purposes, without opening any."""
     from ..client.port_finder import GET, OTHER, listed
 
     found = [port for port in listed() if everything or port.use != OTHER]

@@ -1,4 +1,4 @@
-"""The virtual axes."""
+"""`framestep virtual`: show and move the virtual axes."""
 
 from enum import Enum
 from typing import Annotated
@@ -29,9 +29,9 @@ def virtual(
     device: Url = None,
     json: Json = False,
 ) -> None:
-    """Say where the virtual axes are, or move one of them.
+    """Show the positions of the virtual axes, or move one of them.
 
-    The host has configured them.
+    Dragonframe or the console has to configure them first.
     """
     from ..client import state
     from ..payloads import VirtGetPosition, VirtMove

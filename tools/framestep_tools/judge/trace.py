@@ -84,7 +84,7 @@ def pins_of(data: Mapping[str, Any], rig: Mapping[str, Any] | None, name: str) -
         return BoardPins(tuple(board["step"]), tuple(board["dir"]), levels)
     except (KeyError, TypeError) as error:
         raise TraceError(
-            f"boards/{name}/board.json: expected pins for step, dir, enable, stumbled on {error}"
+            f"boards/{name}/board.json: expected pins for step, dir, enable, found no {error}"
         ) from error
 
 

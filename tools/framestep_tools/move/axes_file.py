@@ -161,7 +161,7 @@ def read_axes(path: str | os.PathLike) -> list[Axis]:
     for what, values in keys:
         for value in values:
             if values.count(value) > 1:
-                raise AxesFileError(f'{path}: "{what}": {value!r} is there twice')
+                raise AxesFileError(f'{path}: "{what}": {value!r} occurs twice')
     for number, axis in enumerate(axes, 1):
         if axis.motor != number:
             raise AxesFileError(

@@ -97,7 +97,7 @@ def read_lights(path: str | os.PathLike) -> Lights:
         kind, number = _column(name, path)
         found = lights.levels if kind == "channel" else lights.outputs
         if number in found:
-            raise MoveFileError(f"{path}, line 1: {name} is there twice")
+            raise MoveFileError(f"{path}, line 1: {name} occurs twice")
         most = 255 if kind == "channel" else 1
         for line, value in enumerate(values, 2):
             if not 0 <= value <= most:

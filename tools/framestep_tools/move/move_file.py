@@ -101,7 +101,7 @@ def text_of(path: str | os.PathLike, what: str = "the move") -> str:
         raise MoveFileError(f"cannot read {what} {path}: {error.strerror or error}") from None
     except UnicodeDecodeError as error:
         raise MoveFileError(
-            f"cannot read {what} {path}: it is no text, see byte {error.start}"
+            f"cannot read {what} {path}: it is not text, see byte {error.start}"
         ) from None
 
 

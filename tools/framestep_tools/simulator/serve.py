@@ -321,7 +321,7 @@ class Server:
         if self.pace.speed is not None and self.pace.lost_ns:
             print(
                 f"this computer did not keep up with --speed {self.pace.speed:g}: the board's "
-                f"time lost {self.pace.lost_ns * 1e-9:.1f} s, so times that clients took are wrong",
+                f"time lost {self.pace.lost_ns * 1e-9:.1f} s, so clients measured wrong times",
                 file=sys.stderr,
             )
 

@@ -39,7 +39,7 @@ def names_known(names: list[str]) -> frozenset[str]:
     that is none."""
     found = frozenset(name.upper().removeprefix("MSG_") for name in names)
     for name in sorted(found - set(TYPE_NAMES.values())):
-        raise ToolError(f"{name} is no message; framestep sniff shows their names")
+        raise ToolError(f"{name} is not a message; framestep sniff shows their names")
     return found
 
 
@@ -119,7 +119,7 @@ def _list(steps: tuple[int, ...] | None) -> str:
 
 def _heading(asked: Asked) -> str:
     if asked.frame is None:
-        return "bytes in no frame"
+        return "bytes outside frames"
     return f"{type_name(asked.frame.type)} (ID {asked.frame.id})"
 
 

@@ -82,7 +82,7 @@ def describe_entry(entry: Entry) -> str:
     if frame:
         return describe(frame, entry.who == HOST)
     why = ", a frame with a wrong checksum among them" if entry.damaged else ""
-    return f"{len(entry.data)} bytes in no frame{why}"
+    return f"{len(entry.data)} bytes outside frames{why}"
 
 
 def timed(entry: Entry) -> str:
@@ -124,7 +124,7 @@ def read_capture(content: bytes) -> Iterator[str]:
         yield describe(frame)
     if decoder.skipped or decoder.pending or not count:
         yield (
-            f"{count} frames; {decoder.skipped} bytes in no frame, {decoder.damaged} frames "
+            f"{count} frames; {decoder.skipped} bytes outside frames, {decoder.damaged} frames "
             f"with a wrong checksum, {decoder.pending} bytes of an unfinished frame at the end"
         )
 
@@ -169,7 +169,7 @@ class Tally:
                 f"the slowest answer after {self.slowest[0] * 1000:.1f} ms ({self.slowest[1]})"
             )
         parts += [f"{count} times {what}" for what, count in self.refused.most_common()]
-        parts.append(f"{self.unasked} messages unasked, {self.loose} bytes in no frame")
+        parts.append(f"{self.unasked} messages unasked, {self.loose} bytes outside frames")
         return "; ".join(parts)
 
 

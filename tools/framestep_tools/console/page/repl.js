@@ -53,7 +53,7 @@ export class Repl {
     await this.#until("OK", "the board does not take a script");
     const said = await this.#until(END, "the board does not come to an end");
     const failed = await this.#until(`${END}>`, "the board does not come to an end");
-    if (failed.trim()) throw new LinkError(`the board stumbled: ${failed.trim().split("\n").at(-1)}`);
+    if (failed.trim()) throw new LinkError(`the board reported an error: ${failed.trim().split("\n").at(-1)}`);
     return said;
   }
 

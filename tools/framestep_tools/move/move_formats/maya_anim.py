@@ -162,8 +162,8 @@ def _piece(start: Point, out: str, end: Point, into: str, weighted: bool, where:
     if out not in _SLOPED or into not in _SLOPED or (weighted and {out, into} != {"linear"}):
         return Unreadable(
             f"{where}: between the keys at {start[0]:g} and {end[0]:g} are tangents that only Maya "
-            f"can tell ({out}, {into}{', weighted' if weighted else ''}): bake the curve there, "
-            "with a key at each frame"
+            f"can calculate ({out}, {into}{', weighted' if weighted else ''}): bake the curve "
+            "there, with a key at each frame"
         )
     third, rise = (end[0] - start[0]) / 3, (end[1] - start[1]) / 3
     return Segment(
