@@ -15,8 +15,11 @@ def _seconds():
     """Return the time so far; running children, such as emulated boards, count only with /proc."""
     found = sum(os.times()[:4])
     for children in Path("/proc/self/task").glob("*/children"):
-        for child in children.read_text().split():
-            with contextlib.suppress(OSError):  # it has just ended
+        pids = []
+        with contextlib.suppress(OSError):  # the thread has just ended
+            pids = children.read_text().split()
+        for child in pids:
+            with contextlib.suppress(OSError):  # the process has just ended
                 status = Path("/proc", child, "stat").read_text().rpartition(")")[2].split()
                 found += sum(map(int, status[11:15])) / os.sysconf("SC_CLK_TCK")
     return found
