@@ -1,4 +1,4 @@
-"""Faults of motors that go together: coupled ones, and those of an arm."""
+"""Faults of motors that move together: coupled ones, and the motors of an arm."""
 
 import collections
 import struct
@@ -11,13 +11,13 @@ from .fault_proxy import Behaviour, asked, field
 from .faults import Fault
 
 _COUPLED = 0x30
-_BOOM, _EXT = 18, 19  # fields of VIRT_CONFIG behind the type, in types 1 and 3
+_BOOM, _EXT = 18, 19  # fields of VIRT_CONFIG after the type, in types 1 and 3
 _TABLE = 23  # fields of type 1 before its boom table
 _TYPE_4 = 21  # fields of type 4: six axes of three, the nodal offset
 
 
 class _Config(Behaviour):
-    """Fields of VIRT_CONFIG reach the device changed, in these types, if they are whole."""
+    """Changes fields of VIRT_CONFIG in these types, if they are complete."""
 
     def __init__(self, change: Callable[[list[int]], list[int]], *kinds: int):
         self.change, self.kinds = change, kinds
@@ -54,7 +54,7 @@ def _nodal(change: Callable[[list[int]], list[int]], at: int) -> Callable[[list[
 
 
 class _OtherType(Behaviour):
-    """A column is taken for a boom: the two layouts have the same fields."""
+    """Takes a column for a boom: the two layouts have the same fields."""
 
     def asked(self, frame: Frame) -> Frame | None:
         if frame.type == spec.VIRT_CONFIG and frame.payload[:1] == _byte(3):
@@ -63,7 +63,7 @@ class _OtherType(Behaviour):
 
 
 class _Lags(Behaviour):
-    """While it moves a motor is some steps behind where it should be."""
+    """While it moves, a motor is some steps behind."""
 
     def __init__(self, motor: int, answers: int):
         self.at = 4 * motor
@@ -79,7 +79,7 @@ class _Lags(Behaviour):
 
 
 class _WorldLine(Behaviour):
-    """JOG_ON_LINE goes along the axes of the world, wherever the camera looks."""
+    """JOG_ON_LINE follows the axes of the world, wherever the camera looks."""
 
     def asked(self, frame: Frame) -> Frame | None:
         if frame.type != spec.VIRT_JOG_ON_LINE or len(frame.payload) != 3:
@@ -96,7 +96,7 @@ class _WorldLine(Behaviour):
 
 
 class _Granted(Behaviour):
-    """What is refused is acknowledged, though nothing moves."""
+    """Acknowledges what it refuses, and moves nothing."""
 
     def __init__(self, type: int):
         self.type = type
@@ -108,7 +108,7 @@ class _Granted(Behaviour):
 
 
 class _LeaderOnly(Behaviour):
-    """What is set for motor 2 while it is coupled is forgotten."""
+    """Forgets what is set for motor 2 while it is coupled."""
 
     coupled = False
 

@@ -1,4 +1,4 @@
-"""A port that spoils one behaviour of the device behind it: what it is asked, what it says and
+"""A port that spoils one behaviour of the device behind it: what it receives, what it says and
 when, what its pins show."""
 
 import struct
@@ -9,7 +9,7 @@ from framestep_tools.client.wire import Frame, FrameDecoder, encode
 from framestep_tools.conform import spec
 from framestep_tools.judge.trace import Edge
 
-_OWN = 0xEE00_0000  # IDs of requests that the fault makes itself
+_OWN = 0xEE00_0000  # IDs of the fault's own requests
 _GRAIN_S = 1e-6
 
 
@@ -22,15 +22,15 @@ class Behaviour:
     port: "FaultProxy"
 
     def asked(self, frame: Frame) -> Frame | None:
-        """The request as the device gets it; None: it is acknowledged and nothing is done."""
+        """Return the request for the device; None: acknowledge it and do nothing."""
         return frame
 
     def said(self, frame: Frame) -> Frame | None:
-        """What the device says as the host gets it; None: nothing."""
+        """Return for the host what the device says; None: nothing."""
         return frame
 
     def edges(self, edges: list[Edge]) -> list[Edge]:
-        """What the pins show."""
+        """Return what the pins show."""
         return edges
 
 
@@ -52,11 +52,11 @@ class FaultProxy:
     # ---- for a fault
 
     def tell(self, frame: Frame, after_s: float = 0) -> None:
-        """Say this to the host, by and by."""
+        """Send this to the host, after a while."""
         self._to_host.append((self.clock() + after_s, frame))
 
     def ask(self, request: spec.Request, after_s: float = 0) -> None:
-        """A request of the fault's own; the host does not see its answer."""
+        """Send a request of the fault's own; the host does not see its answer."""
         self._own += 1
         self._to_device.append((self.clock() + after_s, Frame(self._own, *request)))
         if not after_s:
@@ -65,7 +65,7 @@ class FaultProxy:
     # ---- a port
 
     def write(self, data: bytes) -> int:
-        """Requests as the fault makes them. What is not good frames throughout goes on as it is."""
+        """Pass requests on as the fault makes them; anything but good frames passes unchanged."""
         decoder = FrameDecoder()
         frames = list(decoder.feed(data))
         if decoder.skipped or decoder.pending or not frames:
@@ -79,7 +79,7 @@ class FaultProxy:
         return len(data)
 
     def read(self, size: int = 1) -> bytes:
-        """What the device says, spoiled; what is due meanwhile is sent."""
+        """Return what the device says, spoiled; meanwhile send what is due."""
         end = self.clock() + (self.timeout or 0)
         while True:
             self._due()
@@ -135,7 +135,7 @@ def field(layout: str, index: int, change: Callable[[int], int]) -> Callable[[by
 
 
 class _Asked(Behaviour):
-    """Requests of a type reach the device changed, or not at all."""
+    """Changes or withholds requests of a type."""
 
     def __init__(self, type: int, change: Callable[[bytes], bytes | None]):
         self.type, self.change = type, change
@@ -148,5 +148,5 @@ class _Asked(Behaviour):
 
 
 def asked(type: int, change: Callable[[bytes], bytes | None]) -> Callable[[], Behaviour]:
-    """The same, as a fault has it. None: the request is acknowledged and nothing is done."""
+    """Return what makes one for a fault. change() None: acknowledge the request and do nothing."""
     return lambda: _Asked(type, change)

@@ -1,4 +1,4 @@
-"""Devices with one fault each, most of them in what is said; motion.py has those of behaviour."""
+"""Devices with one fault each, mostly in what they say; motion_faults.py has the others."""
 
 import struct
 from collections.abc import Callable
@@ -20,7 +20,7 @@ class Fault(NamedTuple):
 
 
 class _Says(Behaviour):
-    """`spoil` changes a frame of the device, or loses it (None)."""
+    """`spoil` changes a frame of the device, or drops it (None)."""
 
     def __init__(self, spoil: Callable[[Frame], Frame | None]):
         self.spoil = spoil

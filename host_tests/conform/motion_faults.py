@@ -1,8 +1,8 @@
-"""Faults of behaviour: the device moves, plays, lights or switches otherwise than it was asked.
+"""Faults of behaviour: the device moves, plays, lights or switches otherwise than requested.
 
-They change the requests that reach a sound device, send some of their own, hold answers back, or
-change what its pins show. The list was made from the specification and the names of its messages,
-before there were checks of these subjects.
+They change the requests that reach a sound device, send requests of their own, hold answers back,
+or change what its pins show. The list was made from the specification and the names of its
+messages, before these subjects had checks.
 """
 
 import struct
@@ -30,7 +30,7 @@ def _ignored(type: int) -> Callable[[], Behaviour]:
 
 
 class _Late(Behaviour):
-    """Messages of a type that come unasked come late."""
+    """Unasked messages of a type come late."""
 
     def __init__(self, type: int, after_s: float, test: Callable[[Frame], bool] = lambda f: True):
         self.type, self.after_s, self.test = type, after_s, test
@@ -43,7 +43,7 @@ class _Late(Behaviour):
 
 
 class _Held(Behaviour):
-    """A request is acknowledged at once and acted upon late."""
+    """A request is acknowledged at once and carried out late."""
 
     def __init__(self, type: int, after_s: float):
         self.type, self.after_s = type, after_s
@@ -56,7 +56,7 @@ class _Held(Behaviour):
 
 
 class _Unasked(Behaviour):
-    """What comes unasked is changed, doubled or dropped by a rule."""
+    """A rule changes, doubles or drops unasked messages."""
 
     def __init__(self, type: int, change: Callable[[Frame], Frame | None]):
         self.type, self.change = type, change
@@ -112,7 +112,7 @@ class _Abrupt(Behaviour):
 
 
 class _Overshoot(Behaviour):
-    """A MOVE goes past its target and comes back."""
+    """A MOVE passes its target and comes back."""
 
     def __init__(self) -> None:
         self.back: list[bytes] = []
@@ -172,7 +172,7 @@ class _NoWait(Behaviour):
 
 
 class _NotRepeated(Behaviour):
-    """Behind the last uploaded position of a motor everything is 0."""
+    """After the last uploaded position of a motor everything is 0."""
 
     count = 0
 
@@ -190,7 +190,7 @@ class _NotRepeated(Behaviour):
 
 
 class _KeepsOldMove(Behaviour):
-    """Motors that an upload leaves out keep what was uploaded before."""
+    """Motors without data in an upload keep the data of the upload before."""
 
     def __init__(self) -> None:
         self.axes: dict[int, list[bytes]] = {}
@@ -234,7 +234,7 @@ class _EarlyEnd(Behaviour):
 
 
 class _NoEndAfter(Behaviour):
-    """No RT_END where an operation of this type was asked for, or STOP_ALL ended it."""
+    """No RT_END for an operation of this type, or one that STOP_ALL ended."""
 
     wanted = True
 
@@ -262,7 +262,7 @@ class _HalfReports(Behaviour):
 
 
 class _OncePassMore(Behaviour):
-    """A loop plays one pass more than STOP_LOOP asks."""
+    """After STOP_LOOP a loop plays one pass too many."""
 
     def __init__(self, seconds: float = 1.6):
         self.seconds = seconds
@@ -275,7 +275,7 @@ class _OncePassMore(Behaviour):
 
 
 class _LoopStopsAtOnce(Behaviour):
-    """STOP_LOOP stops where it is."""
+    """STOP_LOOP stops at once."""
 
     def asked(self, frame: Frame) -> Frame | None:
         if frame.type == spec.STOP_LOOP:
@@ -299,7 +299,7 @@ class _StraightJog(Behaviour):
 
 
 class _Edges(Behaviour):
-    """What the pins show is changed."""
+    """Changes what the pins show."""
 
     def __init__(self, change: Callable[[list[Edge]], list[Edge]]):
         self.change = change
@@ -309,7 +309,7 @@ class _Edges(Behaviour):
 
 
 class _LostStep(Behaviour):
-    """One step is lost in each direction of a motor's way, after so many."""
+    """In each direction a motor loses one step, after so many."""
 
     def __init__(self, every: int) -> None:
         self.every, self.count = every, 0
@@ -326,7 +326,7 @@ class _LostStep(Behaviour):
 
 
 class _Answer(Behaviour):
-    """The data of answers to a type is changed."""
+    """Changes the data of answers to a type."""
 
     def __init__(self, type: int, change: Callable[[bytes], bytes]):
         self.type, self.change = type, change
@@ -345,7 +345,7 @@ def _swap_runs(payload: bytes) -> bytes:
 
 
 def _exchange(at: int) -> Callable[[bytes], bytes]:
-    """A and B of every pair change places."""
+    """Exchange A and B of every pair."""
 
     def change(payload: bytes) -> bytes:
         out = bytearray(payload)

@@ -1,5 +1,5 @@
-"""How far the kit can be trusted, `make conform`: no alarm on correct devices, one on each seeded
-fault. All of them are simulated boards, in virtual time."""
+"""How reliable the kit is, `make conform`: no alarm on correct devices, one on each seeded fault.
+All devices are simulated boards, in virtual time."""
 
 from collections.abc import Iterable
 
@@ -16,18 +16,18 @@ _ALARMS = (kit.FAULT, kit.DEPARTS)
 
 
 def judge(variant: Variant, subjects: Iterable[str] = ()) -> list[Result]:
-    """All results on a correct device."""
+    """Return all results on a correct device."""
     behaviour = variant.behave() if variant.behave else None
     return list(results(behaviour, subjects, variant.motors, variant.rig))
 
 
 def alarms(results: Iterable[Result]) -> list[str]:
-    """Those that say something against the device."""
+    """Return the results that speak against the device."""
     return [report.line(result) for result in results if result.verdict in _ALARMS]
 
 
 def found(fault: Fault) -> bool:
-    """Whether a check of the fault's subject tells it."""
+    """Whether a check of the fault's subject finds it."""
     try:
         found = results(fault.behave(), (fault.subject,))
         return any(result.verdict in _ALARMS for result in found)

@@ -28,7 +28,7 @@ class SimulatedPins:
         self.board, self.behaviour = board, behaviour
 
     def take(self) -> list[Edge]:
-        """The edges since the last call."""
+        """Return the edges since the last call."""
         return self.behaviour.edges(sorted(self.board.edges(), key=lambda edge: edge[0]))
 
 
@@ -56,10 +56,10 @@ class SimulatedHands:
         return what in self.pins
 
     def ready(self, what: str) -> None:
-        """Always."""
+        """Return at once: the hands are always ready."""
 
     def press(self, what: str, on: bool) -> None:
-        """Put the pin to the level that it has with the switch pressed, or let go of."""
+        """Set the pin to its level with the switch pressed, or released."""
         pin, low = self.pins[what]
         self.board.set_input(pin, int(on != low))
 
@@ -70,9 +70,9 @@ def results(
     motors: int | None = None,
     rig: dict[str, Any] | None = None,
 ) -> Iterator[Result]:
-    """The results of the kit on a simulated board, sound or with this behaviour, one by one.
+    """Yield the results of the kit on a simulated board, sound or with this behaviour, one by one.
 
-    subjects: only these. motors: how many it has. rig: what its rig file has beside RIG.
+    subjects: only these. motors: how many it has. rig: what its rig file has besides RIG.
     """
     with SimulatedBoard({**RIG, **(rig or {})}, motors) as board:
         hands = SimulatedHands(board)

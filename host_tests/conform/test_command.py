@@ -1,4 +1,4 @@
-"""`framestep conform`: what it prints and writes, a trace, Ctrl-C, a device that is lost."""
+"""`framestep conform`: what it prints and writes, a trace, Ctrl-C, a lost device."""
 
 import json
 import re
@@ -17,7 +17,7 @@ from host_tests.conform.simulated import RIG, SimulatedHands
 
 
 class Port(LockstepPort):
-    """A port on a simulated board. `at` is called once so many steps have been made."""
+    """A port on a simulated board. It calls `at` once, after so many steps."""
 
     def __init__(self, board, at=None, after=150):
         super().__init__(board)
@@ -41,7 +41,7 @@ def board():
 
 @pytest.fixture
 def conform(board, monkeypatch, capsys):
-    """The command on `board`: its status, what it prints, what it complains."""
+    """Return the command on `board`, which gives its status, its output and its errors."""
 
     def run(*words, port=None):
         monkeypatch.setattr(open_port, "open_port", lambda url, timeout: port or Port(board))
@@ -113,7 +113,7 @@ def test_a_file_that_is_no_trace(conform, tmp_path):
 
 
 def test_somebody_presses_switches_when_asked(monkeypatch, capsys):
-    """Who does as the sentences say, and takes half a second for it."""
+    """They do as the sentences say, within half a second."""
     board = SimulatedBoard(RIG, 2)
     switches = SimulatedHands(board)
     board.run_until(50_000_000)
@@ -165,7 +165,7 @@ def test_ctrl_c_brings_the_motors_to_rest(conform, board, monkeypatch):
         raise KeyboardInterrupt
 
     port = Port(board, interrupt)
-    port.close = lambda: None  # a lost host would stop them, too
+    port.close = lambda: None  # a lost host would stop the motors, too
     far = kit.Check("motors", "a long move", "MSG_MOTOR_MOVE", lambda bench: bench.go(1, 900))
     monkeypatch.setattr(checks, "every_check", lambda: [far])
     status, _, _ = conform(port=port)
@@ -209,7 +209,7 @@ def test_a_speed_that_no_device_has(conform, speed):
 
 
 def test_a_device_that_runs_at_a_tenth_of_real_time(conform, board, monkeypatch):
-    """On the computer's clock, which goes ten times as far as the device's."""
+    """By the computer's clock, which runs ten times as fast as the device's."""
 
     class Slow:
         def __init__(self):

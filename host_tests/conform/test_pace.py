@@ -1,4 +1,4 @@
-"""The kit on the computer's clock: a device at another speed, a computer that is held up."""
+"""The kit on the computer's clock: a device at another speed, a computer with hold-ups."""
 
 import itertools
 import threading
@@ -16,7 +16,7 @@ from host_tests.conform.fault_proxy import Behaviour, FaultProxy
 
 
 class Held:
-    """A computer that is late so much in each try."""
+    """A computer that is late by these times, one for each measurement."""
 
     def __init__(self, *late_s):
         self.late_s = itertools.cycle(late_s)
@@ -27,7 +27,7 @@ class Held:
 
 @pytest.fixture
 def bench():
-    """bench(hold_ups, behaviour): a bench on a simulated board of one motor."""
+    """Return bench(hold_ups, behaviour): a bench on a simulated board of one motor."""
     boards = []
 
     def make(hold_ups, behaviour=None):
@@ -42,7 +42,7 @@ def bench():
 
 
 def check(fails, subject="runs", level=kit.MUST):
-    """A check that fails in its first tries."""
+    """Return a check that fails in its first tries."""
     left = [True] * fails
 
     def run(bench):
@@ -53,7 +53,7 @@ def check(fails, subject="runs", level=kit.MUST):
     return kit.Check(subject, "a frame", "MSG_RT_GO", run, level)
 
 
-# of each try what is measured before it, which does not count, and in it
+# for each try, the hold-up measured before it, which does not count, and the one in it
 CALM, BUSY = (0.5, HELD_UP_S / 2), (0.0, 0.08)
 
 
@@ -90,7 +90,7 @@ def test_what_was_not_judged_is_counted():
 
 @pytest.mark.parametrize("name", ["reports come 0.2 s late", "no pre-roll"])
 def test_each_try_finds_a_fault_that_is_there(bench, name):
-    """What several checks judge is played anew for each try."""
+    """Each try repeats the play that several checks judge."""
     (fault,) = [fault for fault in motion_faults.FAULTS if fault.name == name]
     found = bench(Held(*CALM), fault.behave())
     checks = [one for one in every_check() if one.subject == "runs"]

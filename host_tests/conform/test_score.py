@@ -10,7 +10,7 @@ from framestep_tools.conform.checks import every_check
 from host_tests.conform import score
 from host_tests.conform.variants import VARIANTS
 
-# what `make conform` runs in whole is run in parts here
+# this runs in parts what `make conform` runs as a whole
 _PARTS = {
     "DWORD acknowledgements, an acknowledged MOVE": ("framing", "numbers", "virtuals"),
     "HI of 49 bytes": ("framing",),

@@ -1,4 +1,4 @@
-"""Devices that are right in another way than the simulator is: none of them may raise an alarm."""
+"""Devices that are correct in another way than the simulator: none of them may cause an alarm."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ _SLOW_S = 0.02
 
 
 class Variant(NamedTuple):
-    """A correct device: its motors, what its rig file has besides, how it behaves."""
+    """A correct device: its motors, what else its rig file has, how it behaves."""
 
     name: str
     motors: int | None = None
@@ -22,21 +22,21 @@ class Variant(NamedTuple):
 
 
 class _ShortHi(Behaviour):
-    """HI as before 2020-10-02, without PROTOCOL VERSION."""
+    """Answers HI as before 2020-10-02, without PROTOCOL VERSION."""
 
     def said(self, frame: Frame) -> Frame:
         return frame._replace(payload=frame.payload[:49]) if frame.type == spec.HI else frame
 
 
 class _Slow(Behaviour):
-    """Whatever the device says comes late, in its order."""
+    """Delays whatever the device says, and keeps the order."""
 
     def said(self, frame: Frame) -> None:
         self.port.tell(frame, _SLOW_S)
 
 
 class _LevelsUnseen(Behaviour):
-    """A trace has no light levels, as that of the emulated board."""
+    """Its trace has no light levels, like the emulated board's."""
 
     def edges(self, edges: list[Edge]) -> list[Edge]:
         return [edge for edge in edges if not edge[1].startswith("dmx")]

@@ -24,7 +24,7 @@ def test_boots_to_repl(emulator):
 
 
 def test_resets(emulator):
-    """machine.reset(), the watchdog, the bootloader, and what the board says about each."""
+    """machine.reset(), the watchdog, the bootloader, and what the board reports about each."""
     emu = emulator()
 
     def reset_cause_after(code):
@@ -124,14 +124,14 @@ def test_free_running_keeps_pace(emulator):
 
 
 def test_trace_file_can_be_followed(emulator, tmp_path):
-    """What has happened is in the file within 50 ms of real time, and nothing is lost."""
+    """What has happened is in the file within 50 ms of real time, and nothing gets lost."""
     emu = emulator(lockstep=False, speed=1)
     emu.wait_usb()
     emu.trace_start([25], file=tmp_path / "trace")
     emu.serial().write(TOGGLE % 200)
     with TraceFile(tmp_path / "trace") as trace:
         parts, late = [], []
-        # the first part begins with the level from before; a busy computer may be late now and then
+        # the first part begins with the level before; a busy computer may be late now and then
         while sum(map(len, parts)) < 100 or np.median(late[-9:]) >= 50:
             time.sleep(0.005)
             part = trace.read()

@@ -15,7 +15,7 @@ def test_instructions_agree_with_rp2040js(paths):
     script = paths.root / "tools/framestep_emulator/board/test/core.mjs"
     result = subprocess.run(["node", script, str(RUNS)], capture_output=True, text=True)
     assert result.returncode == 0, result.stdout + result.stderr
-    # a few cases in which rp2040js departs from the architecture are left out
+    # the script leaves out a few cases in which rp2040js departs from the architecture
     assert int(result.stdout.split()[1]) > 0.9 * RUNS
 
 
@@ -35,7 +35,7 @@ def run(op, data):
 
 f32 = np.float32
 
-# name: code for the board, kind of inputs, reference, units of the last place it may be off
+# name: code for the board, kind of inputs, reference, allowed error in units of the last place
 OPERATIONS = {
     "add": ("a + b", "any", lambda a, b: f32(a) + f32(b), 0),
     "sub": ("a - b", "any", lambda a, b: f32(a) - f32(b), 0),

@@ -12,7 +12,7 @@ LIMIT_S = 100
 
 
 def mpremote(path, *arguments, cwd=None, timeout=300):
-    """What mpremote printed."""
+    """Return what mpremote printed."""
     command = [sys.executable, "-m", "mpremote", "connect", path, *arguments]
     result = subprocess.run(command, capture_output=True, text=True, timeout=timeout, cwd=cwd)
     assert result.returncode == 0, f"mpremote {arguments}: {result.stdout} {result.stderr}"
@@ -78,8 +78,8 @@ while True:
     "key, leave, works", [(3, False, True), (-1, False, False), (-1, True, True)]
 )
 def test_breaking_into_a_program(emulator, key, leave, works):
-    """mpremote cannot break into a program that has switched Ctrl-C off, unless the program lets
-    go."""
+    """mpremote cannot break into a program that has switched Ctrl-C off, unless the program allows
+    it."""
     emu = emulator(files={"/main.py": MAIN.format(key=key, leave=leave)}, lockstep=False)
     with emu.pty() as path:
         emu.wait_usb()

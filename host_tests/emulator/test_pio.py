@@ -6,7 +6,7 @@ from framestep_emulator import device_file, edge_times
 
 
 def test_pio_pulses(emulator):
-    """Eight state machines emit pulse trains of their own with exact spacing."""
+    """Eight state machines emit different pulse trains with exact spacing."""
     emu = emulator()
     repl = emu.repl()
     repl.exec(device_file("pulses.py"))
@@ -231,8 +231,8 @@ def test_dma_and_pio_irq(emulator):
 
 
 def test_a_loop_that_counts_until_a_pin_changes(emulator):
-    """Such a loop is skipped through; with a side-set that does nothing the same one is executed
-    word by word. Both count the same."""
+    """The emulator skips through such a loop; it executes the same loop word by word if that has a
+    side-set without effect. Both count the same."""
     repl = emulator().repl()
     repl.exec(
         "import rp2, time\n"
@@ -264,5 +264,5 @@ def test_a_loop_that_counts_until_a_pin_changes(emulator):
     counts = np.array(
         [repl.eval(f"[sms[{i}].get() for _ in range(8)]") for i in range(2)], np.int64
     )
-    assert (np.diff(counts[0])[1:] < -1000).all()  # it begins as if with an edge
+    assert (np.diff(counts[0])[1:] < -1000).all()  # the first count is as after an edge
     assert np.abs(counts[0] - counts[1]).max() <= 1

@@ -1,4 +1,4 @@
-"""Boards one after the other in one process: edge by edge and byte by byte as each in its own."""
+"""Boards one after another in one process: edges and bytes are as if each had its own."""
 
 import subprocess
 
@@ -22,8 +22,8 @@ def pool(monkeypatch):
 
 
 def session():
-    """All that can be seen of a board that does something of everything: motors, DMX, an output, an
-    input, a file, a request to the REPL, a soft reset, a watchdog's reset, a pulled cable."""
+    """Return all that can be seen of a board that does some of everything: motors, DMX, an output,
+    an input, a file, a REPL request, a soft reset, a watchdog reset, a pulled cable."""
     with EmulatedBoard(RIG) as board:
         emulator = board.emulator
         board.wire_switches()
@@ -63,7 +63,7 @@ def session():
 
 
 def test_a_board_that_is_wound_back_is_as_new(pool):
-    """In a process that others had before it, and there once more without a boot."""
+    """In a process that other boards used before, and once more in it without a boot."""
     Emulator.pool = None
     alone = session()
     Emulator.pool = pool
@@ -76,7 +76,7 @@ def test_a_board_that_is_wound_back_is_as_new(pool):
 
 
 def test_what_a_pool_takes_back(pool):
-    """Boards in lockstep, with what they were started with; no more than it may."""
+    """Boards in lockstep, with the arguments of their start, and no more than it may."""
     kinds = [["--chip", "B1"], [], ["--seed", "2"], ["--xip-miss", "0"]]
     for args in kinds:
         Emulator(args=args, boot=False).start().close()
@@ -91,7 +91,7 @@ def test_what_a_pool_takes_back(pool):
 
 
 def test_what_has_gone_wrong_stays_with_its_board(pool):
-    """After a failure no process is used again, neither one that waits nor one that is in use."""
+    """After a failure the pool uses no process again, neither a waiting one nor one in use."""
     Emulator(boot=False).start().close()
     with Emulator(args=["--seed", "2"], boot=False):
         pool.fail()
@@ -111,7 +111,7 @@ def test_a_board_whose_answer_was_not_waited_for_is_not_used_again(pool, monkeyp
 
 
 def test_how_much_is_kept(pool):
-    """The state that has not been used for longest is dropped."""
+    """The pool drops the state that was unused for longest."""
     with Emulator(boot=False) as emu:
         node = emu._node
         for number in range(17):
@@ -137,7 +137,7 @@ def test_a_trace_into_a_file_is_not_kept(pool, tmp_path):
 
 
 def test_a_port_on_tcp(pool):
-    """Is there in a process that is used again, too."""
+    """A process that is used again has it, too."""
     Emulator(boot=False).start().close()
     with Emulator() as emu, emu.free_running(), emu.tcp_serial(timeout=100) as tcp:
         tcp.write(b"6 * 7\r")

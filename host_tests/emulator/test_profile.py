@@ -1,5 +1,5 @@
-"""The profile: every cycle is somebody's, and Python functions are followed through calls and
-exceptions."""
+"""The profile: every cycle belongs to something, and Python functions are followed through calls
+and exceptions."""
 
 import pytest
 

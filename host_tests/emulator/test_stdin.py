@@ -10,8 +10,8 @@ from framestep_emulator import ReplError
 
 
 def test_poll_then_readinto(emulator):
-    """Frames of all byte values, read without blocking for long: poll, then exactly what must be
-    coming."""
+    """Frames of all byte values, read without blocking for long: poll, then read exactly the bytes
+    that must follow."""
     emu = emulator()
     repl = emu.repl()
     repl.start(
@@ -69,7 +69,7 @@ def test_readinto_and_ctrl_c(emulator):
     assert repl.serial.in_waiting == 0, "Ctrl-C got through"
     repl.serial.write(b"\x03")
     assert "4 bytearray" in repl.finish(2), "the fourth byte"
-    # once the program has ended the REPL takes Ctrl-C again
+    # after the program the REPL takes Ctrl-C again
     repl.start("print('ready')\nwhile True: pass", until="ready")
     repl.serial.write(b"\x03")
     with pytest.raises(ReplError, match="KeyboardInterrupt"):

@@ -20,7 +20,7 @@ def load(ms):
 
 @pytest.mark.parametrize("work, jitter_us", [("time.sleep_ms(300)", 1), ("load(300)", 10)])
 def test_hard_timer(emulator, work, jitter_us):
-    """An edge each millisecond, asleep and while allocating and collecting garbage."""
+    """An edge each millisecond, during sleep, allocation and garbage collection."""
     emu = emulator()
     repl = emu.repl()
     repl.exec(SETUP)
@@ -32,7 +32,7 @@ def test_hard_timer(emulator, work, jitter_us):
 
 
 def test_how_long_interrupts_are_off(emulator):
-    """The longest time counts, but not that in which the flash is written."""
+    """The longest time counts, but not the time of writing to flash."""
     emu = emulator()
     repl = emu.repl()
     repl.exec(

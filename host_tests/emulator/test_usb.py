@@ -6,7 +6,7 @@ from framestep_emulator import device_file
 
 
 def test_second_usb_port(emulator):
-    """A CDC made with machine.USBDevice comes up next to the builtin one and goes with a soft
+    """A CDC made with machine.USBDevice appears next to the builtin one and disappears with a soft
     reset."""
     emu = emulator(files={"/cdc2.py": device_file("cdc2.py")})
     repl = emu.repl()
@@ -47,8 +47,8 @@ def test_second_usb_port(emulator):
 
 
 def test_what_a_host_sees_of_it(emulator):
-    """Names and serial number; a full packet is not handed on before a read is full or a packet is
-    short."""
+    """Names and serial number; a full packet is handed on when a read is full or after a short
+    packet."""
     emu = emulator(files={"/cdc2.py": device_file("cdc2.py")})
     repl = emu.repl()
     event = next(e for e in emu.events() if e["type"] == "usb-configured")
@@ -75,8 +75,8 @@ def test_what_a_host_sees_of_it(emulator):
 
 
 def test_double_buffered_endpoints(paths):
-    """The controller's side of what newer drivers do: buffers that take turns, a buffer that is
-    taken back."""
+    """The controller's side of what newer drivers do: alternating buffers, and a buffer that the
+    driver takes back."""
     script = paths.root / "tools/framestep_emulator/board/test/usb.mjs"
     result = subprocess.run(["node", script], capture_output=True, text=True)
     assert result.returncode == 0, result.stdout + result.stderr

@@ -1,12 +1,12 @@
-"""Runs on the simulated ESP32: the lines of host_tests/runtime/stream_replay.py, but words go out
-by I2S instead of into a file. Instead of `batch n` there are
+"""Runs on the simulated ESP32: the lines of host_tests/runtime/stream_replay.py, but words leave by
+I2S instead of into a file. Instead of `batch n` there are
 
     pass us      the main loop's part, once; then time passes
     flash us     a sector of flash is written
 
-and in the place of `new` its arguments `new motors width buffers`. After each pass it prints the
-time in µs, how many ticks have been done, and where the motors are reported to be; at the end, the
-motors whose position is in doubt, then each one's mode, fault and position.
+and `new` takes the arguments `motors width buffers`. After each pass it prints the time in µs, how
+many ticks are done, and the reported positions of the motors; at the end, the motors whose position
+is lost, then each motor's mode, fault and position.
 """
 
 import sys
@@ -27,8 +27,8 @@ SETUP = 640  # cycles: 5 µs
 
 
 class Rig:
-    """Motors behind a chain: steps of motor i on output 20·i, its direction, inverted where i
-    is odd, on output 20·i + 1. Is a HAL, as far as axes need one."""
+    """Motors behind a chain: steps of motor i on output 20·i, its direction, inverted if i is odd,
+    on output 20·i + 1. It is a HAL, as far as axes need one."""
 
     def __init__(self, motors, width, buffers):
         steps = [1 << 20 * i for i in range(motors)]

@@ -32,7 +32,7 @@ REPLY_S = 0.06
 
 @pytest.fixture
 def board(request):
-    """board(rig): a session; all end with the test."""
+    """Return board(rig): a session; all sessions end with the test."""
     made = []
 
     def make(rig=None):
@@ -60,7 +60,7 @@ def test_who_it_is(board):
 
 
 def test_all_motors_move_at_once(rig):
-    """Each to the step, the positions told as they are played."""
+    """Each reaches its step, and the positions are reported as they are played."""
     targets = {motor: (-1) ** motor * 700 * motor for motor in range(1, 9)}
     rig.accept(*[MotorMove(motor, steps) for motor, steps in targets.items()])
     rig.wait_idle()
@@ -89,7 +89,7 @@ def test_a_jog_ends_without_another(rig):
 
 @pytest.mark.parametrize("fps", [23.976, 24, 60])
 def test_a_run(rig, fps):
-    """Each motor is where the upload has it at each frame's time, and each frame is told then."""
+    """At each frame's time each motor is on its uploaded position, and the frame is reported."""
     rig.upload(MOVE)
     before = rig.play(run_request(fps, 1, FRAMES, 700, 300))
     verdict = assert_played(rig, before, MOVE, fps)
@@ -103,7 +103,7 @@ def test_a_run(rig, fps):
 
 
 def test_a_run_with_pauses_of_the_main_loop(rig):
-    """20 ms are lost nowhere."""
+    """20 ms lose nothing."""
     rig.upload(MOVE)
     rig.ready(run_request(24, 1, FRAMES, 700, 300))
     before = rig.positions
@@ -119,7 +119,7 @@ def test_a_run_with_pauses_of_the_main_loop(rig):
 
 
 def test_a_pause_that_is_too_long(rig):
-    """The motor ramps down, the host is told, the position is in doubt; each step was made once."""
+    """The motor ramps down, the host hears of it, the position is lost; each step was made once."""
     rig.accept(MotorResetPosition(1, 0), MotorMove(1, 30_000))
     rig.run(0.4)
     rig.board.pause(60)
@@ -150,8 +150,8 @@ def test_a_stop_takes_the_queue_and_the_ramp(rig, stops, factor):
 
 
 def test_the_e_stop(board):
-    """All pulses end at once, the drivers are off once the chain has been told, the host is told,
-    positions are in doubt. When it is released all goes on."""
+    """All pulses end at once, the drivers are off as soon as the chain gets that, the host hears of
+    it, and positions are lost. After the release all continues."""
     session = board({"estop": "nc"})
     session.run(0.1)
     session.speed(1, 20000, 100_000)
@@ -180,7 +180,7 @@ def test_the_e_stop(board):
 def test_a_spike_is_no_e_stop(board):
     session = board({"estop": "nc"})
     session.run(0.1)
-    session.forget()  # it was held until its wire was there
+    session.forget()  # the input counts as active until its wire is there
     session.speed(1, 20000, 100_000)
     session.accept(MotorMove(1, 6000))
     session.run(0.2)
@@ -192,7 +192,7 @@ def test_a_spike_is_no_e_stop(board):
 
 
 def test_an_e_stop_that_bounces_and_comes_again(board):
-    """Whatever comes while it recovers, pulses come only after it."""
+    """Whatever happens during the recovery, pulses come only after it."""
     session = board({"estop": "nc"})
     session.run(0.1)
     session.speed(1, 20000, 100_000)
@@ -261,7 +261,7 @@ def test_the_byte_of_ctrl_c_in_a_frame_is_data(rig):
 
 
 def test_ctrl_c_lands_the_motors(rig):
-    """What ends the firmware ends it with motors at rest."""
+    """Whatever ends the firmware first brings the motors to rest."""
     rig.accept(MotorMove(1, 30_000))
     rig.run(0.4)
     rig.board.receive(b"\r\x03")
@@ -273,7 +273,7 @@ def test_ctrl_c_lands_the_motors(rig):
 
 
 def test_reading_the_upload_port_takes_no_step(rig):
-    """An upload while a motor moves: 115 200 baud, no byte lost, no edge late."""
+    """An upload while a motor moves: 115 200 baud, without a lost byte or a late edge."""
     rig.accept(MotorMove(5, 20_000))
     rig.client.upload_move(1, 200, {1: list(range(0, 2000, 10)), 2: [7] * 200})
     rig.wait_idle()

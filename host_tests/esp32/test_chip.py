@@ -1,5 +1,5 @@
-"""The simulated ESP32 under MicroPython's own bindings: what they take, and what the chip does that
-a driver has to reckon with."""
+"""The simulated ESP32 under MicroPython's own bindings: what these accept, and what a driver must
+know of the chip."""
 
 import pytest
 
@@ -42,8 +42,8 @@ def filled(number):
 
 @pytest.fixture
 def on_chip(chip, tmp_path):
-    """on_chip(script): what it prints, and what was played: a list of (µs, first byte, bytes that
-    are the same)."""
+    """Return on_chip(script): what it prints, and what was played: a list of (µs, first byte, how
+    many bytes are the same)."""
 
     def run(script):
         record = tmp_path / "played"
@@ -84,7 +84,7 @@ def test_arguments_are_those_of_the_port(on_chip, call, wanted):
 
 
 def test_the_ring_plays_from_the_constructor_on_and_clears_what_it_has_played(on_chip):
-    """The first buffer that becomes free is the first one played, four buffers ago."""
+    """The first buffer that becomes free is the first one played, four buffers earlier."""
     said, heard = on_chip(
         "i2s = asynchronous()\n"
         "chip.advance(1023)\n"
@@ -98,7 +98,7 @@ def test_the_ring_plays_from_the_constructor_on_and_clears_what_it_has_played(on
 
 
 def test_the_queue_of_free_buffers_drops_its_oldest(on_chip):
-    """However long nothing was written: three of four are free, the next one played among them."""
+    """However long nothing was written: three of four are free, including the next one to play."""
     said, heard = on_chip(
         "i2s = asynchronous()\n"
         "chip.advance(9 * 1024)\n"
@@ -110,8 +110,8 @@ def test_the_queue_of_free_buffers_drops_its_oldest(on_chip):
 
 
 def test_half_a_buffer_stays_current(on_chip):
-    """What comes later goes into its rest, which the ring has passed, and into the buffer that is
-    free then: the two halves are heard in the wrong order."""
+    """Later data go into its rest, which the ring has passed, and into the next free buffer: the
+    two halves are played in the wrong order."""
     _, heard = on_chip(
         "i2s = asynchronous()\n"
         "chip.advance(1024)\n"
@@ -151,7 +151,7 @@ def test_deinit_ends_it_at_once_and_a_new_one_begins_with_zeros(on_chip):
 
 
 def test_the_scheduler_holds_eight(on_chip):
-    """And runs nothing inside machine code or a collection, however long they take."""
+    """It runs nothing inside machine code or a collection, however long they take."""
     said, _ = on_chip(
         "calls = []\n"
         "timer = Timer(0, period=1, callback=lambda t: calls.append(chip.now()))\n"
@@ -178,7 +178,7 @@ def test_the_scheduler_holds_eight(on_chip):
 
 @pytest.mark.parametrize("pause", [0, 1, 7, 25])
 def test_a_pause_loses_what_the_queue_cannot_hold(on_chip, pause):
-    """A timer each millisecond, a main loop that stands still in between."""
+    """A timer each millisecond, and a main loop that pauses between."""
     said, _ = on_chip(
         "calls = []\n"
         "timer = Timer(0, period=1, callback=calls.append)\n"

@@ -1,5 +1,5 @@
-"""Motors behind 74HC595 on the simulated ESP32, the main loop as late as the test says: judged by
-the edges of the chain's outputs, beside those of PIO's model."""
+"""Motors behind 74HC595 on the simulated ESP32, with a main loop as late as the test says. Compares
+the edges of the chain's outputs with those of PIO's model."""
 
 import random
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ RATE = 250_000
 BUFFERS = 24
 BUFFER_US = 1024
 LATCH_US = 2  # from the start of a frame
-LAG_US = 1000  # a tick's pulses lie in the words of the next one
+LAG_US = 1000  # a tick's pulses are in the words of the next one
 WORD_US = 4
 SHOWN_US = 0.5  # two engines with different clocks
-QUIET = ["pass 1000"] * 60  # until there are samples of all ticks that wait
+QUIET = ["pass 1000"] * 60  # until all waiting ticks have samples
 
 
 @dataclass
 class Played:
-    """What came out, and what the board said meanwhile."""
+    """The edges, and what the board said during the play."""
 
     times: np.ndarray  # ns, of each word of outputs
     words: np.ndarray
@@ -38,7 +38,7 @@ class Played:
     positions: list[int]
 
     def steps(self, motor):
-        """µs and ways of a motor's steps."""
+        """Return µs and directions of a motor's steps."""
         times, ways = self.trace.steps(motor + 1)
         return times / 1000, ways if motor % 2 == 0 else -ways
 
@@ -49,7 +49,8 @@ class Played:
 
 @pytest.fixture
 def play(chip, tmp_path):
-    """play(lines, buffers, width): two motors, one in each half of the words, 4 µs pulses."""
+    """Return play(lines, buffers, width): two motors, one in each half of the words, with pulses of
+    4 µs."""
 
     def run(lines, buffers=BUFFERS, width=0):
         script = "".join(line + "\n" for line in [f"new 2 {width} {buffers}", *lines])
@@ -71,7 +72,7 @@ def play(chip, tmp_path):
 
 
 def check(found, lines, buffers=BUFFERS):
-    """Each step of PIO's, within a word, and no other; nothing in doubt."""
+    """Assert that each step is within a word of PIO's, with no other, and no position lost."""
     done = [ticks for _, ticks, *_ in found.passes]
     batches = iter(np.diff(done, prepend=0))
     same = ["new 2 0"]
@@ -100,7 +101,7 @@ SESSION = [
     "travel 0 6000",
     "travel 1 -150",
     *["pass 1000"] * 150,
-    "travel 0 500",  # turns round
+    "travel 0 500",  # turns
     *["pass 1300"] * 250,
     "travel 1 300",
     "travel 0 9000",
@@ -123,7 +124,7 @@ def test_a_ramp_a_steady_velocity_a_reversal_a_stop(play):
 
 @pytest.mark.parametrize("buffers", [8, 40])
 def test_the_depth_of_the_ring_moves_edges_as_a_whole(play, buffers):
-    """And says how long a pause may be."""
+    """The depth also says how long a pause may be."""
     longest = (buffers - 3) * BUFFER_US
     lines = SESSION[: len(QUIET) + 60] + [f"pass {longest}", "pass 0"] * 5
     lines += ["stop 0 1", "stop 1 1"] + ["pass 1000"] * 150
@@ -154,8 +155,8 @@ def test_pauses_of_20_ms_lose_nothing(play):
 
 @pytest.mark.parametrize("pause", [23_700, 26_000, 60_000, 400_000])
 def test_a_longer_pause_is_a_fault(play, pause):
-    """The motor ramps down from what speed the pause has left it, its position is in doubt, and yet
-    each step was made once; the other motor, at rest, has nothing to fear."""
+    """The motor ramps down from the speed that it had after the pause, its position is lost, and
+    yet each step was made once; the other motor, at rest, is not affected."""
     lines = [*QUIET, "speed 0 20000 100000", "travel 0 20000", *["pass 1000"] * 330]
     found = play([*lines, f"pass {pause}", *["pass 1000"] * 400])
     assert found.faults == [stepper.FAULT_LATE, 0]
@@ -176,7 +177,7 @@ def test_a_longer_pause_is_a_fault(play, pause):
 
 
 def test_no_step_is_doubled_where_a_pulse_is_cut_off(play):
-    """Pulses of 16 µs, pauses that begin anywhere within them."""
+    """Pulses of 16 µs, with pauses that begin anywhere within them."""
     lines = [*QUIET, "speed 0 25000 900000", "speed 1 24000 900000"]
     for n in range(12):
         lines += ["travel 0 90000", "travel 1 -90000", *["pass 1000"] * 60, f"pass {30000 + 7 * n}"]
@@ -206,7 +207,7 @@ def test_after_a_fault_it_moves_again(play):
 
 
 def test_outputs_go_with_their_tick(play):
-    """All words of the tick, and the direction with the step's own chain."""
+    """All words of the tick have it, and the direction comes with the step's own chain."""
     lines = [*QUIET, f"cue 80 {1 << 24} 0", *["pass 1000"] * 40, f"drive 0 {1 << 24}"]
     found = play([*lines, *["pass 1000"] * 60])
     times, levels = found.trace.signals["shutter"]
@@ -216,7 +217,7 @@ def test_outputs_go_with_their_tick(play):
 
 @pytest.mark.parametrize("buffers", [8, 24, 40])
 def test_how_late_outputs_are(play, buffers):
-    """A change comes after all that waits: the ring, and up to two ticks that are painted."""
+    """A change comes after everything that waits: the ring, and up to two painted ticks."""
     lines, rng = [*QUIET], random.Random(buffers)
     for n in range(40):
         lines += [f"pass {rng.randint(200, 1500)}" for _ in range(3)]
@@ -241,7 +242,7 @@ def test_a_ring_too_short_or_too_long_is_refused(chip, tmp_path, settings, wante
 
 
 def test_a_write_to_flash_at_rest_moves_nothing(play):
-    """The ring plays levels again and again; a motion afterwards is whole, and bears pauses."""
+    """The ring plays its levels repeatedly; a later motion is complete, and survives pauses."""
     lines = [*QUIET, f"drive {1 << 24} 0", *["pass 1000"] * 60]
     lines += ["flash 80000", "pass 0"] * 8 + ["pass 1000"] * 60
     lines += ["speed 0 20000 100000", "travel 0 2000", *["pass 12000"] * 40]

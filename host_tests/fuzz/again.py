@@ -1,5 +1,5 @@
-"""A session again, on 32-bit MicroPython: byte by byte and cue by cue as on CPython, the heap
-locked in every tick and pass and never fuller than before, all counters wrapping in the midst."""
+"""A session again, on 32-bit MicroPython: byte by byte and cue by cue as on CPython, with the heap
+locked in every tick and pass and never fuller than before, while all counters wrap."""
 
 import tempfile
 from pathlib import Path
@@ -28,14 +28,14 @@ class Again:
         self._replay = replay
 
     def trial(self, script: Script) -> Trial:
-        """A Trial that judge() can play again."""
+        """Return a Trial that judge() can play again."""
         with recorded(weigh_ms=_WEIGH_MS) as recorders:
             trial = Trial(script)
         (trial.player.recorder,) = recorders
         return trial
 
     def judge(self, trial: Trial) -> None:
-        """Play a trial again. Finding where it is not the same."""
+        """Play a trial again. Finding if it differs."""
         recording = trial.player.recorder.finish()
         moment = Random(trial.ms).choice(trial.runs.goes or [trial.ms // 2])
         wraps = wrapping_at(moment + _INTO_A_RUN_MS)

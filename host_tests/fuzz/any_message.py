@@ -11,7 +11,7 @@ class Anyhow(Deeds):
     """What no host would send."""
 
     def message(self):
-        """Any message with any payload."""
+        """Send any message with any payload."""
         dice = self.dice
         kind = dice.choice(list(m.SIZES)) if dice.random() < 0.97 else dice.randrange(0x8000)
         sizes = m.SIZES.get(kind, (0, 1))

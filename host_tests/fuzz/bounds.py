@@ -1,5 +1,4 @@
-"""What a motor may do, from the requests that have been acknowledged: velocities, accelerations,
-places, paths."""
+"""What a motor may do, by the acknowledged requests: velocities, accelerations, places, paths."""
 
 import numpy as np
 
@@ -10,40 +9,40 @@ STEEPEST = 4_000_000
 
 
 class Motor:
-    """What is known of a motor: its settings as acknowledged, and its edges since it last stood."""
+    """What is known of a motor: its settings as acknowledged, and its edges since its last rest."""
 
     def __init__(self, index, settings):
         self.index = index
         self.backlash = settings["backlash"]
         self.jerk = settings["jerk"] * 1000
-        self.edges: list[int] = []  # cycle · 2, +1 where it goes up
-        self.seen = self.made = 0  # how many of them have been pulsed by now, and their sum
-        self.at = 0  # of the motor, in the numbers that are told, before these edges
-        self.load = 0  # the place of the load before these edges
+        self.edges: list[int] = []  # cycle · 2, +1 for a step up
+        self.seen = self.made = 0  # how many of them the pins have shown by now, and their sum
+        self.at = 0  # the motor before these edges, in the reported numbers
+        self.load = 0  # the load before these edges
         self.velocity, self.acceleration = 5000, 20000  # as set
         self.flags = m.MOTOR_ENABLED
         self.limits = (None, None)
-        self.coupled = 0  # 1 or -1: the next motor does the same
+        self.coupled = 0  # 1 or -1: the next motor is coupled to it
         self.leader = None
-        # (ms, steps/s): what it may do from then on, since it last stood; never less
+        # (ms, steps/s): what it may do from then on, since its last rest; never less
         self.top = [(0, 5000)]
         self.steep = [(0, 20000)]
-        self.least = 20000  # the lowest acceleration since it last stood
-        self.jerky = False  # something else than moves of its own since it last stood
-        self.low = self.high = 0  # where it may be, since it last stood: of the motor
-        self.free = False  # that is not known
+        self.least = 20000  # the lowest acceleration since its last rest
+        self.jerky = False  # anything but its own moves since its last rest
+        self.low = self.high = 0  # the motor's range since its last rest
+        self.free = False  # the range is not known
         # bounds of the motor by the soft limits, None: not known
         self.soft: tuple | None = (None, None)
-        self.fresh = True  # it stood before these edges
-        self.sent = 0  # places that it has been sent to since it last stood
+        self.fresh = True  # it was at rest before these edges
+        self.sent = 0  # the places it was sent to since its last rest
         self.quiet: int | None = 0  # since when it may not move, ms
         self.quiets: list[tuple[int, int]] = []
-        self.rest_by: int | None = None  # when it stands that has been asked to stop alone, ms
-        self.let_go_by: int | None = None  # or that jogs, and has not been asked to go on
+        self.rest_by: int | None = None  # the end of a stop that was for it alone, ms
+        self.let_go_by: int | None = None  # the end of a jog that was not repeated, ms
         self.home = settings["home"]  # None: it cannot be homed
         self.homing = False
-        self.goals: tuple[int, ...] = ()  # places on one of which it comes to rest, if known
-        self.renumbered = False  # homing is over, and may have given it another position
+        self.goals: tuple[int, ...] = ()  # it comes to rest on one of these, if known
+        self.renumbered = False  # homing has ended and may have changed its position
 
     def allow(self, ms, velocity=0.0, acceleration=0.0):
         if velocity > self.top[-1][1]:
@@ -52,14 +51,14 @@ class Motor:
             self.steep.append((ms, acceleration))
 
     def reach(self, *places):
-        """It may go to these places of the load."""
+        """Allow these places of the load."""
         self.sent += 1
-        self.free |= self.homing  # that is over, and may have given them other numbers
+        self.free |= self.homing  # homing has ended and may have changed the numbers
         self.low = min(self.low, min(places) - self.backlash)
         self.high = max(self.high, *places)
 
     def stands(self, ms):
-        """It is known to stand where the edges so far have brought it: bounds begin anew."""
+        """Begin new bounds: it is known to rest at the end of the edges so far."""
         self.top = [(ms, self.velocity)]
         self.steep = [(ms, self.acceleration)]
         self.least = self.acceleration
@@ -71,8 +70,8 @@ class Motor:
         self.bound()
 
     def homes(self, factor):
-        """It is homed from here: no further toward the switch than its travel and what it needs to
-        stop, and back off it twice at most. factor: of the hard stop."""
+        """Allow homing from here: toward the switch its travel and a stop, and back twice the
+        back-off. factor: of the hard stop."""
         ahead = self.home["travel"] + self.home["back_off"] + self.backlash
         ahead += self.velocity**2 // (2 * self.acceleration * factor) + 2 + self.velocity // 50
         behind = 2 * self.home["back_off"] + self.backlash
@@ -105,7 +104,7 @@ class Motor:
 
 
 class Upload:
-    """The uploaded move as the acknowledged requests have made it."""
+    """The uploaded move, by the acknowledged requests."""
 
     def __init__(self, start=1, end=0):
         self.start, self.count = start, end - start + 1
@@ -138,7 +137,7 @@ class Upload:
 
 
 def play(path, gap, backlash):
-    """The load's places for the motor's, both arrays; gap: how far the load is above the motor
+    """Return the load's places for the motor's, both arrays; gap: the load's place above the motor
     before."""
     if not backlash:
         return path
@@ -151,10 +150,10 @@ def play(path, gap, backlash):
 
 
 def bounds_of(path, fps, backlash, top=np.inf):
-    """Velocity and acceleration that a smooth, monotonic cubic through these frames may have at
-    most.
+    """Return velocity and acceleration that a smooth, monotonic cubic through these frames may have
+    at most.
 
-    top: steps/s that its motor is set to, which it does not exceed at any frame.
+    top: the motor's velocity, steps/s, which it does not exceed at any frame.
     """
     if len(path) < 2:
         return 0.0, 0.0
@@ -162,9 +161,9 @@ def bounds_of(path, fps, backlash, top=np.inf):
     bends = np.abs(np.diff(path, 2)) + 2 * backlash if len(path) > 2 else steps
     first = np.concatenate((steps[:1], steps, steps[-1:]))
     slopes = 3 * np.minimum(first[1:], first[:-1])
-    # the curve's own slopes are central differences, and never beyond three times the lesser chord
+    # the curve's own slopes are central differences, at most three times the lesser chord
     slopes = np.minimum(slopes, 1.7 * np.maximum(first[1:], first[:-1]) + 1)
-    # at either end it is a parabola's
+    # at either end it is the slope of a parabola
     slopes[0] = 1.5 * steps[0] + 0.5 * steps[min(1, len(steps) - 1)]
     slopes[-1] = 1.5 * steps[-1] + 0.5 * steps[max(-2, -len(steps))]
     velocity = max(min(float(slopes.max()), top / fps), 1.5 * float(steps.max())) + 1

@@ -1,5 +1,5 @@
-"""Requests of all kinds at once, or a millisecond or two apart: what begins in one is not over in
-the next."""
+"""Requests of all kinds at once, or a millisecond or two apart: each comes before the
+effects of the one before are over."""
 
 import struct
 
@@ -9,7 +9,7 @@ from .host import Deeds, signed
 
 
 class Bursts(Deeds):
-    """A few sound requests in one packet."""
+    """A few valid requests in one packet."""
 
     def __init__(self, world):
         super().__init__(world)

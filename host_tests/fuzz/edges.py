@@ -1,4 +1,4 @@
-"""The edges on the pins, held to what a motor may do."""
+"""The judge of the edges on the pins: they keep within what a motor may do."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ class Edges(Part):
     """The judge of edges."""
 
     def judge(self, motor):
-        """Hold the edges of a motor so far to its limits, and go on from where they lead."""
+        """Compare a motor's edges so far with its limits, then start from their end."""
         name = f"motor {motor.index + 1}"
         edges = motor.edges
         quiets, motor.quiets = motor.quiets, []
@@ -35,7 +35,7 @@ class Edges(Part):
         self._where(motor, name, places, cycles)
         first = int(cycles[0]) // MS + (-1 if motor.fresh else 1)
         motor.fresh = False
-        # what comes later is not all known while it moves
+        # the limits after that are not all known while it moves
         grid = np.arange(first, max(min(int(cycles[-1]) // MS + 3, self.ms), first + 1)) * MS
         place = np.concatenate(([motor.at], places))[np.searchsorted(cycles, grid, side="right")]
         ms = grid // MS
@@ -49,7 +49,7 @@ class Edges(Part):
             # a ramp of a tick or two is only as fine as ticks are
             brief = fastest < 0.004 * min(motor.steep[-1][1], STEEPEST)
             if self.trial.virtual:
-                # within a span of 16 ms its path may get a step ahead on its line (field note 9.5)
+                # within 16 ms its path may get a step ahead of its line (field note 9.5)
                 fastest = max(fastest, fastest / 2 + 1.5 / 0.016)
             least = 125e6 / fastest * (0.5 if brief else 1) - 1000
             if apart.min() < least:
@@ -70,7 +70,7 @@ class Edges(Part):
         low, high = int(places.min()), int(places.max())
         slack = 1
         if motor.jerk and motor.sent > 1:
-            # where no soft limit is near a plan may need more room than the one before it
+            # without a soft limit nearby a plan may need more room than the one before it
             times = cycles // (16 * MS)
             fast = 62.5 * float(np.unique(times, return_counts=True)[1].max())
             slack += int(
@@ -115,8 +115,8 @@ class Edges(Part):
         w = 2
         while 2 * w < len(place) and w <= 512:
             bend = np.abs(place[2 * w :] - 2 * place[w:-w] + place[: -2 * w])
-            # of whole steps each is off by less than one; virtual lines are followed within a step
-            # (field note 9.5)
+            # places are whole steps, each wrong by less than one; the path follows virtual lines
+            # within a step (field note 9.5)
             allowed = steep[2 * w :] * (w * w * 1.02e-6) + (7.05 if self.trial.virtual else 4.05)
             over = bend > allowed
             if over.any():
@@ -130,7 +130,7 @@ class Edges(Part):
                 twist = np.abs(
                     place[3 * w :] - 3 * place[2 * w : -w] + 3 * place[w : -2 * w] - place[: -3 * w]
                 )
-                # a jerk that is over within four ticks is none (ramps.py), twice at a ramp's top
+                # a jerk shorter than four ticks does not count (ramps.py), twice at a ramp's top
                 allowed = motor.jerk * max(w, 8) * w * w * 1.02e-9 + 8.05
                 if (twist > allowed).any():
                     i = int(np.argmax(twist > allowed))
@@ -142,7 +142,7 @@ class Edges(Part):
             w *= 2
 
     def together(self, motor, partner):
-        """Coupled motors go together, at every millisecond and at rest."""
+        """Compare coupled motors, at every millisecond and at rest."""
         if motor.edges or partner.edges:
             both = []
             for each, sign in ((motor, motor.coupled), (partner, 1)):

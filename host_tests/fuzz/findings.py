@@ -1,9 +1,9 @@
-"""What a trial finds, and what its parts have in common."""
+"""What a trial finds, and what its parts share."""
 
 
 class Finding(Exception):
-    """Something that may never happen. kind: one word for what, by which findings are told
-    apart."""
+    """Something that must never happen. kind: one word for it, by which findings are
+    distinguished."""
 
     def __init__(self, kind: str, text: str):
         super().__init__(f"{kind}: {text}")
@@ -24,21 +24,21 @@ class Part:
         return self.player.ms
 
     def may_set_off(self):
-        """Whether a request that is not answered yet may move something."""
+        """Whether a request without an answer may move something."""
         return any(request.moves for request in self.open.values())
 
     def goes_to(self, motor, order, *places):
-        """A motor that no other one moves, nor is moved by, is to come to rest on one of these.
-        order: of the request for it."""
+        """Expect a motor to come to rest on one of these places, if it is in no couple and no
+        virtual rig. order: of the request."""
         if order >= self.trial.upset and not (motor.coupled or motor.leader or self.trial.virtual):
             motor.goals = places
 
     def led(self, motor):
-        """What moves this motor moves the one that is coupled to it: where to is not known."""
+        """Allow the coupled motor any place: it moves with this one."""
         if motor.coupled:
             self.motors[motor.index + 1].free = True
 
     def anywhere(self):
-        """All motors may go anywhere, and begin and end as steeply as their acceleration has it."""
+        """Allow all motors any place, and starts and stops with their full acceleration."""
         for motor in self.motors:
             motor.free = motor.jerky = True

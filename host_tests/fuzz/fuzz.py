@@ -1,9 +1,9 @@
-"""`make fuzz`: sessions drawn at random until time is up; what fails is shrunk to a script.
+"""`make fuzz`: random sessions until the time is up; failures are shrunk to scripts.
 
     python -m host_tests.fuzz.fuzz --seconds 60 [--seed 7] [--requests 200] [--minutes 15]
                                    [--keep-going] [--int32] [--replay]
 
-Each session has a seed of its own, made of the run's and its number, so one is found again by them.
+Each session's seed is made of the run's seed and its number, so a session can be repeated.
 """
 
 import argparse
@@ -21,7 +21,7 @@ REQUESTS_PER_MINUTE = 1200
 
 
 def replay(script: Script, tail_ms: int = 0, again=None):
-    """Judge a script as it stands; the Trial. Finding where it fails. again: an Again, which plays
+    """Judge a script as it is; return the Trial. Finding if it fails. again: an Again, which plays
     it once more."""
     from .trial import Trial
 
@@ -33,7 +33,7 @@ def replay(script: Script, tail_ms: int = 0, again=None):
 
 
 def header_of(script: Script) -> Script:
-    """The same board and rig, and no events yet."""
+    """Return the same board and rig without events."""
     head = Script(script.board, script.rig)
     head.rig, head.rig_text = script.rig, script.rig_text
     head.motors, head.memory, head.flash, head.says = (
@@ -46,7 +46,7 @@ def header_of(script: Script) -> Script:
 
 
 def follow(trial, script: Script, tail_ms: int = 0) -> None:
-    """Let a script's events happen, and time pass until its end."""
+    """Play a script's events, and let time pass until its end."""
     for ms, verb, argument in script.events:
         while trial.ms < ms:
             trial.step()
@@ -58,7 +58,7 @@ def follow(trial, script: Script, tail_ms: int = 0) -> None:
 
 
 def fails(script: Script, again=None) -> str | None:
-    """The kind of finding that a script leads to."""
+    """Return the kind of finding that a script leads to."""
     from .findings import Finding
 
     try:
@@ -115,7 +115,7 @@ def shrink(script: Script, kind: str, seconds: float = 60.0, again=None) -> Scri
 
 
 def keep(script: Script, finding, seed: str, again=None) -> Path:
-    """Shrink what has failed and write it down."""
+    """Shrink the script that failed and write it to a file."""
     script.end = script.events[-1][0] if script.events else 0
     script = shrink_from(script, finding, again)
     FOUND.mkdir(parents=True, exist_ok=True)
@@ -132,7 +132,7 @@ def shrink_from(script: Script, finding, again=None) -> Script:
 
 
 def session(seed: str, requests: int, minutes: float = 0.5, again=None):
-    """One session; (Trial, Finding or None)."""
+    """Play one session; return (Trial, Finding or None)."""
     from .findings import Finding
     from .rigs import draw_script
     from .trial import Trial
@@ -236,7 +236,7 @@ def main() -> int:
 
 
 def replay_all(names, again=None) -> int:
-    """Say for each script what it leads to."""
+    """Print for each script what it leads to."""
     from .findings import Finding
 
     bad = 0

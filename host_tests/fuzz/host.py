@@ -1,4 +1,4 @@
-"""What a host does with its port: it sends, waits for the answer, lets time pass, stops
+"""What a host does with its port: it sends, waits for answers, lets time pass, and stops
 everything."""
 
 import struct
@@ -40,19 +40,19 @@ QUESTIONS = (
 
 
 def signed(value):
-    """Into the range of a word, from the other end where it is past one."""
+    """Return the number wrapped into a signed word."""
     return (value + 2**31 & WORD) - 2**31
 
 
 class Over(Exception):
-    """The session has had its requests or its time."""
+    """The session has used up its requests or its time."""
 
 
 class Host:
-    """A host with its port and a clock. requests, ms: how much at most. links: with faults of the
+    """A host with its port and a clock. requests, ms: the most of each. links: with faults of the
     link.
 
-    talks: it asks a lot in between, which leaves fewer requests for what moves something.
+    talks: it asks many questions, which leaves fewer requests for motion.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class Host:
         self.talks = talks
         self.number = 0
         self.motors = trial.count
-        self.speeds = [5000] * self.motors  # as this host has set them
+        self.speeds = [5000] * self.motors  # as set by this host
         self.steep = [20000] * self.motors
 
     def tick(self, ms=1):
@@ -77,12 +77,12 @@ class Host:
             raise Over
 
     def pause(self, most=300):
-        """Some time, mostly little."""
+        """Let some time pass, mostly little."""
         self.tick(int(self.dice.random() ** 3 * most))
 
     def send(self, kind, payload=b"") -> int:
         self.number += 1
-        # every word as an ID, each once
+        # any word may be an ID, each once
         number = self.number * 0x9E3779B1 & WORD or 1
         data = frame(kind, payload, number)
         if self.links and self.dice.random() < 0.06:
@@ -94,7 +94,7 @@ class Host:
         return number
 
     def ask(self, kind, payload=b""):
-        """The code or the payload of the answer: (code, payload); (None, b"") where none comes
+        """Send a request and return (code, payload) of its answer; (None, b"") if none comes
         soon."""
         number = self.send(kind, payload)
         self.chatter()
@@ -106,8 +106,8 @@ class Host:
         return None, b""
 
     def spoil(self, data):
-        """A fault of the link: bytes dropped, doubled, flipped, late, the port closed in the
-        middle."""
+        """Add a fault of the link: bytes dropped, doubled, flipped or late, or the port closed in
+        the middle."""
         dice, do = self.dice, self.trial.do
         at = dice.randrange(len(data))
         kind = dice.randrange(7)
@@ -138,7 +138,7 @@ class Host:
         self.tick(self.dice.choice((0, 1, 5)))
 
     def settle(self, most=4000):
-        """Wait until everything stands, and hear where."""
+        """Wait until everything rests, and ask for the positions."""
         trial = self.trial
         end = trial.ms + most
         while trial.ms < end:
@@ -151,7 +151,7 @@ class Host:
         return False
 
     def halt(self):
-        """Stop whatever there is, and see it stand."""
+        """Stop everything, and wait until it rests."""
         self.send(
             m.MSG_MOTOR_STOP_ALL,
             b"" if self.dice.random() < 0.6 else struct.pack("<I", self.dice.choice((0, 1))),
@@ -162,7 +162,7 @@ class Host:
         self.settle(9000)
 
     def finish(self):
-        """The end of the session: everything comes to rest, and all is told truly."""
+        """End the session: everything comes to rest, and every report is true."""
         trial = self.trial
         self.end = 10**9
         self.requests = 10**9
@@ -182,7 +182,7 @@ class Host:
             trial.judge(motor)
 
     def motor(self):
-        """The number of a motor, seldom of none."""
+        """Return the number of a motor, rarely an invalid one."""
         if self.dice.random() < 0.02:
             return self.dice.choice((0, self.motors + 1, 255))
         return self.dice.randint(1, self.motors)
@@ -191,7 +191,7 @@ class Host:
         return self.trial.motors[i].load if 0 <= i < self.motors else 0
 
     def target(self, i):
-        """A place to send motor i (from 0) to: mostly reached soon."""
+        """Return a target for motor i (from 0), mostly a near one."""
         dice = self.dice
         if not 0 <= i < self.motors:
             return dice.choice(ODD)
@@ -208,7 +208,7 @@ class Host:
         return signed(self.here(i) + int(dice.uniform(-reach, reach)))
 
     def chatter(self):
-        """Questions at once with another request, as from a host with several windows."""
+        """Ask questions together with another request, as a host with several windows does."""
         dice = self.dice
         if dice.random() < (0.5 if self.talks else 0.02):
             for _ in range(dice.choice((1, 2, 4, 8, 12))):
@@ -222,8 +222,8 @@ class Host:
 
 
 class Deeds:
-    """Some of what happens in a session: base of the classes that make it happen. They find each
-    other by `world`."""
+    """Some of what happens in a session: the base of the classes that do it. They find each other
+    through `world`."""
 
     def __init__(self, world):
         self.world = world

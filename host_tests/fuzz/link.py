@@ -1,5 +1,5 @@
-"""The bytes between host and device: the sound frames in what the host sends, and in what the
-device sends."""
+"""The bytes between host and device: the valid frames from the host, and those from the
+device."""
 
 import struct
 from itertools import accumulate
@@ -9,19 +9,19 @@ from framestep_tools.payloads import REQUESTS
 
 from .findings import Part
 
-SLOW_MS = 150  # a frame that takes longer to come may be given up
+SLOW_MS = 150  # the device may give up a frame that takes longer
 HEAD = struct.Struct("<2sIHH")
 MOTIONS = frozenset(kind for kind, cls in REQUESTS.items() if cls.MOVES)
 LIGHTS = frozenset((m.MSG_GIO_OUT, m.MSG_GIO_CAM, m.MSG_RT_POSITION_FRAME)) | MOTIONS
 
 
 def checksum(data: bytes) -> tuple[int, int]:
-    """Fletcher-16, both sums."""
+    """Return both sums of Fletcher-16."""
     return sum(data) % 255, sum(accumulate(data)) % 255
 
 
 def frame(kind: int, payload: bytes, number: int) -> bytes:
-    """The bytes of a message."""
+    """Return the bytes of a message."""
     body = HEAD.pack(b"DF", number, kind, len(payload)) + payload
     a, b = checksum(body)
     first = 255 - (a + b) % 255
@@ -29,7 +29,7 @@ def frame(kind: int, payload: bytes, number: int) -> bytes:
 
 
 class Request:
-    """A sound frame that the host has sent. copies: how often, which a fault of the link may do."""
+    """A valid frame from the host. copies: how often it was sent, since a faulty link doubles."""
 
     __slots__ = ("copies", "deadline", "kind", "number", "order", "payload", "sent")
 
@@ -65,7 +65,7 @@ class Request:
 
 
 class Link(Part):
-    """Both ways of the port."""
+    """Both directions of the port."""
 
     def __init__(self, trial):
         super().__init__(trial)
@@ -73,15 +73,15 @@ class Link(Part):
         self.reply = bytearray()
 
     def opened(self):
-        """The port is open: nothing has come on it."""
+        """Begin with an open port and no bytes."""
         self.stream = bytearray()
-        self.since: dict[int, int] = {}  # when that place came, ms
-        # places in the stream where a frame may begin that has not all come
+        self.since: dict[int, int] = {}  # when the byte at that place arrived, ms
+        # places in the stream where an incomplete frame may begin
         self.begun: list[int] = []
-        self.sound_to = 0  # where the last sound frame ends in it
+        self.sound_to = 0  # where the last valid frame ends in it
 
     def sent(self, data):
-        """Find the sound frames in the stream, wherever they begin."""
+        """Find the valid frames in the stream, wherever they begin."""
         stream = self.stream
         whole = len(data) >= 12 and int.from_bytes(data[8:10], "little") + m.FRAME_OVERHEAD == len(
             data
@@ -101,7 +101,7 @@ class Link(Part):
         left = []
         for at in begun:
             since = self.since.setdefault(at, self.ms)
-            # One that begins in a sound frame, which a damaged one may be by chance, is no frame
+            # a frame inside a valid one, as a damaged one may be by chance, does not count
             inside = at < self.sound_to
             got = self._sound(stream, at, inside or self.ms - since > SLOW_MS)
             self.sound_to = max(self.sound_to, at + got)
@@ -122,7 +122,7 @@ class Link(Part):
             self.sound_to = 0
 
     def _sound(self, stream, at, slow=False):
-        """How many bytes the sound frame there has; 0 if more must come, -1 if there is none."""
+        """Return the length of the valid frame there; 0 if more must come, -1 if there is none."""
         if len(stream) - at < 10:
             return 0 if stream[at : at + 2] == b"DF" else -1
         mark, number, kind, length = HEAD.unpack_from(stream, at)
@@ -138,7 +138,7 @@ class Link(Part):
         return size
 
     def heard(self, data):
-        """Bytes of the device: frames, and nothing else."""
+        """Take bytes from the device, which must be frames and nothing else."""
         reply = self.reply
         reply += data
         while len(reply) >= 12:

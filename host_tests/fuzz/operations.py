@@ -1,4 +1,4 @@
-"""Operations through to their end, and what a host does in between."""
+"""Whole operations, and what a host does during them."""
 
 import struct
 
@@ -98,13 +98,13 @@ class Operations(Deeds):
         )[0]
 
     def operate(self):
-        """An operation, and what comes in between."""
+        """Carry out an operation, with events in between."""
         dice = self.dice
         if not self.world.uploads.uploaded or dice.random() < 0.15:
             self.world.uploads.upload()
         self.settle(1500) or self.halt()
         if dice.random() < 0.8:
-            self.world.surroundings.release()  # of what is still pressed
+            self.world.surroundings.release()  # what is still pressed
         if dice.random() < 0.2:
             self.send(
                 m.MSG_RT_POSITION_FRAME, struct.pack("<i", self.world.uploads.number_of_frame())
@@ -172,7 +172,7 @@ class Operations(Deeds):
                 self.settle(3000) or self.halt()
 
     def meanwhile(self, ms):
-        """Time passes, with what a host asks in between."""
+        """Let time pass, with requests of the host in between."""
         end = self.trial.ms + ms
         while self.trial.ms < end:
             self.tick(self.dice.choice((5, 20, 60, 120)))

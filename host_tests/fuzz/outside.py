@@ -1,5 +1,4 @@
-"""What happens around the motors: lights, inputs, switches, a slow main loop, time without
-anything."""
+"""What happens around the motors: lights, inputs, switches, a slow main loop, idle time."""
 
 import struct
 
@@ -9,7 +8,7 @@ from .host import WORD, Deeds
 
 
 class Surroundings(Deeds):
-    """switches: stop switches are touched. late: passes and ticks come late."""
+    """switches: use stop switches. late: let passes and ticks come late."""
 
     def __init__(self, world, switches, late):
         super().__init__(world)
@@ -17,7 +16,7 @@ class Surroundings(Deeds):
         self.late = late
 
     def side(self):
-        """Lights and outputs, the link, the main loop."""
+        """Do something to lights, outputs, the link or the main loop."""
         dice, do = self.dice, self.trial.do
         x = dice.random()
         if x < 0.2:
@@ -49,7 +48,7 @@ class Surroundings(Deeds):
         self.tick()
 
     def switch(self):
-        """A stop input, with bounce; released again after a while."""
+        """Press a stop input, with bounce, and release it after a while."""
         dice, do, trial = self.dice, self.trial.do, self.trial
         pins = sorted(trial.stops.limit_pins)
         if trial.stops.estop_pin is not None and (not pins or dice.random() < 0.5):
@@ -78,7 +77,7 @@ class Surroundings(Deeds):
         self.tick(dice.choice((1, 30)))
 
     def toward(self, limit, pin):
-        """A motor moves toward this limit switch."""
+        """Move a motor toward this limit switch."""
         i, number = self.dice.randint(1, self.motors), self.rig.limits.index(limit) + 1
         self.send(m.MSG_MOTOR_SET_LIMITS, struct.pack("<BBiBiB", i, 0, 0, 0, 0, number))
         to = 2**31 - 1 if pin == limit["high"] else -(2**31)
@@ -86,12 +85,12 @@ class Surroundings(Deeds):
         self.pause(300)
 
     def lull(self):
-        """Long enough for positions to be remembered."""
+        """Wait until the firmware saves its positions."""
         self.settle(1500) or self.halt()
         self.tick(self.dice.choice((1900, 2100, 2600)))
 
     def release(self):
-        """All stop switches as nobody touches them."""
+        """Release all stop switches."""
         trial = self.trial
         if trial.stops.estop_pin is not None:
             trial.do("pin", (trial.stops.estop_pin, 1 - trial.stops.estop_level))

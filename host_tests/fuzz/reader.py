@@ -1,9 +1,9 @@
-"""Streams for the frame reader, grown toward lines of it that none has reached: mutation guided by
+"""Streams for the frame reader, mutated toward code that none has reached: fuzzing guided by
 coverage.
 
-What a stream must be answered is what the reader written from the specification says
-(host_tests/protocol/streams.py). Coverage is the steps from line to line within protocol/frames.py,
-and how often each is made, by powers of two.
+The expected answers come from the reader written from the specification
+(host_tests/protocol/streams.py). Coverage is the set of steps from line to line within
+protocol/frames.py, and how often each happens, by powers of two.
 """
 
 import struct
@@ -24,7 +24,7 @@ CODES = {
     f.__code__
     for f in (READER.feed, READER.poll, READER.drop_partial, READER.clear, frames._search)
 }
-MOST_BYTES = 6000  # of a stream: the echo answers them all
+MOST_BYTES = 6000  # of a stream; the echo answers all of them
 
 
 class Mismatch(AssertionError):
@@ -32,7 +32,7 @@ class Mismatch(AssertionError):
 
 
 def covered(case: Case) -> tuple[set, bytes]:
-    """(the steps between lines that it makes, what is answered)."""
+    """Return (its steps between lines, the answer)."""
     hits: Counter = Counter()
 
     def scopes(scope, event, _):
@@ -61,7 +61,7 @@ def covered(case: Case) -> tuple[set, bytes]:
 
 
 def some_frame(dice: Random) -> bytes:
-    """A good frame, mostly short; its payload may look like the beginning of others."""
+    """Return a good frame, mostly short; its payload may look like the beginning of others."""
     length = dice.choice((0, 0, 1, 4, 5, 30, 300, 1034, 1035, 1036))
     payload = bytearray(dice.randbytes(length))
     for _ in range(dice.randint(0, 3)):
@@ -76,7 +76,7 @@ def some_frame(dice: Random) -> bytes:
 
 
 def steps_for(dice: Random, length: int) -> tuple[int, ...]:
-    """How a stream arrives."""
+    """Return the steps in which a stream arrives."""
     steps = []
     while length > 0:
         n = min(length, dice.choice((1, 2, 9, 10, 11, 12, 13, 64, 512, 1036, 1048, 1092, 3000)))
@@ -87,7 +87,7 @@ def steps_for(dice: Random, length: int) -> tuple[int, ...]:
 
 
 def mutated(dice: Random, corpus: list[Case]) -> Case:
-    """Another case, made of one or two that have been of use."""
+    """Return a new case, made from one or two useful ones."""
     case = dice.choice(corpus)
     stream = bytearray(case.stream)
     for _ in range(dice.choice((1, 1, 2, 4))):
@@ -120,8 +120,8 @@ def mutated(dice: Random, corpus: list[Case]) -> Case:
 
 
 def explore(seed: str, seconds: float = 1e9, cases: int = 10**9) -> tuple[int, int, int]:
-    """(cases tried, those kept since they reached something new, steps between lines). Mismatch for
-    a difference."""
+    """Return (cases tried, cases kept because they reached something new, steps between lines).
+    Mismatch for a difference."""
     dice = Random(seed)
     first = some_frame(dice)
     corpus = [Case(b"", (POLL,)), Case(first, (len(first), POLL))]

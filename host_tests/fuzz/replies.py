@@ -1,5 +1,4 @@
-"""What answers may say, and what each acknowledgement means for what the motors may do from then
-on."""
+"""What answers may say, and what each acknowledgement allows the motors to do from then on."""
 
 import struct
 
@@ -10,16 +9,16 @@ from host_tests.protocol.notes import table
 from .bounds import STEEPEST
 from .findings import Part
 
-LATE_MS = 1500  # for passes that are held up
+LATE_MS = 1500  # for delayed passes
 OPERATIONS = (m.MSG_RT_RUN_MOVE, m.MSG_RT_SHOOT_FRAME, m.MSG_RT_SHOOT_FRAME2)
 QUESTIONS = frozenset(
     kind for kind, cls in REQUESTS.items() if cls.REPLY is not Ack and not cls.MOVES
 )
-FORMS = {row.number: row.told for row in table().values()}  # of what the device sends
+FORMS = {row.number: row.told for row in table().values()}  # of the device's messages
 
 
 class Replies(Part):
-    """What the device sends, message by message."""
+    """Takes what the device sends, message by message."""
 
     def __init__(self, trial):
         super().__init__(trial)
@@ -159,7 +158,7 @@ class Replies(Part):
             motor.rest(ms)
 
     def _overdue(self, bits, ms):
-        """Motors that have been asked to stop, or are not asked to jog any more, stand in time."""
+        """Motors that were stopped, or whose jogs were not repeated, must rest in time."""
         for motor in self.motors:
             if not bits >> motor.index & 1:
                 motor.rest_by = motor.let_go_by = None
@@ -173,7 +172,7 @@ class Replies(Part):
                 )
 
     def _positions(self, request, payload):
-        """At rest those told are those of the edges."""
+        """At rest the reported positions are those of the edges."""
         self._pins(payload)
         if self.trial.idle_since is None or self.trial.idle_since < 0 or self.may_set_off():
             return
@@ -192,7 +191,7 @@ class Replies(Part):
                 )
 
     def _renumber(self, motor, told):
-        """Homing has given the motor this position, or left it as it was."""
+        """Accept this position after homing: a new one, or the one as before."""
         motor.renumbered = False
         if told != motor.load and motor.sent == 0 and not motor.edges:
             self.counts["homed"] += 1
@@ -201,7 +200,7 @@ class Replies(Part):
         motor.stands(self.ms)
 
     def _pins(self, payload):
-        """Positions in motion are those of the pins, to what may come in a tick or two (field note
+        """Positions in motion are those of the pins, except for a tick or two (field note
         4.6)."""
         if self.trial.late:
             return
@@ -228,7 +227,7 @@ class Replies(Part):
     def _moved(self, request, payload):
         motor = self.motors[request.motor]
         motor.let_go_by = None
-        if request.sent <= self.trial.stops.told_at:  # carried out after that stop
+        if request.sent <= self.trial.stops.told_at:  # it acts after that stop
             self.trial.stops.set_off()
         if (
             request.kind == m.MSG_MOTOR_JOG
@@ -255,7 +254,7 @@ class Replies(Part):
                 motor.stands(self.ms)
                 motor.homes(self.rig.hard_stop_factor)
                 self.led(motor)
-                if motor.coupled:  # its limits count as little as its leader's
+                if motor.coupled:  # its limits do not count either
                     self.motors[motor.index + 1].soft = None
 
     def _set_speed(self, request, payload):

@@ -1,4 +1,4 @@
-"""Rigs and boards drawn at random."""
+"""Random rigs and boards."""
 
 import json
 from random import Random
@@ -10,7 +10,7 @@ from host_tests.script import Script
 
 
 def draw_rig(dice: Random, board: str) -> dict:
-    """What a rig file for this board may hold."""
+    """Return what a rig file for this board may contain."""
     data = board_data(board)
     some = dice.random
     rig: dict = {}
@@ -93,7 +93,7 @@ def draw_rig(dice: Random, board: str) -> dict:
 
 
 def draw_home(dice: Random, sets: list, hard_stop_factor: int) -> dict:
-    """How a motor is homed at one of these sets of limit switches."""
+    """Return how a motor homes at one of these sets of limit switches."""
     number = dice.randrange(len(sets))
     back_off = dice.choice((1, 20, 200, 1000))
     slow = dice.choice((10, 100, 1000))
@@ -112,7 +112,7 @@ def draw_home(dice: Random, sets: list, hard_stop_factor: int) -> dict:
 
 
 def draw_script(dice: Random) -> Script:
-    """A board and a rig, sometimes short of something."""
+    """Return a script with a board and a rig, which sometimes lacks something."""
     board = dice.choice((*board_names(), "pico", "pico"))
     script = Script(board, draw_rig(dice, board))
     if dice.random() < 0.02:

@@ -1,5 +1,5 @@
-"""Uploaded moves and what plays them: where it may take the motors, and where they have to be at
-each frame."""
+"""Uploaded moves and what plays them: where the motors may go, and where they must be at each
+frame."""
 
 import struct
 
@@ -13,18 +13,18 @@ from .findings import Part
 
 
 class Runs(Part):
-    """RUN_MOVE, SHOOT_FRAME, POSITION_FRAME and JOG_ALL; `done` is what an acknowledgement of each
-    means."""
+    """RUN_MOVE, SHOOT_FRAME, POSITION_FRAME and JOG_ALL; `done` is the effect of an acknowledgement
+    of each."""
 
     def __init__(self, trial):
         super().__init__(trial)
         self.upload = Upload()
-        self.prepared = False  # an operation is
+        self.prepared = False  # there is an operation
         self.going: dict | None = None  # after GO
-        self.lost = False  # whether RT_END of it comes is not known
-        self.goes: list[int] = []  # when, each GO
-        self.run: dict | None = None  # what was prepared last
-        self.jogs_all = 0  # ms that a JOG_ALL may take to come to rest, 0: there is none
+        self.lost = False  # it is not known whether RT_END comes
+        self.goes: list[int] = []  # the time of each GO
+        self.run: dict | None = None  # the last that was prepared
+        self.jogs_all = 0  # ms that a JOG_ALL may take to come to rest; 0: there is none
         self.done = {
             m.MSG_RT_UPLOAD_MOVE_BEGIN: self._upload_begin,
             m.MSG_RT_UPLOAD_MOVE_AXIS: self._upload_axis,
@@ -53,14 +53,14 @@ class Runs(Part):
             self.upload.finish()
 
     def _takers(self):
-        """Motors with a part in the upload."""
+        """Return the motors that take part in the upload."""
         return [
             motor
             for motor in self.motors
             if motor.index in self.upload.paths
             and motor.flags & (m.MOTOR_ENABLED | m.MOTOR_LIVE) == m.MOTOR_ENABLED
             and not motor.leader
-            # a disabled motor keeps still the one that it is coupled to
+            # a disabled motor also prevents its coupled motor from moving
             and not (motor.coupled and not self.motors[motor.index + 1].flags & m.MOTOR_ENABLED)
         ]
 
@@ -74,8 +74,8 @@ class Runs(Part):
             motor.reach(self._place(motor, number))
             self.goes_to(motor, request.order, self._place(motor, number))
             self.led(motor)
-        # One that is still being stopped ends with RT_END; whether it is over before this request
-        # or after it, nobody can say.
+        # An operation during its stop ends with RT_END; nobody knows whether that comes before or
+        # after this request.
         self.lost = self.lost or (self.prepared and self.trial.stops.stopping)
         self.prepared = False
 
@@ -103,20 +103,20 @@ class Runs(Part):
 
     @staticmethod
     def _over(motor, path):
-        """It may go along this path, which passes a turning point by 4/27 of its slope at most."""
+        """Allow this path, which passes a turning point by 4/27 of its slope at most."""
         past = 0 if len(path) < 2 else int(np.abs(np.diff(path)).max() * 4 / 27 + 1)
         motor.reach(int(path.min()) - past, int(path.max()) + past)
 
     def _rolled(self, motor, number, roll_ms):
-        """It may go where a ramp to that frame begins or ends."""
+        """Allow the begin or end of a ramp at that frame."""
         velocity, _ = bounds_of(self._played(motor), self.run["fps"], 0)
         velocity = min(velocity, 3 * (motor.velocity + self.run["fps"]))
         # the last frame lasts its period (field note 6.11)
         acceleration = motor.acceleration
-        if motor.coupled:  # the lower one counts for both
+        if motor.coupled:  # the lower of the two counts
             acceleration = min(acceleration, self.motors[motor.index + 1].acceleration)
         way = velocity * roll_ms / 2000 if roll_ms else velocity**2 / 2 / acceleration
-        if number == self.run["end"] or self.run["flags"] & 3:  # of a loop either may be the last
+        if number == self.run["end"] or self.run["flags"] & 3:  # of a loop, either may be the last
             way += velocity / self.run["fps"]
         place = self._place(motor, number)
         motor.reach(int(place - way - 2), int(place + way + 2))
@@ -164,7 +164,7 @@ class Runs(Part):
             led.free = led.jerky = True
 
     def ended(self):
-        """RT_END: where the run has been undisturbed, it has passed each frame exactly."""
+        """Judge a run at its RT_END: undisturbed, it has passed each frame exactly."""
         going, self.going, self.prepared = self.going, None, False
         if going and "run" in going and going["whole"] and not self.trial.stops.asked:
             self._frames(going)
@@ -188,7 +188,7 @@ class Runs(Part):
             self.fail("frames", f"frame {numbers[1]} was not told in a whole run")
         known = next((k for k in range(1, count) if times.get(numbers[k] * 1000)), None)
         if known is None:
-            return  # the host has read nothing all the while
+            return  # the host read nothing during the run
         due = np.array([round((k - known) * 1e6 / run["fps"]) for k in range(count)]) / 1000
         due += times[numbers[known] * 1000]
         best = None
@@ -221,7 +221,7 @@ class Runs(Part):
 
     def _jog_all(self, request, payload):
         fps, _ = request.words("Ii")
-        frame = 0.0  # s that a frame takes the slowest motor
+        frame = 0.0  # s that the slowest motor takes for a frame
         self.prepared = False
         for motor in self._takers():
             motor.let_go_by = None
@@ -233,7 +233,7 @@ class Runs(Part):
             for each in slower:
                 way = float(fastest + motor.backlash)
                 frame = max(frame, way / each.velocity + 2 * (way / each.acceleration) ** 0.5)
-        # to its rate with 4 frames/s², and back, on no more frames than there are; and on to the
+        # up to its rate with 4 frames/s² and back, on no more frames than there are; then to the
         # next frame
         ramp = min(fps / 4000, (self.upload.count / 2) ** 0.5)
         self.jogs_all = max(self.jogs_all, 4500 + round(1000 * ramp + 1300 * frame))
@@ -243,7 +243,7 @@ class Runs(Part):
         self.lost = False
         self.going = None
         for motor in self.motors:
-            motor.free = True  # how far the ramps reach is for velocity and acceleration to say
+            motor.free = True  # velocity and acceleration alone limit its ramps
         self.run = {"shot": True, "motors": []}
 
     def disturbed(self):

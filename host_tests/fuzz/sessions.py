@@ -1,4 +1,4 @@
-"""Sessions that a fault in the firmware shows in."""
+"""Sessions that reveal a fault in the firmware."""
 
 import struct
 
@@ -10,7 +10,7 @@ from .trial import Trial
 
 
 class Host:
-    """A host with a board under trial. make: what makes that of a script."""
+    """A host with a board under trial. make: makes the board from a script."""
 
     def __init__(self, rig=None, board="pico", make=Trial):
         self.trial = make(Script(board, rig or {"motor_count": 2}))
@@ -28,7 +28,7 @@ class Host:
         self.wait(2)
 
     def rest(self, ms=3000):
-        """Until MOTOR_STATUS is 0, and then a little longer."""
+        """Wait until MOTOR_STATUS is 0, then a little longer."""
         end = self.trial.ms + ms
         while self.trial.ms < end:
             self.send(m.MSG_MOTOR_STATUS)

@@ -86,7 +86,7 @@ class Singles(Deeds):
                 self.world.surroundings.side()
 
     def home(self):
-        """Motors are homed, their switches where they would be, or touched and let go at any
+        """Home motors, with their switches at their places, or pressed and released at any
         time."""
         dice, trial = self.dice, self.trial
         there = [motor for motor in trial.motors if motor.home]
@@ -105,7 +105,7 @@ class Singles(Deeds):
         self.tick(5)
 
     def switches_follow(self, motors):
-        """Each motor's home switch is somewhere on its way, and bounces."""
+        """Place each motor's home switch somewhere on its way; it bounces."""
         dice, trial = self.dice, self.trial
         switches = {}
         for motor in motors:
@@ -134,7 +134,7 @@ class Singles(Deeds):
                     return
 
     def switches_anyhow(self, motors):
-        """Somebody plays with the switches."""
+        """Press and release switches at random."""
         dice = self.dice
         self.pause(20)
         for _ in range(dice.choice((0, 2, 4, 4, 8))):

@@ -1,5 +1,5 @@
-"""Stops and what they leave: by when everything stands, which outputs are off, and why a HARD_STOP
-may come."""
+"""Stops and their effects: when everything must rest, which outputs must be off, and why a
+HARD_STOP may come."""
 
 from framestep.protocol import messages as m
 
@@ -15,27 +15,27 @@ class Stops(Part):
     def __init__(self, trial):
         super().__init__(trial)
         self.factor = self.rig.hard_stop_factor
-        self.asked = 0  # STOP_ALLs since everything stood
+        self.asked = 0  # STOP_ALLs since everything was at rest
         self.all_at = LONG_AGO  # the last of them
-        self.reason = -1  # a fault has a reason until
+        self.reason = -1  # until then a fault has a reason, ms
         self.rest_by: int | None = None
-        self.stood_by: int | None = None  # when that was over, and nothing may move since
+        self.stood_by: int | None = None  # the end of the stop; nothing may move since
         self.estop_pin = self.rig.board.get("estop") if self.rig.estop != "none" else None
-        self.estop_level = 0 if self.rig.estop == "no" else 1  # while held
+        self.estop_level = 0 if self.rig.estop == "no" else 1  # while pressed
         self.limit_pins = {
             limit[e] for limit in self.rig.limits for e in ("high", "low") if limit[e] >= 0
         }
         self.held_since: int | None = None
-        self.let_go = LONG_AGO  # when it was released last
+        self.let_go = LONG_AGO  # its last release
         self.pressed = False  # since the last HARD_STOP 0
-        self.struck = 0  # when a limit switch was touched last
-        self.safe_at: int | None = None  # when all outputs have their safe level
-        self.told_at = LONG_AGO  # when a HARD_STOP came last
-        self.lit = LONG_AGO  # when one was asked for last
+        self.struck = 0  # the last change of a limit switch
+        self.safe_at: int | None = None  # by then all outputs have their safe levels
+        self.told_at = LONG_AGO  # the last HARD_STOP
+        self.lit = LONG_AGO  # the last request to switch one on
         self.enabling: list[tuple[int, int]] = []  # (ms, motor) of drivers switched on
 
     def pin(self, name, level):
-        """An input has another level."""
+        """Take another level of an input."""
         pins = (
             {name} if isinstance(name, int) else {p for p, n in self.hal.names.items() if n == name}
         )
@@ -57,7 +57,7 @@ class Stops(Part):
                 return
             self.held_since = self.ms
             if self.ms - self.let_go < 40:
-                return  # it bounces, and has not been released for the firmware
+                return  # a bounce: for the firmware it was not released
             self.hard()
             self.begin()
             self.safe_at = self.ms + self.safe_ms()
@@ -67,29 +67,29 @@ class Stops(Part):
 
     @property
     def stopping(self):
-        """Whether something that stops everything has come and not all may stand yet."""
+        """Whether a stop of everything has come that may not be complete."""
         return self.asked > 0 or self.ms - self.told_at < self.longest_ms()
 
     def safe_ms(self):
-        """How long outputs have to get to their safe levels: a video camera is stopped by a pulse
-        first."""
+        """Return how long outputs may take to get to their safe levels: a pulse first stops a video
+        camera."""
         return (
             400 if self.trial.runs.run and self.trial.runs.run.get("flags", 0) & m.RUN_VIDEO else 12
         )
 
     def hard(self):
-        """From now on motors may slow down as steeply as a hard stop has it."""
+        """Allow motors to slow down as steeply as a hard stop from now on."""
         for motor in self.motors:
             motor.allow(self.ms, 0, min(motor.steep[-1][1] * self.factor, STEEPEST))
             motor.jerky = True
 
     def begin(self):
-        """All are asked to stop now."""
+        """Begin a stop of all motors."""
         by = self.ms + self.longest_ms()
         self.rest_by = by if self.rest_by is None else min(by, self.rest_by)
 
     def longest_ms(self):
-        """By when all must stand that are asked to stop now."""
+        """Return the time within which all motors come to rest if they stop now, ms."""
         longest = 0.0
         for motor in self.motors:
             slow = min(motor.least, motor.acceleration)
@@ -104,13 +104,13 @@ class Stops(Part):
         return round(bound)
 
     def set_off(self):
-        """Something may move from now on."""
+        """Allow motion from now on."""
         self.stood_by = self.rest_by = None
         for motor in self.motors:
             motor.rest_by = None
 
     def enabled(self):
-        """Drivers have been switched on: that of no motor that is configured as disabled."""
+        """Check the drivers switched on: none belongs to a disabled motor."""
         for ms, i in self.enabling:
             motor = self.motors[i]
             asked = any(
@@ -126,7 +126,7 @@ class Stops(Part):
         self.enabling.clear()
 
     def safe(self):
-        """Outputs have their safe level."""
+        """Check that outputs have their safe levels."""
         self.safe_at = None
         levels = self.hal.levels()
         board = self.rig.board
@@ -140,7 +140,7 @@ class Stops(Part):
                     self.fail("outputs", f"output {i} is not {output['safe']}")
 
     def told(self, payload):
-        """A HARD_STOP has come: with a reason."""
+        """Check that a HARD_STOP has a reason."""
         reason = payload[0]
         self.told_at = self.ms
         self.trial.anything_may_stop()

@@ -1,4 +1,4 @@
-"""Sessions again on 32-bit MicroPython: some of `make fuzz`, and faults that have to be found."""
+"""Sessions again on 32-bit MicroPython: some of `make fuzz`, and faults that must be found."""
 
 import pytest
 
@@ -13,7 +13,7 @@ SEED = "again"
 
 
 def played(again, host=None) -> None:
-    """Judge a session with a run in it, in which the host comes back three times."""
+    """Judge a session with a run, in which the host returns three times."""
     host = host or Host({"motor_count": 2}, make=again.trial)
     run(host)
     for _ in range(6):
@@ -25,7 +25,7 @@ def played(again, host=None) -> None:
 
 
 def with_a_fault(tmp_path, sound, faulty) -> Again:
-    """One whose replay has this in the place of that."""
+    """Return an Again whose replay has `faulty` in place of `sound`."""
     source = REPLAY.read_text()
     assert source.count(sound) == 1
     script = tmp_path / "faulty.py"
@@ -42,7 +42,7 @@ def test_sessions_are_the_same():
 
 
 def test_a_leak_of_16_bytes_is_found(tmp_path):
-    """The least that the heap gives, kept at every second opening of the port."""
+    """The least that the heap gives, leaked at every second opening of the port."""
     opened = "            hal.port.openings += 1\n"
     leaks = opened + (
         "            if hal.port.openings & 1:\n"
@@ -69,7 +69,7 @@ def test_another_byte_is_found(tmp_path):
     ("heap", "grows"),
     [
         ([7000, 7000, 7000], False),
-        ([7000, 6968, 6968], False),  # something of the start has been let go
+        ([7000, 6968, 6968], False),  # something from the start was freed
         ([7000, 7016, 7032], True),
         ([7000, 7000, 7016], True),
         ([7000, 6968, 6984], True),

@@ -1,4 +1,4 @@
-"""The fuzzer itself: it replays what was found, and its checks see what they are for."""
+"""The fuzzer itself: it replays what was found, and its checks find what they are for."""
 
 from pathlib import Path
 
@@ -32,7 +32,7 @@ def python(a, b):
 
 
 def outcome(line, a, b, name="kernel"):
-    """What a function of one line gives, or Outside."""
+    """Return the result of a function of one line, or Outside."""
     from host_tests import int32
 
     space: dict = {}

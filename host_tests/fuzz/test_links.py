@@ -1,7 +1,7 @@
 """The port closed and opened again within a frame, at each of its bytes and in each state of a run.
 
-What had come of the frame is forgotten, what the next host sends is answered, everything comes to
-rest within its limits, and no RT_END reaches a host that knows nothing of the run.
+The device forgets the part of the frame, answers what the next host sends, brings everything to
+rest within its limits, and sends no RT_END to a host that does not know of the run.
 """
 
 import struct
@@ -45,7 +45,7 @@ def brought_to(state) -> Host:
 
 
 def interrupted(host, at, away):
-    """A RUN_MOVE of which `at` bytes come, then another host."""
+    """Send `at` bytes of a RUN_MOVE, then be another host."""
     data = frame(m.MSG_RT_RUN_MOVE, RUN, 0x4444_4646)
     trial = host.trial
     if at:
@@ -57,7 +57,7 @@ def interrupted(host, at, away):
     trial.do("rx", data[at:])
     number = host.number + 1
     host.send(m.MSG_HI)
-    # the rest of the frame may look like the beginning of another for a while
+    # for a while the rest of the frame may look like the beginning of another
     for _ in range(400):
         if number not in trial.open:
             break

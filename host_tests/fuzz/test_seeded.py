@@ -1,4 +1,4 @@
-"""The same random sessions each time, some with every number checked; `make fuzz` draws others."""
+"""The same random sessions each time, some with every number checked; `make fuzz` plays others."""
 
 import subprocess
 import sys

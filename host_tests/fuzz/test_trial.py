@@ -1,9 +1,9 @@
-"""The trial finds what it is for: each fault is put back into the firmware, and a session shows it.
+"""The trial finds its faults: each one is put back into the firmware, and a session reveals it.
 
-First those that another fuzzer had found in this tree before there was this one, with the scripts
-that are kept of them. (What may follow a hard stop was mended in several places at once, which no
-single change undoes: for that there is scripts/move-after-a-hard-stop-with-jerk.txt alone.) Then,
-for each of the trial's rules, a fault that breaks it and nothing else.
+The first ones were found by an earlier fuzzer; their scripts are kept. (What could follow a hard
+stop was repaired in several places at once, and no single change brings it back: for it there is
+only scripts/move-after-a-hard-stop-with-jerk.txt.) Then follows, for each of the trial's rules, a
+fault that breaks only this rule.
 """
 
 from pathlib import Path
@@ -55,17 +55,17 @@ def test_nothing_is_found_where_nothing_is_wrong(session):
         assert host.trial.counts["runs judged"] == 1
 
 
-# ---- faults that were there ----------------------------------------------------------------------
+# ---- faults of the past ----------------------------------------------------------------------
 
 
 def ends_without_play(monkeypatch):
-    """A jog to the end of the range does not heed the play: its sum leaves the word."""
+    """A jog to the end of the range ignores the play: its sum leaves the word."""
     monkeypatch.setattr(Axis, "clamp", lambda self, target, i: None)
     monkeypatch.setattr(Axis, "beyond", lambda self, target, i: 0)
 
 
 def limit_forgotten(monkeypatch):
-    """A virtual jog that is stopped does not know any more what lies ahead."""
+    """The stop of a virtual jog no longer knows the limits ahead."""
     load_limits, advance = LookAhead.load_limits, move.advance
     now = {"stopping": False}
 
@@ -84,7 +84,7 @@ def limit_forgotten(monkeypatch):
 
 
 def play_in_the_ramp(monkeypatch):
-    """The play is taken up within the first phase of a run, at whatever speed that takes."""
+    """The play is taken up within the first phase of a run, at any speed."""
     move_to, rests_on = Axis.move_to, Axis.rests_on
     monkeypatch.setattr(
         Axis,
@@ -162,7 +162,7 @@ def told_wrong(monkeypatch):
 
 
 def told_ahead(monkeypatch):
-    """Positions of what is queued, not of the pins."""
+    """Reports positions of the queue, not of the pins."""
     tell = OperationRunner.sample_move_time
 
     def wrong(self, frame):
@@ -268,7 +268,7 @@ def estop_ignored(monkeypatch):
 
 
 def couple_apart(monkeypatch):
-    """The led motor loses the first step of each motion."""
+    """The coupled motor loses the first step of each motion."""
     put = PulseModel.__setitem__
     first = {}
 

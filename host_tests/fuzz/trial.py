@@ -1,32 +1,31 @@
-"""A session under trial: played millisecond by millisecond, and held to what may never happen.
+"""A session under trial: played millisecond by millisecond, and checked for what must not happen.
 
-Everything is judged from what a host sees, what it has sent and been answered, and from the edges
-on the pins; the firmware's own words are only compared with these. A Trial knows nothing of who
-makes up the events, so a script that has been found once is judged the same when it is replayed.
+The trial judges by what a host sees, by its requests and their answers, and by the edges on the
+pins; it only compares the firmware's own statements with these. A Trial does not know who makes up
+the events, so it judges a script in the same way whenever it is replayed.
 
-What is held to:
+These are the rules:
 
-* every sound request is answered once, in time, in its form; nothing else is answered, nothing but
-  frames is sent
-* each motor keeps its velocity, its acceleration (a hard stop: times the factor) and, in moves of
-  its own, its jerk, and stays between where it was, where it has been sent to, and its soft limits;
-  coupled motors go together
-* at rest the positions told are those of the edges, and while MOTOR_STATUS is 0 no edge comes
-* a motor that has been sent somewhere, or that a run has brought to its end, comes to rest there
-* after a stop everything stands within the time that the limits allow, after that of one motor this
-  one, and a motor whose jog is not asked for again as well; RT_END comes once, and no HARD_STOP
-  without a reason
-* no operation is taken while MOTOR_STATUS has a bit
-* in a run every motor has made the uploaded position's steps at every frame's time
+* every valid request gets one answer, in time and in its form; nothing else gets an answer, and
+  only frames are sent
+* each motor keeps within its velocity, its acceleration (in a hard stop: times the factor) and, in
+  its own moves, its jerk, and stays between where it was, its targets, and its soft limits; coupled
+  motors go together
+* at rest the reported positions are those of the edges, and while MOTOR_STATUS is 0 no edge comes
+* a motor with a target, and a motor at the end of a run, comes to rest there
+* after a stop of everything, or of one motor, or of a jog that is not repeated, the motors rest
+  within the time that their limits allow; RT_END comes once, and no HARD_STOP without a reason
+* no operation is accepted while MOTOR_STATUS has a bit
+* at every frame's time of a run every motor has made the steps of the uploaded position
+* outputs have their safe levels after an E-stop, a fault or a lost host; a driver that is switched
 * outputs have their safe level after an E-stop, a fault or a lost host; a driver that is switched
   off stays off
 
-Each of its subjects is a file of its own: link.py the bytes, replies.py the answers, bounds.py what
-a motor may do, edges.py the judge of edges, runs.py uploaded moves, stops.py whatever stops motors.
+Each subject has its own file: link.py the bytes, replies.py the answers, bounds.py what a motor may
+do, edges.py the judge of edges, runs.py uploaded moves, stops.py whatever stops motors.
 
-The path through uploaded frames may exceed a motor's acceleration (field note 5.5): there the
-bounds are those of the cubic through the frames, and what counts is where the motor is at each
-frame.
+The path through uploaded frames may exceed a motor's acceleration (field note 5.5): then the bounds
+are those of the cubic through the frames, and the place of the motor at each frame counts.
 """
 
 import traceback
@@ -47,15 +46,15 @@ from .replies import QUESTIONS, Replies
 from .runs import Runs
 from .stops import Stops
 
-ANSWER_MS = 300  # passes within which a request is answered, when the host takes the answers
-DAMAGE_MS = 2500  # the same behind damage, which may look like the beginning of long frames
+ANSWER_MS = 300  # passes within which a request gets its answer, if the host takes the answers
+DAMAGE_MS = 2500  # the same after damage, which may look like the beginning of long frames
 FLUSH_EDGES = 150_000
-# what leaves motors on their way, beside all that is neither of motors nor of virtual axes
+# what leaves motors on their way, besides what concerns neither motors nor virtual axes
 KEEPS_GOALS = QUESTIONS | {m.MSG_MOTOR_SET_SPEED, m.MSG_DMX, m.MSG_GIO_OUT, m.MSG_GIO_CAM}
 
 
 class Trial:
-    """See above. `script` gets the events that happen; its header says which board and rig."""
+    """See above. `script` receives the events; its header names the board and the rig."""
 
     def __init__(self, script: Script):
         self.script = script
@@ -70,28 +69,28 @@ class Trial:
                 motor.edges, 0 if self.rig.motor(motor.index)["invert"] else 1
             )
         self.counts: Counter = Counter()
-        self.open: dict[int, Request] = {}  # by number: not answered yet
-        # of this millisecond, for who asks
+        self.open: dict[int, Request] = {}  # by number: without an answer
+        # of this millisecond, for those who ask
         self.answers: list[tuple[Request | None, int, bytes]] = []
         self.passes = 0
-        self.garbage = -(10**9)  # when something came that is no frame, in passes
+        self.garbage = -(10**9)  # the last that was no frame, in passes
         self.virtual = False
         self.lines: set[int] = set()  # motors of the virtual rig
-        self.moving = 0  # what MOTOR_STATUS has said of this very moment
-        self.idle_since: int | None = 0  # MOTOR_STATUS has been 0 since
+        self.moving = 0  # what MOTOR_STATUS says of this millisecond
+        self.idle_since: int | None = 0  # since then MOTOR_STATUS is 0
         self.last_status = -1
-        self.full_at = 0  # since when the host reads nothing
-        self.skipped_from, self.skipped_to = 0, -1  # ms without ticks, the last in a row
-        self.upset = 0  # goals are known of requests from this one on
+        self.full_at = 0  # since then the host reads nothing
+        self.skipped_from, self.skipped_to = 0, -1  # the last row of ms without ticks
+        self.upset = 0  # goals are known for requests from this one on
         self.motion = 0  # number of the last request that may move something
-        self.stale = -1  # until when that is so: see `late`
+        self.stale = -1  # the end of `late`, ms
         self.link = Link(self)
         self.edges = Edges(self)
         self.stops = Stops(self)
         self.runs = Runs(self)
         self.replies = Replies(self)
         for motor in self.motors:
-            # as remembered
+            # as saved
             motor.at = motor.load = self.board.controller.axes[motor.index].backlash[LOAD]
             motor.stands(0)
         if self.stops.estop_pin is not None:
@@ -103,7 +102,7 @@ class Trial:
 
     @property
     def late(self):
-        """What is heard now may have been made long before."""
+        """Whether what arrives now may have been made long before."""
         return self.player.full or self.ms < self.stale
 
     def fail(self, kind, text):
@@ -123,11 +122,11 @@ class Trial:
             self.stops.enabling.append((time_ns // 1_000_000, int(signal[6:]) - 1))
 
     def do(self, verb, argument=None):
-        """An event of a script, now."""
+        """Do an event of a script, now."""
         self.script.events.append((self.ms, verb, argument))
         try:
             self.player.happen(verb, argument)
-        except Exception as error:  # an interrupt handler's
+        except Exception as error:  # from an interrupt handler
             self._broken(error)
         if verb == "rx":
             if self.board.hal.port.open:
@@ -145,7 +144,7 @@ class Trial:
             self.anything_may_stop()
         elif verb == "drain":
             self.anything_may_stop()
-            # a host that does not read is lost, and hears of no end
+            # a host that does not read is lost, and gets no RT_END
             self.runs.lost |= self.ms - self.full_at >= HOST_UNREAD_MS
             self.stale = self.ms + 100
         elif verb == "hold":
@@ -179,11 +178,11 @@ class Trial:
         raise finding from error
 
     def judge(self, motor):
-        """Hold a motor's edges so far to its limits, and go on from where they lead."""
+        """Compare a motor's edges so far with its limits, then start from their end."""
         self.edges.judge(motor)
 
     def anything_may_stop(self, order=None):
-        """Where motors come to rest is not known any more. order: of the request that it is for."""
+        """Forget where motors come to rest. order: of the request that causes it."""
         self.upset = order or self.counts["requests"] + 1
         for motor in self.motors:
             motor.goals = ()
@@ -199,8 +198,8 @@ class Trial:
         self.idle_since = None
 
     def asked(self, request, slow):
-        """A sound request has come; what it may set off counts from now on. slow: some of it has
-        come long ago."""
+        """Take a valid request; from now on its effects are allowed. slow: some of it came long
+        ago."""
         self.counts["requests"] += 1
         patience = DAMAGE_MS if self.passes - self.garbage < 2000 else ANSWER_MS
         request.deadline = self.passes + patience if not slow else None
@@ -237,7 +236,7 @@ class Trial:
             self.stops.lit = self.ms
             self.stops.safe_at = None
         if kind == m.MSG_MOTOR_SET_SPEED and len(request.payload) >= 9:
-            # from now on it may be in force
+            # from now on it may have effect
             motor, velocity, acceleration = request.words("BII")
             if 0 < motor <= self.count and 0 < velocity <= 500_000:
                 velocity = max(velocity, 10)
@@ -252,7 +251,7 @@ class Trial:
             self.stops.asked += 1
 
     def step(self):
-        """A millisecond."""
+        """Play a millisecond."""
         player = self.player
         passing = not player._off and not player._held
         player.sent.clear()
@@ -285,7 +284,7 @@ class Trial:
             for motor in self.motors:
                 motor.rest(self.ms)
         if self.stops.safe_at is not None:
-            if not passing:  # the passes after that have as much time as any
+            if not passing:  # the passes after that have their full time
                 self.stops.safe_at = max(self.stops.safe_at, self.ms + self.stops.safe_ms())
             elif self.ms >= self.stops.safe_at:
                 self.stops.safe()
@@ -296,8 +295,8 @@ class Trial:
                 self.judge(motor)
 
     def _unanswered(self, request):
-        """Behind damage what the reader waits for may look like a frame for long; else each is
-        answered in time."""
+        """Fail: after damage the reader may wait long for what looks like a frame; otherwise each
+        request gets its answer in time."""
         self.fail(
             "unanswered", f"request {request.number} of type {request.kind:#06x} is not answered"
         )

@@ -1,4 +1,4 @@
-"""Uploads drawn at random: paths that a motor can follow, mostly, lights and triggers."""
+"""Random uploads: paths that a motor can mostly follow, lights and triggers."""
 
 import math
 import struct
@@ -9,7 +9,7 @@ from .host import ODD, WORD, Deeds, signed
 
 
 class Uploads(Deeds):
-    """The uploaded move: its first scene frame, how many, and the rate that it is made for."""
+    """The uploaded move: its first scene frame, how many, and its frame rate."""
 
     def __init__(self, world):
         super().__init__(world)
@@ -17,7 +17,7 @@ class Uploads(Deeds):
         self.uploaded = False
 
     def path(self, i, frames, fps):
-        """Uploaded positions of motor i."""
+        """Return uploaded positions of motor i."""
         dice = self.dice
         here = self.here(i)
         most = 0.95 * min(self.host.speeds[i] / fps, 2**19)

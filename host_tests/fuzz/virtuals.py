@@ -10,14 +10,14 @@ from .host import ODD, Deeds, signed
 
 
 class Virtuals(Deeds):
-    """A virtual rig of motors that it has not used before."""
+    """A virtual rig of motors that were not used before."""
 
     def __init__(self, world):
         super().__init__(world)
-        self.virtual = False  # there is one
+        self.virtual = False  # there is a virtual rig
 
     def paced(self, number):
-        """A motor that brakes for some time, and before soft limits that are soon reached."""
+        """Set a motor so that it brakes for some time, and soon reaches its soft limits."""
         dice, i = self.dice, number - 1
         velocity = dice.choice((300, 1000, 3000))
         self.host.speeds[i], self.host.steep[i] = velocity, int(velocity * dice.choice((1, 2, 5)))

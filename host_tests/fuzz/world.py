@@ -1,12 +1,11 @@
-"""A host, a rig and a link that make everything happen: what a fuzzed session consists of.
+"""A host, a rig and a link that make everything happen: together they are a fuzzed session.
 
-The host is plausible: it uploads moves, prepares, waits, says GO, jogs and stops in the middle;
-without that nothing deep is reached. And it is not: any message with any payload comes in any
-state. All is drawn from one `random.Random`.
+The host is mostly plausible: it uploads moves, prepares, waits, sends GO, jogs and stops in the
+middle; nothing deep would be reached otherwise. Sometimes it is not: any message with any payload
+may come in any state. Everything is drawn from one `random.Random`.
 
-Each of its subjects is a file of its own: rigs.py, host.py (the port and the clock), and what a
-host does: single_motors.py, uploads.py, operations.py, virtuals.py, bursts.py, outside.py,
-any_message.py.
+Each subject has its own file: rigs.py, host.py (the port and the clock), and what a host does:
+single_motors.py, uploads.py, operations.py, virtuals.py, bursts.py, outside.py, any_message.py.
 """
 
 from random import Random
@@ -23,7 +22,7 @@ from .virtuals import Virtuals
 
 
 class World:
-    """Makes one session happen. requests, ms: how much at most."""
+    """Makes one session happen. requests, ms: the most of each."""
 
     def __init__(self, dice: Random, trial: Trial, requests: int, ms: int):
         self.dice = dice

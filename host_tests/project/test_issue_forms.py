@@ -1,5 +1,5 @@
-"""The forms for issues: valid by GitHub's rules as far as these are checked, and true about
-framestep's boards and commands."""
+"""The issue forms: valid by GitHub's rules, as far as this checks them, and right about framestep's
+boards and commands."""
 
 import re
 

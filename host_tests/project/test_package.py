@@ -1,8 +1,8 @@
 """The package as a user has it: no sources, no compiler, and none of the modules that only Unix
 has.
 
-It is built as `pip install .` builds it, unpacked, and run by a Python that may not import termios,
-fcntl, tty or pty, nor anything that only this project needs.
+The test builds it as `pip install .` does, unpacks it, and runs it in a Python that cannot import
+termios, fcntl, tty or pty, nor anything that only this project needs.
 """
 
 import os
@@ -30,12 +30,12 @@ BLOCKED = (
     "hypothesis",
     "framestep_emulator",
 )
-# what only some commands need
+# modules that only some commands need
 _LATE = ("rich", "serial", "mpremote", "littlefs", "framestep.controller", "websockets")
 
 
 class Installed:
-    """The package in a folder of its own. run(...) is the command `framestep`."""
+    """The package in its own folder. run(...) is the command `framestep`."""
 
     def __init__(self, folder, home):
         self.folder, self.home = folder, home
@@ -43,17 +43,17 @@ class Installed:
         (folder / "sitecustomize.py").write_text("\n".join(lines) + "\n")
 
     def python(self, script, *args):
-        """What a Python script prints."""
+        """Return what a Python script prints."""
         result = self.start([sys.executable, "-c", script, *map(str, args)])
         assert result.returncode == 0, result.stderr
         return result.stdout
 
     def run(self, *args):
-        """What a command prints; it ends well."""
+        """Return what a command prints; it must succeed."""
         return self.python("from framestep_tools.cli import app; app()", *args)
 
     def begin(self, script, *args):
-        """A Python script in a process of its own."""
+        """Start a Python script in its own process."""
         return subprocess.Popen(
             [sys.executable, "-c", script, *map(str, args)],
             stdout=subprocess.PIPE,
@@ -135,8 +135,8 @@ def test_what_is_blocked_cannot_be_imported(installed):
 
 
 def test_a_start_loads_nothing_that_only_some_command_needs(installed):
-    """`framestep --help` takes 0.2 s of a processor so; with rich it would be 0.35 s, with numpy
-    0.5 s."""
+    """So `framestep --help` takes 0.2 s of processor time; with rich it would take 0.35 s, with
+    numpy 0.5 s."""
     found = installed.python(
         "import sys; from framestep_tools.cli import app; assert app.status(['--help']) == 0\n"
         f"print('loaded:', *({set(_LATE)!r} & set(sys.modules)))"
@@ -146,7 +146,7 @@ def test_a_start_loads_nothing_that_only_some_command_needs(installed):
 
 
 def test_the_page_of_the_console_is_in_the_package(installed):
-    """What a browser would be given, numbers of the protocol among it."""
+    """What the server would give to a browser, numbers of the protocol included."""
     folder = installed.home / "page"
     assert installed.run("console", "--save", folder).endswith(f"files are in {folder}\n")
     page = ROOT / "tools/framestep_tools/console/page"

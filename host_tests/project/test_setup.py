@@ -1,5 +1,5 @@
-"""tools/setup.sh and the Makefile: a clone that was moved or copied gets a virtual environment of
-its own, also in a folder with a blank in its name."""
+"""tools/setup.sh and the Makefile: a clone that was moved or copied gets its own virtual
+environment, also in a folder with a blank in its name."""
 
 import os
 import shutil
@@ -9,7 +9,7 @@ import pytest
 
 from framestep_tools.building.board_files import ROOT
 
-# A Python that does nothing but make environments of itself, and writes down what it was asked for
+# A Python that only makes environments from itself, and logs what it was asked for
 PYTHON = """#!/bin/bash
 echo "$0 $*" >>"{log}"
 if [ "$1 $2" = "-m venv" ]; then
@@ -20,7 +20,7 @@ fi
 
 @pytest.fixture
 def clone(tmp_path):
-    """A clone with nothing in it but what setup.sh reads."""
+    """Return a clone with only the files that setup.sh reads."""
     made = tmp_path / "one"
     (made / "tools").mkdir(parents=True)
     for name in ("tools/setup.sh", "tools/steps.sh", "tools/constraints.txt", "pyproject.toml"):
@@ -32,7 +32,7 @@ def clone(tmp_path):
 
 
 def set_up(clone):
-    """What setup.sh says, and what Pythons were asked for."""
+    """Return what setup.sh says, and what Pythons were asked for."""
     log = clone.parent / "log"
     log.write_text("")
     environment = {key: value for key, value in os.environ.items() if key != "FRAMESTEP_CACHE"}

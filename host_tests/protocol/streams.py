@@ -1,8 +1,8 @@
 """Streams of bytes as a bad line or a bad program would send them, and what a reader must find in
 them.
 
-`Reference` is a second reader, written from the specification and field notes 1.1 to 1.8 with no
-regard for speed or memory. `cases()` makes streams with the steps in which they arrive;
+`Reference` is a second reader, written from the specification and field notes 1.1 to 1.8 without
+regard for speed or memory. `cases()` draws streams with the steps in which they arrive;
 `expected()` is what the echo of host_tests/runtime/frames_echo.py must answer to such a case.
 """
 
@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from framestep_tools.client import wire
 
 ERR_CHECKSUM = 0x0011
-WAITING = 0x7777  # type of the echo's frames that tell `waiting`
+WAITING = 0x7777  # type of the echo's frames that report `waiting`
 LARGEST_PAYLOAD = 1036
 
 # Steps of a case: a number above 0 feeds that many bytes
@@ -28,7 +28,7 @@ class Case:
     steps: tuple[int, ...]
 
     def line(self) -> str:
-        """The case as frames_echo.py reads it from its standard input."""
+        """Return the case as frames_echo.py reads it from its standard input."""
         return f"{self.stream.hex()} {' '.join(map(str, self.steps))}\n"
 
 
@@ -44,7 +44,7 @@ class Reference:
         return len(self.stream) - self.at
 
     def poll(self):
-        """The next frame as (good, ID bytes, type, payload), or None."""
+        """Return the next frame as (good, ID bytes, type, payload), or None."""
         while True:
             found = self.stream.find(b"DF", self.at)
             if found < 0:
@@ -80,8 +80,8 @@ def fletcher(data: bytes) -> int:
 
 
 def expected(case: Case) -> bytes:
-    """The echo: good frames as they came, ERR_CHECKSUM for damaged ones, `waiting` after each
-    POLL."""
+    """Return the echo's answer: good frames unchanged, ERR_CHECKSUM for damaged ones, `waiting`
+    after each POLL."""
     reader = Reference()
     out = []
 
@@ -133,7 +133,7 @@ _kinds = st.one_of(
 
 
 def frames(payloads=None):
-    """Good frames with any ID, type and payload."""
+    """Draw good frames with any ID, type and payload."""
     return st.builds(wire.encode, _kinds, _payloads() if payloads is None else payloads, _numbers)
 
 
@@ -153,7 +153,7 @@ def _truncated(draw, frame):
 
 @st.composite
 def _around_another(draw):
-    """A damaged frame that has a good one in it."""
+    """Draw a damaged frame that contains a good one."""
     payload = (
         draw(st.binary(max_size=20))
         + draw(frames(st.binary(max_size=20)))
@@ -172,7 +172,7 @@ def _header(length):
 
 
 def streams():
-    """Anything that may come down the line."""
+    """Draw anything that may arrive on the line."""
     piece = st.one_of(
         frames(),
         frames(),
@@ -194,15 +194,15 @@ def streams():
 
 @st.composite
 def cases(draw):
-    """A stream and the steps in which it arrives: all of it is fed, in pieces of any size, with any
-    polls between."""
+    """Draw a stream and the steps in which it arrives: all of it, in pieces of any size, with any
+    polls between them."""
     stream = draw(streams())
     steps = []
     left = len(stream)
     sizes = st.one_of(st.integers(1, 3), st.integers(1, 64), st.integers(1, 3000))
     while left:
-        # few large steps in the end, so that a long stream does not exhaust what hypothesis can
-        # draw
+        # few large steps at the end, because hypothesis cannot draw enough small ones for a long
+        # stream
         size = left if len(steps) > 60 else min(left, draw(sizes))
         steps.append(size)
         left -= size

@@ -1,4 +1,4 @@
-"""Where fields are in a payload: handlers say it by the names that the declaration has."""
+"""Where fields are in a payload: handlers use the names of the declaration."""
 
 import ast
 
@@ -19,7 +19,7 @@ from framestep_tools.building.board_files import sources
     ],
 )
 def test_where_a_field_begins(cls, field, offset):
-    """Spec: the messages of these names."""
+    """The specification under the messages of these names."""
     assert getattr(cls, field) == offset
 
 
@@ -29,7 +29,7 @@ def test_a_field_of_a_message_is_its_value():
 
 
 def bare_offsets(tree):
-    """(line, offset) where an offset is a number: reader.u8(4), reader.payload + 4."""
+    """Yield (line, offset) for an offset that is a number: reader.u8(4), reader.payload + 4."""
     for node in ast.walk(tree):
         match node:
             case (

@@ -33,8 +33,8 @@ def echoed(case, reader_size=2 * 1048):
 
 
 def found(stream, reader=None):
-    """Everything that the reader finds in a stream given in one piece: (FRAME or DAMAGED, ID, type,
-    payload)."""
+    """Return everything that the reader finds in a stream given at once: (FRAME or DAMAGED, ID,
+    type, payload)."""
     reader = reader or FrameReader(70_000)
     assert reader.feed(stream, 0, len(stream)) == len(stream)
     events = []
@@ -111,7 +111,7 @@ def test_a_length_that_does_not_fit_is_no_frame():
 
 @pytest.mark.parametrize("second", [0x00, 0x44, 0x45, 0x47, 0x80, 0xFF])
 def test_half_a_marker_is_no_frame(second):
-    """A D and something else than an F behind it, whatever that is."""
+    """A D with anything but an F after it."""
     reader = FrameReader(2000)
     assert found(bytes((0x44, second)) + HI, reader) == [(FRAME, 1, 1, b"")]
     assert reader.waiting == 0
@@ -190,7 +190,7 @@ def test_fields(dword, at):
     assert list(words) == [11, signed, 33]
 
 
-# One step of writing: begin a frame with these fields, take so many bytes, or forget everything
+# One step of writing: begin a frame with these fields, take this many bytes, or forget everything
 _field = st.one_of(
     st.tuples(st.just("u8"), st.integers(-128, 255)),
     st.tuples(st.just("u16"), st.integers(-0x8000, 0xFFFF)),
@@ -267,7 +267,7 @@ def test_writer_holds_whole_frames_or_none(steps, take_inside):
 
 @pytest.mark.parametrize("left", range(14))
 def test_the_last_bytes_of_the_buffer(left):
-    """A frame without a payload has twelve bytes. In less room there is none, nor a part of one."""
+    """A frame without a payload has twelve bytes. With less room the writer writes none of it."""
     writer, out = FrameWriter(2000), bytearray(2000)
     held = b""
     for size in (1000, 2000 - 1000 - left):

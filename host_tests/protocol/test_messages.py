@@ -1,5 +1,5 @@
-"""Every message has a number of its own, the lengths of the notes, and a handler. Where one is
-forgotten a test says what to add."""
+"""Every message has its own number, the lengths of the notes, and a handler. If one is missing, the
+test says what to add."""
 
 import ast
 import itertools
@@ -19,7 +19,7 @@ NAMES = {
 
 
 def named(kinds):
-    """Message types as one reads them."""
+    """Return message types in readable form."""
     return ", ".join(
         f"{NAMES.get(kind, 'a request without a name')} ({kind:#06x})" for kind in sorted(kinds)
     )
@@ -50,7 +50,7 @@ def test_no_two_names_of_a_kind_share_a_number():
 
 
 def handlers():
-    """(module, message, docstring of its handler) for each handler of the tables in the sources."""
+    """Yield (module, message, docstring) for each handler of the tables in the sources."""
     for path in (
         "controller",
         "motors/requests",
@@ -85,7 +85,7 @@ def handlers():
 
 
 def test_every_handler_says_what_it_is_about():
-    """Its docstring begins with the message and tells where that is specified."""
+    """Its docstring begins with the message and says where it is specified."""
     told = list(handlers())
     assert len(told) > 30
     for path, message, text in told:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from framestep_tools.building.board_files import ROOT
 
-# What is true in the copy, though nothing else has been changed there
+# What holds in the copy without any other change
 PROGRAM = """
 from framestep_tools import payloads as p
 from framestep_tools.building.board_files import folded

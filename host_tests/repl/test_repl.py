@@ -1,5 +1,5 @@
-"""The bench commands of framestep.repl on the host simulation: what they say, what they move, what
-they refuse."""
+"""The bench commands of framestep.repl on the host simulation: what they print, move and
+refuse."""
 
 import io as text
 import json
@@ -15,7 +15,7 @@ from host_tests.end_to_end.realtime import MOVE, loaded
 
 @pytest.fixture
 def bench(monkeypatch, capsys):
-    """(a session with an upload, says(command, ...): the lines that a command prints)"""
+    """Return (a session with an upload, says(command, ...), which gives the printed lines)."""
     session = loaded(estop="no", name="crane", motors=[{"backlash": 3}])
     controller = session.board._board.controller
     monkeypatch.setattr(boot, "hal", controller.hal)
@@ -111,7 +111,7 @@ def test_move(bench):
 
 
 def test_nothing_of_dragonframes_is_disturbed(bench):
-    """From RUN_MOVE to RT_END no command moves a motor, one without a part neither."""
+    """From RUN_MOVE to RT_END no command moves a motor, not even one that has no part."""
     session, says = bench
     session.accept(RtRunMove(24000, 1, 25, 500, 500))
     session.run(0.01)
@@ -139,7 +139,7 @@ def test_stop(bench):
 
 
 def test_jog(bench, monkeypatch):
-    """Keys are held, let go, and choose motors; the motor stops by itself."""
+    """Keys are held and released, and choose motors; the motor stops by itself."""
     session, says = bench
 
     class Keys(text.StringIO):
