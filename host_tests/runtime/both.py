@@ -10,9 +10,9 @@ HERE = Path(__file__).parent
 
 
 def many(examples):
-    """Settings for tests that play many scripts for each start of MicroPython.
+    """Return settings for tests that play many scripts with each start of MicroPython.
 
-    They are not shrunk: the tests on CPython do that.
+    Failures are not shrunk: the tests on CPython do that.
     """
     return settings(
         max_examples=examples,
@@ -23,7 +23,7 @@ def many(examples):
 
 
 def assert_answers(runtime, replay, scripts, expected):
-    """Each line of the scripts is answered as expected(script) says.
+    """Assert that each line of the scripts gets the answer of expected(script).
 
     replay: what runs on MicroPython. scripts: lists of (line, step).
     """
@@ -37,7 +37,7 @@ def assert_answers(runtime, replay, scripts, expected):
 
 
 def said(module):
-    """What module.replay() says on CPython, line by line; its session's script is as before."""
+    """Return what module.replay() says on CPython, line by line; keep its session's script."""
     lines = []
     script = module.session.script
     try:
@@ -48,13 +48,13 @@ def said(module):
 
 
 def assert_same(runtime, module):
-    """module.replay() says the same on MicroPython."""
+    """Assert that module.replay() says the same on MicroPython."""
     name = module.__name__.rpartition(".")[2]
     output = runtime.run(f"from {name} import replay\nreplay(print)\n", path=[HERE], heap="440k")
     assert output.split("\n")[:-1] == said(module)
 
 
 def frames(lines):
-    """Feed a FrameDecoder with what was said. Returns it, and its frames."""
+    """Feed a FrameDecoder with the output. Return it and its frames."""
     decoder = FrameDecoder()
     return decoder, [f for line in lines[:-1] for f in decoder.feed(bytes.fromhex(line.split()[1]))]

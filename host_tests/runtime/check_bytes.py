@@ -1,4 +1,4 @@
-"""Runs on MicroPython: how many of all check bytes are wrong, the heap locked."""
+"""Runs on MicroPython: counts wrong check bytes, with the heap locked."""
 
 from micropython import heap_lock, heap_unlock
 

@@ -1,4 +1,4 @@
-"""Runs on MicroPython: checksums of pieces of the bytes on standard input, the heap locked."""
+"""Runs on MicroPython: checksums of pieces of the bytes on standard input, with the heap locked."""
 
 import sys
 

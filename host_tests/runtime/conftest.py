@@ -1,5 +1,5 @@
-"""What runs on 32-bit MicroPython runs on each processor: x86, ESP32's two, and the RISC-V cores of
-an RP2350."""
+"""The tests that run on 32-bit MicroPython run on each processor: x86, ESP32's two, and the RISC-V
+cores of an RP2350."""
 
 import os
 from pathlib import Path
@@ -13,13 +13,13 @@ from host_tests.runtimes import PROCESSORS, Runtime
 HERE = Path(__file__).parent
 SLOWEST = "xtensa"
 RUNTIMES = ("runtime", "stream_runtime")
-# What each processor runs in any test run: every kernel beside its result on this computer
+# What each processor runs in any test run: every kernel against its result on this computer
 KERNELS = ("test_motion.py", "test_runtimes.py")
 
 
 def pytest_collection_modifyitems(config, items):
-    """Of a test's combinations of parameters the slowest processor gets only as many as have each
-    value of each parameter in one of them."""
+    """Drop combinations of parameters of a test on the slowest processor, but keep each value of
+    each parameter."""
     slowest = [
         item for item in items if HERE in item.path.parents and SLOWEST in parameters(item).values()
     ]
@@ -50,5 +50,5 @@ def runtime(request, tmp_path_factory) -> Runtime:
 
 @pytest.fixture(scope="session", params=PROCESSORS)
 def stream_runtime(request, tmp_path_factory) -> Runtime:
-    """The same with the core built for the engine of hal/stream.py."""
+    """Return the same with the core built for the engine of hal/stream.py."""
     return _runtime(request.param, tmp_path_factory.mktemp(request.param), "stream")

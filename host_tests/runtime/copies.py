@@ -1,4 +1,4 @@
-"""Runs on MicroPython: how many copies from and to any place in a word are wrong, the heap
+"""Runs on MicroPython: counts wrong copies from and to any place in a word, with the heap
 locked."""
 
 from micropython import heap_lock, heap_unlock

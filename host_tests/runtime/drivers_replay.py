@@ -1,8 +1,8 @@
-"""Runs on MicroPython and on CPython: the set-up and the checks of TMC2209 drivers, the heap locked
-in every pass.
+"""Runs on MicroPython and on CPython: the set-up and the checks of TMC2209 drivers, with the heap
+locked in every pass.
 
-A line on standard input is a pass: the time, then what the wire gives (r and bytes) and what it
-ought to be given (s and bytes), in order. What the pass led to is printed. See test_drivers.py.
+A line on standard input is a pass: the time, then in order the bytes that the wire returns (r and
+bytes) and those that it should receive (s and bytes). The effect is printed. See test_drivers.py.
 """
 
 import sys
@@ -36,7 +36,7 @@ BOARD = {
 
 
 class Wire:
-    """Plays a script, and notes where what is sent is not what it says."""
+    """Plays a script, and counts differences between the script and the bytes sent."""
 
     def __init__(self):
         self.kinds = ""

@@ -1,6 +1,6 @@
 """Near the ends of the range of positions, for both runtimes; session_replay.py plays this script.
 
-Nothing may go past ±2^31: on the board a sum wraps, and the motor goes the other way.
+Nothing may pass ±2^31: on the board a sum wraps, and the motor goes the other way.
 """
 
 import struct
@@ -8,7 +8,7 @@ import struct
 try:
     from host_tests.runtime import session_replay as session
     from host_tests.runtime.realtime_replay import axis, run
-except ImportError:  # on MicroPython, beside this file
+except ImportError:  # on MicroPython, next to this file
     import session_replay as session
     from realtime_replay import axis, run
 
@@ -17,7 +17,7 @@ words = session.words
 
 TOP = 2**31 - 1
 BOTTOM = -(2**31)
-LOWEST = BOTTOM + 1  # the least that can be uploaded
+LOWEST = BOTTOM + 1  # the lowest position of an upload
 ERR_RANGE = 0x14
 ERR_NOT_IN_POSITION = 0x16
 ERR_PREROLL = 0x17
@@ -34,7 +34,7 @@ def upload(steps, start=1):
 
 
 def cases():
-    """[(what, milliseconds to pass afterwards, bytes, codes of the acknowledgements)]"""
+    """Return [(what, milliseconds to pass afterwards, bytes, codes of the acknowledgements)]"""
     go, stop = frame(0x113), frame(0x33)
     speed = frame(0x38, b"\x01" + words(500000, 4000000)) + frame(0x37, b"\x01\x03")
     rising = [TOP - 100 * (24 - k) for k in range(25)]

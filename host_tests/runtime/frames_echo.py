@@ -1,9 +1,9 @@
-"""Runs on MicroPython and on CPython: answers every frame of a case, with the heap locked all the
-time.
+"""Runs on MicroPython and on CPython: answers every frame of a case, with the heap always
+locked.
 
 A case is a line on standard input, `stream in hex, steps`; a step above 0 feeds that many bytes, 0
-polls until nothing is left and tells `waiting`, -1 gives up the frame that has begun. What the
-writer has taken in is printed in hex.
+polls until nothing is left and prints `waiting`, -1 drops an unfinished frame. What the writer has
+taken is printed in hex.
 """
 
 import sys
@@ -56,7 +56,7 @@ def drain(reader, writer, words):
 
 
 def replay(stream, steps, reader, writer, words):
-    """Go through the steps; False when the reader takes no more bytes or the writer has no room."""
+    """Do the steps; False if the reader takes no more bytes or the writer has no room."""
     at = 0
     end = 0
     for step in steps:
@@ -86,7 +86,7 @@ def replay(stream, steps, reader, writer, words):
 
 
 def echo(stream, steps, reader, writer, out, words):
-    """The bytes of the answer, at the start of `out`; -1 when something went wrong."""
+    """Write the answer to `out`; return its bytes, or -1 if something went wrong."""
     reader.clear()
     writer.clear()
     heap_lock()

@@ -1,7 +1,7 @@
-"""Runs on MicroPython and on CPython: lights, inputs, outputs and stop inputs, the heap locked
+"""Runs on MicroPython and on CPython: lights, inputs, outputs and stop inputs, with the heap locked
 while they work.
 
-A line on standard input is an operation; what it shows is printed. See test_io.py.
+A line on standard input is an operation; its visible effect is printed. See test_io.py.
 """
 
 import sys
@@ -129,7 +129,7 @@ class Bench:
         send_stops(self.writer, self.safety, True)
 
     def work(self, kind, a, b):
-        """One operation, the heap locked."""
+        """Do one operation with the heap locked."""
         if kind == "poll":
             self.poll(a)
         elif kind == "clock":

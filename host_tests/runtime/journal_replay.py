@@ -1,5 +1,5 @@
-"""Remembered positions on both runtimes: on MicroPython the heap is locked while they are written
-and spoiled."""
+"""Saved positions on both runtimes: on MicroPython the heap is locked while they are written and
+cleared."""
 
 import binascii
 from array import array
@@ -24,7 +24,7 @@ FAR = 2**31 - 1  # no small integer
 
 
 class Flash:
-    """Two blocks of four slots. It is not looked at whether the flash allocates."""
+    """Two blocks of four slots. The test ignores allocations of the flash."""
 
     blocks = 2
     bytes = 512
@@ -95,7 +95,7 @@ def replay(say):
                 copy_word(motors[i].block, stepper.POSITION, places, (i + turn) & 7)
                 copy_word(
                     motors[i].backlash, LOAD, places, (i + turn) & 7
-                )  # as a motion there does
+                )  # as a motion to that place does
         for _ in range(STILL_MS + 3):
             now = now + 1 if now < 0x3FFFFFFF else 0
             journal.poll(now, False)

@@ -3,18 +3,18 @@ heap locked.
 
 Lines on standard input, each answered by one line:
 
-    NEW bytes               new stores that share so much memory; no answer
+    NEW bytes               new stores that share that much memory; no answer
     BEGIN frames            no answer
-    frame in hex            an MSG_RT_UPLOAD_MOVE_DMX or _TRIGGERS as it comes down the line: the
+    frame in hex            an MSG_RT_UPLOAD_MOVE_DMX or _TRIGGERS as received: the
                             response code
     FINISH, CLEAR           no answer
-    HAS                     channels that have data, whether there are levels, whether there are
+    HAS                     channels with data, whether there are levels, whether there are
                             triggers
-    SEEK index              what is set, as channel=level
-    PLAY from to            seek to the one, then steps to the other, in either direction; what each
+    SEEK index              the levels set, as channel=level
+    PLAY from to            seek to the first, then step to the other, in any direction; what each
                             frame sets
-    FREE                    units that memory has left
-    TRIGGERS from to        the mask; then frame:values, if there are any, for each of these frames
+    FREE                    free units of memory
+    TRIGGERS from to        the mask; then frame:values for each of these frames that has some
 """
 
 import sys
@@ -39,7 +39,7 @@ except ImportError:
 
 
 class Recorder:
-    """Writes down what is set, and lets real lights have it."""
+    """Records the levels, and passes them on to real lights."""
 
     def __init__(self):
         self.lights = Lights(512, 500)
@@ -160,7 +160,7 @@ def all_triggers(triggers, start, end):
 
 
 def replay(lines):
-    """The answers, one by one."""
+    """Yield the answers."""
     reader = FrameReader()
     lights = Recorder()
     store = levels = triggers = None

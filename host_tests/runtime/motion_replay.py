@@ -1,23 +1,23 @@
-"""Runs on MicroPython and on CPython: the motion core word by word, the heap locked wherever a
-board may not allocate.
+"""Runs on MicroPython and on CPython: the motion core word by word, with the heap locked wherever a
+board must not allocate.
 
-    motion_replay.play(lines, write)            scripts of requests and ticks; after each tick all
-                                                state goes to write()
+    motion_replay.play(lines, write)            scripts of requests and ticks; write() gets all
+                                                state after each tick
     motion_replay.numbers(seed, count, write)   the planner's numbers and the kernels of segments,
                                                 on random words
 
-A script is a line each of
+A script consists of these lines:
 
-    new motors           a new kernel and new axes; the state below is that of all motors
+    new motors           a new kernel and new axes; the state below covers all motors
     speed m v a          Axis.set_speed; jerk m j; place m x
     backlash m n; couple m turned (with motor m + 1); limits m low high
     jog m target share (held within the limits)
     travel m target share; stop m factor; smooth m; halt factor (all motors)
     tick n               n ticks, the main loop's part before each
-    late us              the next interrupt comes so late, and what was missed is replayed
+    late us              the next interrupt is that late, and the missed ticks are replayed
     starve n             n ticks without the main loop
 
-What is written: the words of the header, of each motor's block, cubic and place.
+It writes the words of the header, and of each motor's block, cubic and place.
 """
 
 import sys
@@ -43,7 +43,7 @@ AXIS = ("speed", "jerk", "place", "travel", "jog", "stop", "smooth", "couple", "
 
 
 class Rig:
-    """Motors without an engine: their commands end in a word of memory. Is a HAL, as far as axes
+    """Motors without an engine: their commands go to a word of memory. It is a HAL, as far as axes
     need one."""
 
     def __init__(self, motors):
@@ -202,7 +202,7 @@ class Random:
         self.seed = seed
 
     def bits(self, count):
-        """A number of so many bits."""
+        """Return a number of that many bits."""
         result = 0
         for _ in range((count + 14) // 15):
             self.seed = (self.seed * 1103515245 + 12345) & 0x7FFFFFFF
@@ -210,7 +210,7 @@ class Random:
         return result & ((1 << count) - 1)
 
     def word(self):
-        """A signed word of any size."""
+        """Return a signed word of any size."""
         value = self.bits(self.bits(5) + 1)
         if value >= 1 << 31:
             value -= 1 << 32
@@ -218,14 +218,14 @@ class Random:
 
 
 def number(random, r, a):
-    """A number of a planner in r[a]."""
+    """Write a planner's number to r[a]."""
     reals.put(r, a, random.word(), 0)
     if r[a]:
         r[a + 1] += random.bits(5) - 24
 
 
 def calculate(r, words, out, fraction, powers, limit):
-    """Every operation on r[0], r[2] and two words, results above."""
+    """Do every operation on r[0], r[2] and two words; the results come after these."""
     heap_lock()
     reals.add(r, 4, 0, 2)
     reals.subtract(r, 6, 0, 2)
@@ -284,7 +284,7 @@ def numbers(seed, count, write):
         )
         write(r)
         write(out)
-        # anywhere, just below 0, or where the range ends
+        # anywhere, just below 0, or at the end of the range
         near = random.bits(4)
         cubic[segments.WHOLE] = (random.word() >> 1, -near, near - 2**31)[random.bits(8) % 3]
         cubic[segments.P] = random.bits(16)
@@ -311,7 +311,7 @@ def numbers(seed, count, write):
 
 
 def main():
-    """Arguments: a file for the words, and for numbers() a seed and a count."""
+    """Run with the arguments: a file for the words, and for numbers() a seed and a count."""
     with open(sys.argv[1], "wb") as out:
         if len(sys.argv) > 2:
             numbers(int(sys.argv[2]), int(sys.argv[3]), out.write)

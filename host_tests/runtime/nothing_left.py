@@ -1,4 +1,4 @@
-"""Runs on MicroPython: how much memory some moves of eight motors leave behind."""
+"""Runs on MicroPython: how much memory some moves of eight motors leave allocated."""
 
 import gc
 

@@ -4,13 +4,13 @@ import struct
 
 try:
     from host_tests.runtime import session_replay as session
-except ImportError:  # on MicroPython, beside this file
+except ImportError:  # on MicroPython, next to this file
     import session_replay as session
 
 frame = session.frame
 words = session.words
 
-BIG = 0xDEADBEEF  # on the board no small integer, nor are:
+BIG = 0xDEADBEEF  # no small integer on the board, nor are:
 MASK = 0x7FFFFFFF
 VALUES = 0x40000001
 OUTPUTS = 0xC0000002
@@ -42,7 +42,7 @@ def axis(motor, steps):
 
 
 def script():
-    """[(milliseconds to pass afterwards, bytes)]"""
+    """Return [(milliseconds to pass afterwards, bytes)]"""
     go, stop_all, stop_loop, status = frame(0x113, b"", BIG), frame(0x33), frame(0x116), frame(0x30)
     far = 2**30 + 4000  # positions that are no small integers
     pairs = b"\x01" + words(far, far + 400) + b"\x02" + words(90, -30)
@@ -64,8 +64,8 @@ def script():
         (3, frame(0x100, words(1, 40)) + axis(1, [far + 50 * k for k in range(40)])),
         (3, axis(2, [3 * k * k // 8 for k in range(40)]) + levels),
         (3, frame(0x104, triggers) + frame(0x103)),
-        # loops: stopped in a pass, on the way back, in the post-roll; with everything that goes
-        # along
+        # loops: stopped in a pass, on the way back, in the post-roll; with everything that
+        # accompanies them
         (900, run(flags=0x02, outputs=OUTPUTS, channel=300, ms=250)),
         (3000, go + status),
         (2500, stop_loop + status),
@@ -80,7 +80,7 @@ def script():
         (900, run(500, 1, 2, flags=0x20)),
         (1500, go),
         (300, stop_all + stop_all),
-        # refused, too early, while moving, dropped
+        # refused: too early, while moving, dropped
         (3, run(0) + run(flags=0x40) + run(channel=513)),
         (10, run(pre=900) + go + run()),
         (900, frame(0x110, words(3)) + go),

@@ -1,12 +1,11 @@
-"""Plays a recording (host_tests/recording.py) on 32-bit MicroPython, the heap locked in every tick
-and every pass.
+"""Plays a recording (host_tests/recording.py) on 32-bit MicroPython, with the heap locked in every
+tick and every pass.
 
     micropython recording_replay.py FILE [TICKS MILLISECONDS]
-                                          (these a multiple of 2048: the LED's time)
+                                          (multiples of 2048, the LED's time)
 
-What the controller does comes out as the recorder has written it down. TICKS and MILLISECONDS: what
-the counters say at the start, so that they wrap on the way; nothing that comes out may depend on
-it.
+The output is what the recorder wrote down of the controller. TICKS and MILLISECONDS are the values
+of the counters at the start, so that they wrap on the way; the output must not depend on them.
 """
 
 import binascii
@@ -31,16 +30,16 @@ from framestep.rig import Rig
 CYCLES = 125000
 LOG = 512
 DEEP = 40  # calls: more than any pass has
-PIECE = 5 << 16  # bytes; the longest line tells of INCOMING ones
+PIECE = 5 << 16  # bytes; the longest line has INCOMING ones
 LINE_FEED = 10
 ZEROS = bytes(4096)
 INCOMING = 1 << 17
 OUTGOING = 1 << 16
-OUTPUT, ENABLE, LED, CHOOSE = "oelc"  # what is noted with two numbers
+OUTPUT, ENABLE, LED, CHOOSE = "oelc"  # notes with two numbers
 
 
 class Notes:
-    """What a pass has done, kept without memory and told after it."""
+    """What a pass has done, recorded without allocation and printed after it."""
 
     def __init__(self):
         self.kinds = [""] * LOG
@@ -61,7 +60,7 @@ class Notes:
         self.count += 1
 
     def told(self):
-        """The pass in words, "" for nothing. Allocates."""
+        """Return the pass in words, "" for nothing. Allocates."""
         if not (self.count or self.sent_count or self.text_count or self.wire_count or self.lit):
             return ""
         found = []
@@ -215,10 +214,10 @@ class Hal:
         self.watched = 0
         self.handler = None
         self.colour = 0
-        self.given = False  # whether any of the next two and of wire.answers is more than ()
-        self.lost = ()  # what take_lost_commands() says
+        self.given = False  # whether `lost`, `taken` or wire.answers has anything
+        self.lost = ()  # the answer of take_lost_commands()
         self.lost_at = 0
-        self.taken = ()  # what reclaim() says
+        self.taken = ()  # the answer of reclaim()
         self.taken_at = 0
         self.clock = array("i", [0])
         self.sink = array("i", [0])
@@ -310,8 +309,8 @@ class Hal:
 
 
 def wipe(deep):
-    """Write over the stack below the caller: what has been left there by what ran before looks
-    like pointers to things that are gone."""
+    """Overwrite the stack below the caller: remains of earlier calls look like pointers to objects
+    that no longer exist."""
     a = b = c = d = e = f = g = h = 0
     if deep:
         wipe(deep - 1)
@@ -319,7 +318,7 @@ def wipe(deep):
 
 
 def numbers_in(thing, seen, found):
-    """Add the arrays and bytearrays that are reached from a thing to `found`."""
+    """Add the arrays and bytearrays reachable from a thing to `found`."""
     if id(thing) in seen:
         return
     seen.add(id(thing))
@@ -330,28 +329,28 @@ def numbers_in(thing, seen, found):
         parts = thing.values()
     elif isinstance(thing, (list, tuple)):
         parts = thing
-    else:  # made anew each time, so that it is not what `seen` has
+    else:  # a new object each time, so `seen` does not have it
         parts = thing.__dict__.values() if hasattr(thing, "__dict__") else ()
     for part in parts:
         numbers_in(part, seen, found)
 
 
 class Scales:
-    """Tells how much of the heap is taken, to the byte.
+    """Measures the memory in use on the heap, to the byte.
 
-    A number in memory that looks like the address of something keeps that, though it is not in use
-    any more. So what has been left on the stack is written over, and what is in arrays is put into
-    a file for the time being.
+    A number in memory that looks like an object's address keeps that object alive. So this
+    overwrites the remains on the stack, and moves the contents of arrays to a file while it
+    measures.
     """
 
     def __init__(self, path, things):
-        self.file = open(path, "w+b")  # noqa: SIM115 -- lives as long as this
+        self.file = open(path, "w+b")  # noqa: SIM115 -- open as long as this object
         self.arrays = []
         numbers_in(things, set(), self.arrays)
 
     def weigh(self):
-        """Bytes of the heap that are taken. To be called from the outermost function: nothing of a
-        pass is on the stack then."""
+        """Return the bytes of the heap in use. Call it from the outermost function: then nothing of
+        a pass is on the stack."""
         self.file.seek(0)
         for each in self.arrays:
             clear(each, self.file.write(each))
@@ -365,7 +364,7 @@ class Scales:
 
 
 def clear(numbers, size):
-    """Make its bytes all zeros."""
+    """Set all its bytes to 0."""
     for at in range(0, size, len(ZEROS)):
         copy_bytes(numbers, at, ZEROS, 0, min(len(ZEROS), size - at))
 
@@ -470,20 +469,20 @@ class Replay:
 
 
 class Lines:
-    """The lines of a file, as bytes: each new str is searched for among all names. A piece of the
-    file is in memory at a time, always as much and in the same place, since a heap that is in use
-    for long has no room for a new one; readline of the file itself asks the system for every
-    byte."""
+    """The lines of a file, as bytes, because MicroPython looks up each new str among all names. One
+    piece of the file is in memory at a time, always of the same size and in the same place, because
+    a heap after long use has no room for a new one; the file's own readline asks the system for
+    every byte."""
 
     def __init__(self, file):
         self.file = file
         self.piece = memoryview(bytearray(PIECE))
-        self.lines = io.BytesIO(PIECE)  # room for so much
-        self.end = 0  # of the last whole line that is in it
-        self.at = 0  # of what follows that, in the file
+        self.lines = io.BytesIO(PIECE)
+        self.end = 0  # of the last complete line in it
+        self.at = 0  # where the next piece begins in the file
 
     def next(self):
-        """The next line, without its end; None after the last."""
+        """Return the next line without its end; None after the last."""
         if self.lines.tell() == self.end and not self._more():
             return None
         return self.lines.readline()[:-1]

@@ -1,7 +1,7 @@
 """A whole session with the controller, for both runtimes: requests in, all answers and reports out.
 
-Runs as it is on CPython and on MicroPython. There the heap is locked in every pass of the main loop
-and in every tick, so what allocates between a request's first byte and its reply ends the test.
+Runs unchanged on CPython and on MicroPython. There the heap is locked in every pass of the main
+loop and in every tick, so an allocation between a request's first byte and its reply ends the test.
 """
 
 import binascii
@@ -29,7 +29,7 @@ CYCLES = 125000
 
 
 class Port:
-    """Bytes in from `incoming`, bytes out to `outgoing`; both made before the heap is locked."""
+    """Bytes in from `incoming`, bytes out to `outgoing`; both exist before the heap is locked."""
 
     def __init__(self):
         self.open = True
@@ -55,7 +55,7 @@ class Port:
 
 
 class Hal:
-    """The contract of framestep.hal over nothing: no engine, no pins."""
+    """The contract of framestep.hal without hardware: no engine, no pins."""
 
     def __init__(self, motors):
         self.motors = motors
@@ -129,7 +129,7 @@ def words(*values):
 
 
 def script():
-    """[(milliseconds to pass afterwards, bytes)]"""
+    """Return [(milliseconds to pass afterwards, bytes)]"""
     big = 0xDEADBEEF  # an ID, and positions, that are no small integers on the board
     far = 2**30 + 12345
     steps = [round(3 * k * k / 8) for k in range(40)]
@@ -209,8 +209,8 @@ def script():
 
 
 def replay(say, played=None, settings=None):
-    """Play a script; say(text) for each piece of output and at the end for the positions. settings:
-    of the rig file."""
+    """Play a script; say(text) for each piece of output, and at the end for the positions.
+    settings: those of the rig file."""
     motors = 8
     hal = Hal(motors)
     controller = Controller(hal, Rig(settings, BOARD))

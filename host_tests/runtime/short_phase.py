@@ -1,4 +1,4 @@
-"""Runs on MicroPython: a phase of 0.75 ticks ends with its tick, the heap locked."""
+"""Runs on MicroPython: a phase of 0.75 ticks ends with its tick, with the heap locked."""
 
 from array import array
 

@@ -1,8 +1,8 @@
 """Runs on MicroPython and on CPython: frames of a smoothed run, each with the heap locked.
 
 A line on standard input: the lower and the upper limit, whether there is play, how many frames of
-the upload there are before and after, and seventeen positions. Answered by one line: how far beyond
-its position the frame is passed, and the two words of its velocity.
+the upload come before and after, and seventeen positions. The answer is one line: how far beyond
+its position the path passes the frame, and the two words of its velocity.
 """
 
 import sys
@@ -24,7 +24,7 @@ SCALE, TOP, TO = 0, 2, 4
 
 
 def replay(lines):
-    """The answers, one by one."""
+    """Yield the answers."""
     numbers = array("i", [0] * 8)
     put(numbers, SCALE, 715827883, -33)  # a twelfth
     put(numbers, TOP, 0x10000000, 0)

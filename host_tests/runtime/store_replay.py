@@ -4,11 +4,11 @@ Lines on standard input, each answered by one line:
 
     NEW motors bytes        a new store: its capacity in frames, or the text of its refusal
     BEGIN start end         the response code, as for the next two
-    frame in hex            an MSG_RT_UPLOAD_MOVE_AXIS as it comes down the line
+    frame in hex            an MSG_RT_UPLOAD_MOVE_AXIS as received
     FINISH
     CLEAR                   nothing
-    READ before after       for each motor its positions from `before` frames ahead of the range to
-                            `after` behind it
+    READ before after       for each motor its positions, from `before` frames before the range to
+                            `after` frames after it
     ONE motor index         a single position
 """
 
@@ -73,7 +73,7 @@ def one(store, motor, index, words):
 
 
 def positions(store, motor, first, count):
-    """In pieces of several sizes, as text."""
+    """Return positions as text, read in pieces of several sizes."""
     words = array("i", [7] * 67)
     values = []
     size = 1
@@ -91,7 +91,7 @@ def positions(store, motor, first, count):
 
 
 def replay(lines):
-    """The answers, one by one."""
+    """Yield the answers."""
     reader = FrameReader()
     words = array("i", [0, 0])
     store = None

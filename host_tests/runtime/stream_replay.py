@@ -1,9 +1,9 @@
 """Runs on MicroPython and on CPython, with the core built for the stream engine: scripts of
-requests and batches of ticks, the heap locked from the first tick on; what is painted goes to a
-file.
+requests and batches of ticks, with the heap locked from the first tick on; a file gets the painted
+words.
 
     new motors width     a new kernel; motor i has its step on bit 2·i and its direction on bit
-                         2·i + 1, which is inverted where i is odd
+                         2·i + 1, inverted if i is odd
     speed m v a          Axis.set_speed
     travel m target; stop m factor
     cue tick high low    StepKernel.cue, ticks counted from the beginning
@@ -38,7 +38,7 @@ LONGEST = 20  # batch, ticks
 
 
 class Rig:
-    """Motors on a stream. Is a HAL, as far as axes need one."""
+    """Motors on a stream. It is a HAL, as far as axes need one."""
 
     def __init__(self, motors, width):
         self.stream = Stream(

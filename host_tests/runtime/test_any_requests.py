@@ -1,8 +1,8 @@
-"""Requests of all types in any order, sound and spoilt, on 32 bits with the heap locked: byte by
+"""Requests of all types in any order, valid and spoilt, on 32 bits with the heap locked: byte by
 byte as on CPython.
 
-On a board a pass of the main loop runs with the heap locked, so one that allocates, however rare,
-would end them all.
+On a board the heap is locked in a pass of the main loop, so a pass that allocates, however rarely,
+would end all later ones.
 """
 
 import random
@@ -30,7 +30,7 @@ ODD = (0, 1, -1, 2, 255, 10_000, 2**30 - 1, 2**30, -(2**30) - 1, 2**31 - 1, -(2*
 
 
 def pool():
-    """(type, payload) of every request in the scripts beside this file."""
+    """Return (type, payload) of every request in the scripts next to this file."""
     found = []
     for name in SCRIPTS:
         for _, data in sys.modules[name].script():
@@ -39,7 +39,7 @@ def pool():
 
 
 def spoilt(dice, payload):
-    """The payload with a number in it exchanged, or some bytes."""
+    """Return the payload with a number or some bytes replaced."""
     changed = bytearray(payload)
     if len(changed) >= 4 and dice.random() < 0.6:
         struct.pack_into("<i", changed, dice.randrange(len(changed) - 3), dice.choice(ODD))
@@ -50,7 +50,7 @@ def spoilt(dice, payload):
 
 
 def any_requests(seed):
-    """[(milliseconds to pass afterwards, bytes)]"""
+    """Return [(milliseconds to pass afterwards, bytes)]"""
     dice = random.Random(seed)
     sound = pool()
     played = []
@@ -85,10 +85,10 @@ def test_any_requests(seed, runtime, replays, tmp_path):
     try:
         replays.replay(lines.append, played)
     except OverflowError:
-        # a position beyond the end of a word comes round on the board, CPython's arrays refuse it
+        # a position beyond a word wraps on the board, and CPython's arrays refuse it
         said = said[: len(lines)]
     assert said == lines
-    # and most of them were understood
+    # and most of them had a meaning
     codes = [
         f.payload[:2]
         for line in lines[:-1]

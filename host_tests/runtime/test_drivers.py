@@ -1,5 +1,5 @@
-"""TMC2209 drivers as machine code on 32 bits, the heap locked: the same telegrams and findings as
-on CPython."""
+"""TMC2209 drivers as machine code on 32 bits, with the heap locked: the same telegrams and findings
+as on CPython."""
 
 import contextlib
 import io
@@ -16,7 +16,7 @@ REPLAY = Path(__file__).parent / "drivers_replay.py"
 
 
 class Recorder(drivers_replay.Hal):
-    """Drivers on CPython with simulated chips, and the script of what went over the wire."""
+    """Drivers on CPython with simulated chips, and the script of the bytes on the wire."""
 
     def __init__(self):
         super().__init__()
@@ -50,8 +50,8 @@ class Recorder(drivers_replay.Hal):
 
 
 def story():
-    """Set up with losses, watched, too hot, reset, open, silent, back again; the clock wraps in
-    between."""
+    """Play a set-up with losses, checks, heat, a reset, an open coil, silence, a return; the clock
+    wraps on the way."""
     recorder = Recorder()
     clock = 2**30 - 700
     lost = iter(range(10**6))
@@ -85,7 +85,7 @@ def test_a_story(runtime):
     expected = on_cpython(text).split("\n")
     texts = {line.split(" ", 6)[6] for line in expected if line}
     assert len(texts) == 7, texts  # nothing yet, and six things to say
-    assert expected[-2].split()[3] == "0"  # CPython itself says what the script has
+    assert expected[-2].split()[3] == "0"  # CPython itself keeps to the script
     answers = runtime.run(REPLAY, stdin=text.encode()).split("\n")
     wrong = [pair for pair in zip(answers, expected, strict=True) if pair[0] != pair[1]]
     assert not wrong, wrong[0]

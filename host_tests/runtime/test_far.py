@@ -1,5 +1,5 @@
-"""Near the ends of the range of positions: on 32 bits byte by byte as on CPython, and refused
-rightly."""
+"""Near the ends of the range of positions: on 32 bits byte by byte as on CPython, with the right
+refusals."""
 
 from host_tests.runtime import far_replay
 from host_tests.runtime.both import assert_same, frames, said

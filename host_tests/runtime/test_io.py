@@ -1,5 +1,5 @@
-"""Lights, inputs, outputs and stop inputs as machine code on 32 bits, the heap locked, do as they
-do on CPython."""
+"""Lights, inputs, outputs and stop inputs as machine code on 32 bits, with the heap locked, behave
+as on CPython."""
 
 import contextlib
 import io

@@ -1,5 +1,5 @@
-"""Remembered positions as machine code on 32 bits: byte by byte the same flash as on CPython, and
-no allocation."""
+"""Saved positions as machine code on 32 bits: byte by byte the same flash as on CPython, and no
+allocation."""
 
 from pathlib import Path
 

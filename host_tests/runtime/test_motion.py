@@ -1,5 +1,5 @@
-"""The motion core as machine code on 32 bits, heap locked: every word of its state as on CPython,
-tick by tick."""
+"""The motion core as machine code on 32 bits, with the heap locked: every word of its state is as
+on CPython, tick by tick."""
 
 import random
 from pathlib import Path
@@ -31,7 +31,7 @@ LOWEST, HIGHEST = -(2**31), 2**31 - 1
 
 @pytest.fixture
 def words(runtime, tmp_path):
-    """words(*arguments, stdin=...): the words that the replay gives on MicroPython."""
+    """Return words(*arguments, stdin=...): the words that the replay gives on MicroPython."""
 
     def run(*arguments, stdin=None):
         runtime.run(REPLAY, tmp_path / "words", *arguments, stdin=stdin)
@@ -41,7 +41,7 @@ def words(runtime, tmp_path):
 
 
 def compare(words, lines, motors):
-    """Play a script on both runtimes; gives the common state, a row of words for each tick."""
+    """Play a script on both runtimes; return the common state, a row of words for each tick."""
     script = "".join(line + "\n" for line in lines)
     there = words(stdin=script.encode())
     here = bytearray()
@@ -72,7 +72,7 @@ def of_motor(state, motor, word):
 
 
 def requests(rng, motors, count):
-    """A script of anything at any moment."""
+    """Return a script of any requests at any moment."""
     yield f"new {motors}"
     yield "tick 20"
     spans = []
@@ -117,8 +117,8 @@ def test_any_requests(words, runtime, seed):
 @pytest.mark.parametrize("way", [1, -1])
 @pytest.mark.parametrize("velocity", [5_000, 400_000])
 def test_from_one_end_of_the_range_to_the_other(words, way, velocity):
-    """A jog to the last step there is, from the other side of zero: full speed all the way, in the
-    right direction."""
+    """A jog to the last step of the range, from the other side of zero: at full speed, in the right
+    direction."""
     near, far = (LOWEST, HIGHEST) if way > 0 else (HIGHEST, LOWEST)
     lines = [
         "new 1",
@@ -141,7 +141,7 @@ def test_from_one_end_of_the_range_to_the_other(words, way, velocity):
 
 @pytest.mark.parametrize("way", [1, -1])
 def test_at_the_end_of_the_range(words, way):
-    """Up to the last step there is, and back."""
+    """Up to the last step of the range, and back."""
     end = HIGHEST if way > 0 else LOWEST
     lines = [
         "new 1",
@@ -162,8 +162,8 @@ def test_at_the_end_of_the_range(words, way):
 @pytest.mark.parametrize("turned", [None, 0, 1])
 @pytest.mark.parametrize("backlash", [0, 24])
 def test_jogs_to_the_ends_of_the_range(words, backlash, turned, jerk):
-    """The way that was asked for, with play to take up, whatever the numbers wrap to; coupled
-    motors too."""
+    """The motor goes in the requested direction and takes up backlash, whatever the numbers wrap
+    to; coupled motors too."""
     lines = []
     for way, end in ((-1, LOWEST), (1, HIGHEST)):
         lines += [
@@ -206,7 +206,7 @@ def test_jogs_to_the_ends_of_the_range(words, backlash, turned, jerk):
 
 @pytest.mark.parametrize("seed", range(2))
 def test_any_requests_of_coupled_motors(words, seed):
-    """With play, limits and jerk; the two stay together in every tick."""
+    """With play, limits and jerk; the two motors stay together in every tick."""
     rng = random.Random(seed)
     for turned in 0, 1:
         lines = list(requests(rng, 2, 20))
@@ -244,6 +244,6 @@ LEFT = Path(__file__).parent / "nothing_left.py"
 
 
 def test_nothing_left_allocated(runtime):
-    """Not even what is freed again at once, as large call frames are, may stay behind."""
+    """Nothing may stay, not even what is freed at once, such as large call frames."""
     left = int(runtime.run(LEFT, path=[REPLAY.parent]))
     assert left <= 64  # the loop's own variables

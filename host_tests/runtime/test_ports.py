@@ -1,8 +1,8 @@
-"""The protocol ports where a board has less than an RP2040."""
+"""The protocol ports on a board with less than an RP2040."""
 
 
 def test_no_usb_device(runtime):
-    """What to do is said where MicroPython has no machine.USBDevice."""
+    """Without machine.USBDevice in MicroPython, the error says what to do."""
     said = runtime.run(
         "try:\n    import framestep.hal.ports.usb_port\nexcept ImportError as error: print(error)"
     )

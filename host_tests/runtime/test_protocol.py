@@ -11,7 +11,7 @@ from host_tests.protocol import streams
 ECHO = Path(__file__).parent / "frames_echo.py"
 
 
-# Many cases for each start of MicroPython. They are not shrunk: host_tests/protocol does that, on
+# Many cases with each start of MicroPython. They are not shrunk: host_tests/protocol does that on
 # CPython.
 @given(st.lists(streams.cases(), min_size=20, max_size=40))
 @settings(
@@ -57,5 +57,5 @@ COPIES = Path(__file__).parent / "copies.py"
 
 
 def test_copies(runtime):
-    """From and to any place in a word, and within one buffer."""
+    """Copies from and to any place in a word, and within one buffer."""
     assert runtime.run(COPIES) == "0\n"

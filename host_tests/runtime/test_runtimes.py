@@ -1,4 +1,4 @@
-"""MicroPython on each processor is what the other tests of this layer take it for."""
+"""MicroPython on each processor is what the other tests of this folder assume."""
 
 import numpy as np
 
@@ -28,7 +28,7 @@ def test_words_floats_and_heap(runtime):
     assert big == "allocated"
 
 
-# Of each pair: sum, difference, product, quotient, comparisons, the first as an integer and back
+# For each pair: sum, difference, product, quotient, comparisons, the first as an integer and back
 FLOATS = """
 import struct, sys
 for line in sys.stdin:
@@ -42,7 +42,7 @@ for line in sys.stdin:
 
 
 def ieee(a, b):
-    """The line that FLOATS prints for a pair, by numpy."""
+    """Return the line that FLOATS prints for a pair, by numpy."""
     with np.errstate(all="ignore"):
         values = np.array([a + b, a - b, a * b, a / b if b else 0.0], "<f4")
     whole = int(a) if -1e9 < a < 1e9 else 0

@@ -1,5 +1,5 @@
-"""Session scripts on 32-bit MicroPython with the heap locked: those that the fuzzer has found, and
-extreme values in every state. Everything must be as on CPython, from counters close to their end.
+"""Session scripts on 32-bit MicroPython with the heap locked: the fuzzer's scripts, and extreme
+values in every state. Everything must be as on CPython, with counters that start near their end.
 """
 
 import random
@@ -31,11 +31,11 @@ EXTREME = (
     -(2**31),
 )
 MOTORS = 3
-FIRST, FRAMES = 999_961, 40  # the last frame is the last that there may be
+FIRST, FRAMES = 999_961, 40  # the last frame is the highest allowed
 
 
 def replayed(script, runtime, path):
-    """What is different when a script is played there, "" for nothing; and the CPython player."""
+    """Return what differs when a script is played there, "" for nothing; and CPython's player."""
     with recorded() as recorders:
         player = Player(script)
         player.recorder = recorders[0]
@@ -83,7 +83,7 @@ def run(start, end, flags=0, bloop=0):
 LAST = FIRST + FRAMES - 1
 GO = (m.MSG_RT_GO, b"")
 ABC = struct.pack("<iBIH", FIRST + 12, 1, 100, 500)
-# How each state is come to: requests, with the milliseconds before the next
+# How to reach each state: requests, with the milliseconds before the next
 STATES = {
     "at rest": [],
     "moving": [((m.MSG_MOTOR_MOVE, b"\x01" + words(900)), 60)],
@@ -107,7 +107,7 @@ SETTLED = [((m.MSG_MOTOR_STOP_ALL, b""), 2), ((m.MSG_MOTOR_STOP_ALL, b""), 500)]
 
 
 def extreme(dice, payload):
-    """The payload with one to three of its words at an end of some range, wherever in it."""
+    """Return the payload with one to three words, anywhere in it, at an end of some range."""
     changed = bytearray(payload)
     for _ in range(dice.randint(1, 3)):
         if len(changed) >= 4:
@@ -118,7 +118,7 @@ def extreme(dice, payload):
 
 
 def extremes(state, seed, times):
-    """A session that comes into the state so many times and gets extreme requests there."""
+    """Return a session that reaches the state `times` times and gets extreme requests there."""
     dice = random.Random(f"{state} {seed}")
     script = Script("pico", {"virtuals": 8, "jog_timeout_ms": 200})
     script.motors = MOTORS

@@ -1,5 +1,5 @@
-"""The whole controller as machine code on 32 bits, the heap locked: it says byte by byte what it
-says on CPython."""
+"""The whole controller as machine code on 32 bits, with the heap locked: its output is byte by byte
+as on CPython."""
 
 import struct
 from pathlib import Path
@@ -24,7 +24,7 @@ def test_both_runtimes_say_the_same(runtime):
 
 
 def test_the_script_goes_through_everything():
-    """What is compared above is a session in which things happen."""
+    """Much happens in the session that the other test compares."""
     lines = said()
     decoder = FrameDecoder()
     frames = [f for line in lines[:-1] for f in decoder.feed(bytes.fromhex(line.split()[1]))]

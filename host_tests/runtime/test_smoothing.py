@@ -1,4 +1,4 @@
-"""The smoothed path as machine code on 32 bits, with the heap locked, is the one on CPython."""
+"""The smoothed path as machine code on 32 bits, with the heap locked, is the same as on CPython."""
 
 import itertools
 import random
@@ -11,7 +11,7 @@ FRAMES = 17
 
 
 def window(dice):
-    """A line for smoothing_replay.py."""
+    """Return a line for smoothing_replay.py."""
     if dice.random() < 0.8:
         size = dice.choice([1, 2, 40, 6000, 2**20])
         positions = [dice.randint(-size, size) for _ in range(FRAMES)]

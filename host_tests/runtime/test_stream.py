@@ -1,5 +1,5 @@
-"""The stream engine as machine code on 32 bits, heap locked: every word as on CPython, where its
-edges are judged."""
+"""The stream engine as machine code on 32 bits, with the heap locked: every word is as on CPython,
+whose edges other tests judge."""
 
 import random
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Virtual axes as machine code on 32 bits, the heap locked: they do byte by byte what they do on
+"""Virtual axes as machine code on 32 bits, with the heap locked, behave byte by byte as on
 CPython."""
 
 import sys
@@ -29,7 +29,7 @@ def test_both_runtimes_say_the_same(backlash, runtime, monkeypatch):
     )
     lines = said(monkeypatch, backlash)
     assert output.split("\n")[:-1] == lines
-    # and what they say is of a session in which things happen
+    # and much happens in the session
     frames = [f for line in lines[:-1] for f in FrameDecoder().feed(bytes.fromhex(line.split()[1]))]
     assert len({f.payload for f in frames if f.type == 0x205}) > 20
     assert lines[-1].split()[3] != "0"

@@ -1,8 +1,8 @@
-"""The kinematics as machine code on 32 bits, with the heap locked, give the bits that they give on
+"""The kinematics as machine code on 32 bits, with the heap locked, give the same bits as on
 CPython.
 
-On CPython virtual_precision holds them to double precision; so this is the proof for the board's
-numbers.
+On CPython virtual_precision compares them with double precision; so this is the proof for the
+board's numbers.
 """
 
 import contextlib
@@ -28,7 +28,7 @@ def registers(*numbers):
 
 
 def expected(lines):
-    """What CPython answers."""
+    """Return CPython's answers."""
     wanted = io.StringIO()
     with contextlib.redirect_stdout(wanted):
         virtuals_replay.play(lines)
@@ -36,7 +36,7 @@ def expected(lines):
 
 
 def script(rig, count):
-    """Every rig's pose to place and back, out of reach too, and aim points all around."""
+    """Return poses of every rig to places and back, also out of reach, and aim points around."""
     random = np.random.default_rng(3)
     steps = [0] * 8
     found = read(rig)
@@ -72,7 +72,7 @@ def test_the_same_bits_as_cpython(runtime):
 @pytest.mark.parametrize("name", RIGS)
 @pytest.mark.parametrize("limit, most", [(80, 0.1), (88, 0.5)])
 def test_near_double_precision(name, limit, most):
-    """A track of 20 m, 1000 steps to the millimetre: a tenth of a step, at the end of an arm's
-    reach half a step."""
+    """With a track of 20 m and 1000 steps per millimetre: a tenth of a step, and half a step at the
+    end of an arm's reach."""
     worst = errors(RIGS[name], 300, limit, seed=5).max(axis=0)
     assert (worst < most).all(), worst

@@ -16,7 +16,7 @@ def _speeds():
 
 
 def script():
-    """[(milliseconds to pass afterwards, bytes)]"""
+    """Return [(milliseconds to pass afterwards, bytes)]"""
     move = lambda axis, position: frame(0x201, bytes((axis,)) + words(round(position * 100000)))  # noqa: E731
     stop = lambda axis: frame(0x202, bytes((axis,)))  # noqa: E731
     places = (1000000, 15000000, -2000000, 500000, -300000, 0)

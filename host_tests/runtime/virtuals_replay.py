@@ -4,7 +4,7 @@ with the heap locked.
 Lines on standard input, each answered by one line of numbers, a code first:
 
     CONFIG kind configuration table-in-hex eight-steps
-                                the pose where the rig stands; configuration: 24 words
+                                the pose at these steps; configuration: 24 words
     LOCATE eight-steps          the same
     POSE twelve-words           inverse(): the joints, and the places of the motors
     AIM six-words twelve-words  aim point and pose: pan and tilt, and the camera's three axes
