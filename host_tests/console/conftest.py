@@ -1,5 +1,5 @@
-"""A console in a real browser: Chromium without a window, the page's own server, and a device
-behind it, simulated or emulated."""
+"""A console in a real browser: Chromium without a window, the page's own server, and a simulated or
+emulated device behind it."""
 
 import asyncio
 import contextlib
@@ -18,7 +18,7 @@ from framestep_tools.simulator.boards import SimulatedBoard
 from framestep_tools.simulator.serve import Server
 
 _LOOK_S = 0.02
-PATIENCE_MS = 100_000  # the answer comes at once, but a busy computer may take its time
+PATIENCE_MS = 100_000  # the answer comes at once, but a busy computer may need time
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = (
     "--no-sandbox",
@@ -32,7 +32,7 @@ FLAGS = (
 
 
 def browser_program() -> str:
-    """The browser that is installed; the test fails and says what to install where none is."""
+    """Return the installed browser; without one, fail and say what to install."""
     found = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
     if found is None:
         pytest.fail("no Chromium is installed: make chromium does it", pytrace=False)
@@ -48,8 +48,8 @@ def browser():
 
 
 class Device:
-    """A board that runs in a thread, its protocol's port on a pseudo-terminal, `path`, and on TCP,
-    `tcp`; its REPL likewise. `at_board(f)` calls f(board) there."""
+    """A board that runs in a thread; its protocol's port is on a pseudo-terminal, `path`, and on
+    TCP, `tcp`; its REPL likewise. `at_board(f)` calls f(board) in that thread."""
 
     def __init__(self, board, speed, repl=False):
         repl_tcp = "127.0.0.1:0" if repl else None
@@ -78,7 +78,7 @@ class Device:
 
     @contextlib.contextmanager
     def held(self):
-        """The board stands still meanwhile: its ports are open, and nothing answers."""
+        """Hold the board meanwhile: its ports are open, and nothing answers."""
         go_on = threading.Event()
         holding = threading.Thread(target=self.at_board, args=(lambda _: go_on.wait(),))
         holding.start()
@@ -93,7 +93,7 @@ class Device:
 
     @contextlib.contextmanager
     def client(self):
-        """A client, once nobody else has the port."""
+        """Yield a client as soon as no other program has the port."""
         end = time.monotonic() + PATIENCE_MS / 1000
         while True:
             try:
@@ -101,7 +101,7 @@ class Device:
                     client.greet()
                     yield client
                 return
-            except BrokenOff:  # closed at once: the page's server is about to let go
+            except BrokenOff:  # closed at once: the page's server is about to free the port
                 assert time.monotonic() < end
                 time.sleep(_LOOK_S)
 
@@ -111,7 +111,7 @@ class Device:
 
 
 class Console:
-    """The page's server in a thread of its own."""
+    """The page's server in its own thread."""
 
     def __init__(self, url, work=None):
         self._loop = asyncio.new_event_loop()
@@ -142,31 +142,31 @@ class Console:
 
 
 class Stage:
-    """Starts what tests need, and closes it all in reverse order."""
+    """Starts what tests need, and closes everything in reverse order."""
 
     def __init__(self, browser):
         self._browser = browser
         self._started = contextlib.ExitStack()
 
     def simulated(self, rig=None, motors=None, speed=1.0, board="pico"):
-        """A simulated board."""
+        """Start a simulated board."""
         device = Device(SimulatedBoard(rig, motors, board), speed)
         self._started.callback(device.close)
         return device
 
     def console(self, url, work=None):
-        """The page's server for a device."""
+        """Start the page's server for a device."""
         served = Console(url, work)
         self._started.callback(served.close)
         return served
 
     def closing(self, close):
-        """Call this when all is closed."""
+        """Call this when everything is closed."""
         self._started.callback(close)
 
     def page(self, url, **options):
-        """A page; options are those of a browser's context. `errors` has what went wrong in it,
-        `asked` what it has asked for, `sent` what it has sent to its server."""
+        """Open a page; options are a browser context's. `errors` has what went wrong in it, `asked`
+        its requests, `sent` its messages to its server."""
         context = self._browser.new_context(
             **{"viewport": {"width": 1280, "height": 900}, **options}
         )
@@ -202,7 +202,7 @@ def stage(browser):
 
 @pytest.fixture(scope="module")
 def shared_stage(browser):
-    """The same for all tests of a file: what is started here costs once."""
+    """Yield one stage for all tests of a file: what it starts costs once."""
     started = Stage(browser)
     yield started
     started.close()

@@ -22,12 +22,12 @@ def position(page, motor=1):
 
 
 def steps(page, motor=1):
-    """Where the page says a motor is."""
+    """Return a motor's position on the page."""
     return int(position(page, motor).text_content())
 
 
 def wait_far(page, motor, begin, distance):
-    """Wait until a motor is farther than that from where it began."""
+    """Wait until a motor is farther than that from its start."""
     for _ in range(PATIENCE_MS // LOOK_MS):
         if abs(steps(page, motor) - begin) > distance:
             return

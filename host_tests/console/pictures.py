@@ -1,4 +1,4 @@
-"""Draws each view of the console for the documents: wide, dark, as on a phone, as text of a few kB.
+"""Draws each view of the console for the documents: wide, dark, on a phone, as text of a few kB.
 
 python -m host_tests.console.pictures
 """
@@ -23,11 +23,11 @@ RIG = {
     "outputs": [{"pin": 22}],
 }
 MOTORS = 6
-# Of the camera move: axis, motor, steps per unit
+# The camera move's axis, motor, steps per unit
 AXES = [("boom", 2, 800), ("swing", 3, 200), ("track", 1, 50), ("pan", 4, 400)]
 SPEED = 8.0  # times real time
-DEVICE = "/dev/ttyACM1"  # as the page calls it: the same each time
-FRAME = 120  # of the camera move, where the rig stands in the pictures
+DEVICE = "/dev/ttyACM1"  # its name on the page: the same each time
+FRAME = 120  # of the camera move, for the pictures
 WIDTH, TALLEST = 1280, 2600
 LOOKS = {
     "wide": {"viewport": {"width": WIDTH, "height": 900}},
@@ -35,19 +35,19 @@ LOOKS = {
     "phone": {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True},
 }
 VIEWS = ["Motors", "Moves", "Shoot", "Inputs, outputs, lights", "Virtual axes", "Rig file, load"]
-# Views that are drawn dark, too: these have drawings of their own
+# Views that are also drawn dark, because they contain drawings
 DARK = ["Moves", "Virtual axes"]
 # What the pictures are of: (view, look)
 PICTURES = [(view, look) for look in LOOKS for view in VIEWS if look != "dark" or view in DARK]
 
 
 def path(view, look):
-    """Where the picture of a view is."""
+    """Return the path of a view's picture."""
     return FOLDER / f"{re.split('[ ,]', view)[0].lower()}-{look}.svg"
 
 
 def prepare(page):
-    """A page that has something to show in every view."""
+    """Give the page something to show in every view."""
     wait_connected(page)
     go_to(page, "Moves")
     page.get_by_label("Move", exact=True).set_input_files(CAMERA_MOVE)
@@ -64,7 +64,7 @@ def prepare(page):
 
 
 def stand_on_frame(page):
-    """The rig in the middle of its move."""
+    """Move the rig to the middle of its move."""
     go_to(page, "Moves")
     page.get_by_label("Go to frame").fill(str(FRAME))
     page.get_by_role("button", name="Go there").click()
@@ -73,7 +73,7 @@ def stand_on_frame(page):
 
 
 def draw(page, view, look):
-    """The picture of a view, as SVG: as tall as the view, but on a phone."""
+    """Return the picture of a view, as SVG: as tall as the view, except on a phone."""
     go_to(page, view)
     before = page.viewport_size
     if look != "phone":
@@ -85,12 +85,12 @@ def draw(page, view, look):
 
 
 def parts(picture):
-    """What a view consisted of when its picture was drawn."""
+    """Return the parts of a view when its picture was drawn."""
     return re.search("<desc>(.*)</desc>", picture)[1].split("; ")
 
 
 def crane(stage, speed=1.0):
-    """A console before the rig of the pictures."""
+    """Start a console for the rig of the pictures."""
     device = stage.simulated(RIG, MOTORS, speed)
     device.at_board(lambda board: board.wire_switches())
     served = stage.console(device.url)

@@ -1,5 +1,5 @@
-"""Ports of Web Serial for a page that has no server: they lead to a board's ports through
-WebSockets, and the page cannot tell."""
+"""Ports of Web Serial for a page without a server: they lead to a board's ports through WebSockets,
+and the page does not notice."""
 
 import asyncio
 import contextlib
@@ -11,7 +11,7 @@ from websockets.exceptions import ConnectionClosed
 from framestep_tools.console import page_files
 from host_tests.console.file_server import FileServer
 
-# Each choice of the user is the next of these ports
+# The user chooses these ports one after another
 _PORTS = """addresses => {
     class Port {
         constructor(address) { this.address = address; }
@@ -46,7 +46,7 @@ _PORTS = """addresses => {
 
 
 class SavedPage:
-    """The page as `framestep console --save` writes it, from a web server that knows nothing more;
+    """The page as `framestep console --save` writes it, on a web server that only serves files;
     `url` is its address. `give_ports` leads a page's ports to TCP addresses, HOST:PORT."""
 
     def __init__(self, folder):

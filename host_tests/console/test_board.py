@@ -1,4 +1,4 @@
-"""The console before the emulated board: what only the firmware itself and its REPL can show."""
+"""The console on the emulated board: what only the firmware itself and its REPL can show."""
 
 import json
 import re
@@ -23,7 +23,7 @@ from host_tests.console.looking import (
 )
 from host_tests.console.serial_ports import SavedPage
 
-# The page's check of a rig file on a board that has no memory left for it
+# The page's check of a rig file on a board that has no memory for it
 SCARCE = """async () => {
     (await import('/protocol.js')).SCRIPTS.check = 'print("\\\\x02"); print(\\'[null, ""]\\')';
 }"""
@@ -42,7 +42,7 @@ def load_of(page):
 
 
 def watch_the_load_of_a_move(page):
-    """Live figures while motor 1 moves, and the move is not disturbed."""
+    """Watch live figures while motor 1 moves; they do not disturb the move."""
     go_to(page, "Motors")
     target = steps(page) + 12_000
     card = page.get_by_role("article", name="Motor 1")
@@ -63,7 +63,7 @@ def watch_the_load_of_a_move(page):
     assert late < limit
     expect(load.get_by_role("status")).to_contain_text("No motor moves.")
     expect(load.get_by_role("img", name="Interrupts").locator("polyline")).to_be_visible()
-    go_to(page, "Motors")  # where nobody sees it, nothing is asked
+    go_to(page, "Motors")  # out of sight, the page asks nothing
     assert steps(page) == target
     assert page.locator("#conditions li").count() == 0
     go_to(page, "Rig file, load")
@@ -102,11 +102,11 @@ def test_a_jog_the_load_and_a_new_rig_file(stage, device):
     go_to(page, "Motors")
     expect(page.get_by_role("article")).to_have_count(3)
     rig_text = log(page).text_content()
-    assert "motor_count" in rig_text  # the mistake was told beside the file, too
+    assert "motor_count" in rig_text  # the page showed the mistake with the file, too
 
 
 def test_a_rig_file_that_only_the_board_refuses(device, monkeypatch):
-    """As firmware of another version may; it is told, and the file of before is back."""
+    """Firmware of another version may do so; the page reports it and puts the old file back."""
     work = BoardWork(device.repl, device.url)
     before = work.read_rig()
     taken = rig_file.check({"ports": 2}, {}, "rig.json")
@@ -118,7 +118,7 @@ def test_a_rig_file_that_only_the_board_refuses(device, monkeypatch):
 
 
 def test_rig_file_and_load_without_a_server(stage, device, tmp_path):
-    """By two ports of Web Serial; the board itself judges the rig file."""
+    """Over two ports of Web Serial; the board itself judges the rig file."""
     saved = SavedPage(tmp_path)
     stage.closing(saved.close)
     page = stage.page(saved.url)
@@ -151,7 +151,7 @@ def test_rig_file_and_load_without_a_server(stage, device, tmp_path):
     go_to(page, "Motors")
     expect(page.get_by_role("article")).to_have_count(2)
 
-    # a board without memory to judge it does so at its restart
+    # a board without the memory judges it when it restarts
     page.evaluate(SCARCE)
     go_to(page, "Rig file, load")
     text.fill('{"name": "wrong", "motor_count": 9}')

@@ -1,4 +1,4 @@
-"""The page's codec, in the browser, beside the tools' own: frames, checksum, payloads."""
+"""The page's codec, in the browser, against the tools' own: frames, checksum, payloads."""
 
 import pytest
 
@@ -67,20 +67,20 @@ VECTORS = [  # docs/internals/protocol-notes.md, 10
 
 @pytest.fixture(scope="module")
 def page(shared_stage):
-    """A page of the server without a device behind it: only its modules are wanted."""
+    """Return a page of the server without a device: only its modules matter."""
     served = shared_stage.console("socket://127.0.0.1:1")
     return shared_stage.page(served.url.replace("/?", "/icon.svg?"))
 
 
 def in_page(page, body, argument):
-    """What a function's body with the codec as `codec` gives for an argument."""
+    """Return the result of a function's body for an argument, with the codec as `codec`."""
     return page.evaluate(
         f"async (given) => {{ const codec = await import('/codec.js'); {body} }}", argument
     )
 
 
 def plain(value):
-    """A payload's fields as JSON has them; what is left out is not there."""
+    """Return a payload's fields as in JSON, without those that are absent."""
     if isinstance(value, (list, tuple)):
         return [plain(each) for each in value]
     if hasattr(value, "__dataclass_fields__"):
@@ -144,7 +144,7 @@ def test_frames_are_found_however_the_stream_is_cut(page):
     good = [bytes.fromhex(each) for each in VECTORS]
     damaged = bytearray(good[2])
     damaged[12] ^= 1
-    inside = encode(0x31, good[0], 5)  # a good frame inside a damaged one is found
+    inside = encode(0x31, good[0], 5)  # it finds a good frame inside a damaged one
     stream = b"DDx" + good[0] + bytes(damaged) + good[1] + inside[:-1] + b"\0" + good[2] + b"D"
     expected = [
         [frame.id, frame.request_type, frame.is_ack, list(frame.payload)]

@@ -1,4 +1,4 @@
-"""The site of the documents in a browser: its pages load from their own host alone, and the search
+"""The site of the documents in a browser: its pages load only from their own host, and the search
 finds something."""
 
 import pytest

@@ -1,4 +1,4 @@
-"""Motors in the console: positions, jogs that end with the hand, stop, zero, limits."""
+"""Motors in the console: positions, jogs that end on release, stop, zero, limits."""
 
 import re
 
@@ -32,7 +32,7 @@ def opened(shared_stage):
 
 @pytest.fixture
 def page(opened):
-    """The page, all at rest; each test leaves it so."""
+    """Yield the page, with everything at rest; each test leaves it so."""
     yield opened
     wait_rest(opened)
     assert opened.errors == []
@@ -90,7 +90,7 @@ def test_a_jog_by_key_ends_and_a_key_that_is_still_held_begins_no_other(page, en
     wait_rest(page)
     stood = steps(page, 2)
     assert stood < before - 200
-    page.keyboard.down("ArrowLeft")  # as a held key repeats
+    page.keyboard.down("ArrowLeft")  # like a held key that repeats
     page.keyboard.up("ArrowLeft")
     page.evaluate(HIDE, False)
     assert steps(page, 1) == other
@@ -149,7 +149,7 @@ def test_settings_come_from_the_device_and_reach_it(stage):
     card.get_by_role("button", name="Set speed").click()
     expect(log(page)).to_contain_text("Motor 1: speed is set.")
     page.close()
-    with device.client() as client:  # the port is free when no page has it
+    with device.client() as client:  # without a page the port is free
         found = client.request(GetExceeded(1))
         assert list(client.request(MotorGetPosition()).steps) == [0]
     assert (found.velocity, found.acceleration, found.lower, found.upper) == (1234, 9999, -50, 0)
@@ -168,7 +168,7 @@ def test_the_page_that_leaves_stops_its_jog(stage):
 
 
 def test_framestep_stop_in_another_window_ends_a_jog(stage):
-    """It comes through the server that has the port; the key that is still held begins no other."""
+    """It comes through the server that has the port; the held key does not start another jog."""
     device = stage.simulated(ENDLESS_JOGS, motors=1)
     page = stage.page(stage.console(device.path).url)
     wait_connected(page)
@@ -178,7 +178,7 @@ def test_framestep_stop_in_another_window_ends_a_jog(stage):
     expect(log(page)).to_contain_text("Another program has stopped the motors.")
     wait_rest(page)
     stood = steps(page)
-    page.keyboard.down("ArrowRight")  # as a held key repeats
+    page.keyboard.down("ArrowRight")  # like a held key that repeats
     page.keyboard.up("ArrowRight")
     page.keyboard.down("ArrowLeft")
     wait_far(page, 1, stood, 50)

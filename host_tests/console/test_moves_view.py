@@ -22,7 +22,7 @@ from host_tests.console.looking import (
 )
 
 FRAMES = 60
-SPEED = 3.0  # times real time: nothing is held here but a jog that may end anywhere
+SPEED = 3.0  # times real time: no test holds anything but a jog that may end anywhere
 MOVE = "frame,slide,pan\n" + "".join(f"{n},{10 * n},{-7 * n}\n" for n in range(1, FRAMES + 1))
 FAST_MOVE = "frame,slide,pan\n" + "".join(f"{n},{100 * n},0\n" for n in range(1, FRAMES + 1))
 LONG = 3000
@@ -69,7 +69,7 @@ def card(page, name):
 
 
 def stand(page):
-    """Where all motors are, by the view of the motors."""
+    """Return the positions of all motors, from the view of the motors."""
     go_to(page, "Motors")
     found = [steps(page, 1), steps(page, 2)]
     go_to(page, "Moves")
@@ -166,7 +166,7 @@ def test_a_run_that_is_too_fast_says_for_which_motor_and_by_how_much(page):
 
 
 def runs_asked(page):
-    """The last RUN_MOVE that the page has sent."""
+    """Return the last RUN_MOVE that the page has sent."""
     frames = FrameDecoder().feed(b"".join(data for data in page.sent if isinstance(data, bytes)))
     return RtRunMove.unpack([f for f in frames if f.type == RtRunMove.TYPE][-1].payload)
 
@@ -247,11 +247,11 @@ def test_a_shot(page):
     shot.get_by_role("button", name="GO").click()
     expect(log(page).locator("p").first).to_have_text("The shot of frame 10 is over.")
     wait_rest(page)
-    assert stand(page)[0] == 105  # half a frame behind frame 10
+    assert stand(page)[0] == 105  # half a frame after frame 10
 
 
 def on_board(device, look):
-    """What look(hal) gives, in the board's own thread."""
+    """Return look(hal), called in the board's own thread."""
     found = []
     device.at_board(lambda board: found.append(look(board._board.hal)))
     return found[0]
@@ -297,7 +297,7 @@ def test_a_run_goes_on_without_the_page_only_where_the_user_says_so(stage):
         card(page, "Run").get_by_role("button", name="GO").click()
         wait_moving(page)
         page.close()
-        with device.client() as client:  # once the server has let go
+        with device.client() as client:  # after the server has freed the port
             assert client.request(MotorStatus()).idle
             ends.append(list(client.request(MotorGetPosition()).steps))
     assert ends[0] == [10 * FRAMES, -7 * FRAMES]
@@ -305,7 +305,7 @@ def test_a_run_goes_on_without_the_page_only_where_the_user_says_so(stage):
 
 
 def test_a_hidden_page_lets_a_run_go_on_only_where_the_user_says_so(page):
-    """A jog ends in any case."""
+    """In any case it ends a jog."""
     upload(page)
     keep = page.get_by_label("go on when this page is hidden or closed")
     run = get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=20)

@@ -29,7 +29,8 @@ from host_tests.console.pictures import (
 from host_tests.console.serial_ports import SavedPage
 
 LARGEST_PICTURE = 150_000  # bytes
-# What has no name for a screen reader: fields without a label, buttons and pictures without a text
+# Elements without a name for a screen reader: fields without a label, buttons and pictures without
+# a text
 NAMELESS = """() => [...document.querySelectorAll('button, input, select, textarea, [role=img]')]
     .filter((each) => !each.labels?.length && !each.getAttribute('aria-label'))
     .filter((each) => !each.textContent.trim())
@@ -85,11 +86,11 @@ def test_by_keyboard_alone(served, stage):
     page.get_by_role("button", name="Jog motor 1 up").focus()
     page.keyboard.down(" ")
     wait_far(page, 1, before, 50)
-    page.keyboard.press("Tab")  # the button is left while it is held
+    page.keyboard.press("Tab")  # leaves the button while it is held
     wait_rest(page)
     page.keyboard.up(" ")
     page.get_by_label("Move to step").first.focus()
-    page.keyboard.press("ArrowUp")  # typed into the field, no jog
+    page.keyboard.press("ArrowUp")  # goes into the field, and is no jog
     expect(page.locator("#moving")).to_contain_text("Nothing moves")
 
 
@@ -161,7 +162,7 @@ def test_without_a_server_over_web_serial(stage, tmp_path):
     wait_far(page, 1, stood, 200)
     assert {urlsplit(url).netloc for url in page.asked} == {urlsplit(saved.url).netloc}
     assert page.errors == []
-    page.close()  # and the port with it
+    page.close()  # the port closes with it
     with device.client() as client:
         client.wait_idle()
         assert client.request(MotorGetPosition()).steps[0] < stood - 200

@@ -1,4 +1,4 @@
-"""The rig file on the page: comments, the schema's word on it and its help."""
+"""The rig file on the page: comments, the schema's checks and its help."""
 
 import json
 
@@ -45,7 +45,7 @@ BARE = """async (text) => {
 
 @pytest.fixture(scope="module")
 def modules(shared_stage):
-    """A page of the server without a device: only its modules are wanted."""
+    """A page of the server without a device: only its modules matter."""
     served = shared_stage.console("socket://127.0.0.1:1")
     return shared_stage.page(served.url.replace("/?", "/icon.svg?"))
 
@@ -72,7 +72,7 @@ def test_what_is_no_rig_file(modules, text):
 
 
 def test_the_schema_helps(stage):
-    """Every setting with its meaning, what is allowed, and its default."""
+    """It shows every setting with its meaning, what is allowed, and its default."""
     page = stage.page(stage.console(stage.simulated(motors=1).url).url)
     wait_connected(page)
     go_to(page, "Rig file, load")

@@ -1,4 +1,4 @@
-"""The page of `make try`: framestep on an emulated board that runs in the browser's tab."""
+"""The page of `make try`: framestep on an emulated board that runs in the browser tab."""
 
 import base64
 import contextlib
@@ -36,12 +36,12 @@ from host_tests.console.looking import (
 )
 
 FPS_MILLI = 24_000
-CLOCK_NS = 1000  # a motor that sets out reads the chip's clock of microseconds
+CLOCK_NS = 1000  # a motor that starts reads the chip's microsecond clock
 RUN_NS = 238 * 10**9 // 24 + 100_000  # from the second frame to the last, with the step to it
 END_OF_MOVE = "motor 2 boom 24.4 °, motor 3 swing -26.0 °, motor 4 pan 56.3 °"
-PACKAGES = ["@xterm/addon-fit", "@xterm/xterm", "rp2040js"]  # that the page is made of
+PACKAGES = ["@xterm/addon-fit", "@xterm/xterm", "rp2040js"]  # what the page is made of
 STEPS_PER_MM = 25  # of the picture's track
-# What the worker says of its pins is kept, from the first moment on
+# Keeps what the worker says of its pins, from the first moment on
 KEEP_EDGES = """
     globalThis.kept = [];
     globalThis.Worker = class extends Worker {
@@ -69,7 +69,7 @@ EDGE_COLUMNS = """(canvas, row) => {
 
 @pytest.fixture(scope="module")
 def make_site(tmp_path_factory, shared_stage):
-    """Make the page with a rig file for the board; gives its address."""
+    """Make the page with a rig file for the board; return its address."""
 
     def make(rig):
         folder = tmp_path_factory.mktemp("try")
@@ -168,7 +168,7 @@ def test_power_goes_off_and_on(page):
 
 
 def test_a_new_rig_file_and_the_load(page):
-    """The page itself uses the REPL's port, and gives it back to the terminal."""
+    """The page itself uses the REPL's port, then returns it to the terminal."""
     go_to(page, "Rig file, load")
     page.get_by_role("button", name="Measure").click()
     expect(card(page, "Load of the board").get_by_role("status")).to_contain_text("on average")
@@ -202,7 +202,7 @@ def set_speed(page, motor):
     velocity = of_motor.get_by_label("Velocity, steps/s", exact=True)
     velocity.evaluate("field => { field.value = ''; }")
     of_motor.locator("summary").click()
-    expect(velocity).not_to_have_value("")  # the board has said what is set
+    expect(velocity).not_to_have_value("")  # the board has sent its settings
     velocity.fill(str(demo.VELOCITY))
     of_motor.get_by_label("Acceleration, steps/s²").fill(str(demo.ACCELERATION))
     of_motor.get_by_role("button", name="Set speed").click()
@@ -210,8 +210,8 @@ def set_speed(page, motor):
 
 
 def run_of(edges, move, start):
-    """What each motor does from the second frame to the last one: (times of its steps in ns after
-    motor 1's step to the second, positions). start: as judge() takes it."""
+    """Return for each motor, from the second frame to the last, (times of its steps in ns after
+    motor 1's step to the second frame, positions). start: as for judge()."""
     trace = Trace.from_edges(edges)
     path = Reference(move.positions, FPS_MILLI, demo.ROLL_MS, demo.ROLL_MS)
     verdict = judge(trace, move.positions, FPS_MILLI, start, path=path)
@@ -227,7 +227,7 @@ def run_of(edges, move, start):
 
 
 def demo_edges(move, folder):
-    """The edges of `make demo`."""
+    """Return the edges of `make demo`."""
     with EmulatedBoard() as board:
         recorder = demo.Recorder(board, folder / "trace.csv")
         with Client(LockstepPort(board)) as client:
@@ -238,11 +238,11 @@ def demo_edges(move, folder):
 
 
 def test_the_tour_and_the_edges_of_its_run(page, tmp_path):
-    """Each step in turn; the run's edges are those of `make demo`."""
+    """Every step in order; the run's edges are those of `make demo`."""
     with jog_up(page, 200):
         pass
     done(page, 0)
-    start = {1: -steps(page)}  # once it is called 0
+    start = {1: -steps(page)}  # when its place is called 0
     show(page)
     page.get_by_role("button", name="Set position").locator("visible=true").click()
     expect(position(page)).to_have_text("0")
@@ -282,11 +282,11 @@ def test_the_tour_and_the_edges_of_its_run(page, tmp_path):
 
 
 def worker_seconds():
-    """Processor time of the workers in this process's browsers."""
+    """Return the processor time of the workers in this process's browsers."""
     ticks = 0
     for process in _descendants(os.getpid()):
         for thread in Path(f"/proc/{process}/task").glob("*"):
-            with contextlib.suppress(OSError):  # a thread that has ended meanwhile
+            with contextlib.suppress(OSError):  # a thread may end meanwhile
                 if thread.joinpath("comm").read_text().startswith("DedicatedWorker"):
                     fields = thread.joinpath("stat").read_text().rpartition(")")[2].split()
                     ticks += int(fields[11]) + int(fields[12])
@@ -301,15 +301,15 @@ def _descendants(process):
 
 
 def frames_played(page, frame):
-    """Wait until the play head is past a frame; gives it."""
+    """Wait until the play head is past a frame; return its position."""
     while (at := float(page.locator("#moving").text_content().split("Play head ")[1])) <= frame:
         page.wait_for_timeout(LOOK_MS)
     return at
 
 
 def test_eight_motors_at_24_frames_take_less_than_real_time(stage, make_site, tmp_path):
-    """By processor time, as other programs may be busy. Starting takes a few seconds of it."""
-    while worker_seconds():  # of the test before
+    """By processor time, as other programs may be busy. The start takes a few seconds of it."""
+    while worker_seconds():  # from the test before
         time.sleep(LOOK_MS / 1000)
     page = stage.page(make_site({**try_page.RIG, "motor_count": 8}))
     wait_connected(page)

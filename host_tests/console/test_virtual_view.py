@@ -1,4 +1,4 @@
-"""Virtual axes in the console: the sums of the drawing beside the reference, the rig, jogs."""
+"""Virtual axes in the console: the drawing's numbers against the reference, the rig, jogs."""
 
 import re
 
@@ -29,7 +29,7 @@ JOINTS = [(0,) * 6, (10, 20, 30, 40, 50, 60), (-59, 170, -1000.5, -200, 89, -7)]
 
 
 def of_page(rig):
-    """A rig as the page has it."""
+    """Return a rig in the page's form."""
     axes = [
         {"motor": a.motor, "perUnit": a.steps_per_unit, "position": a.position} for a in rig.axes
     ]
@@ -46,7 +46,7 @@ def of_page(rig):
 
 @pytest.fixture(scope="module")
 def modules(shared_stage):
-    """A page of the server without a device: only its modules are wanted."""
+    """A page of the server without a device: only its modules matter."""
     served = shared_stage.console("socket://127.0.0.1:1")
     return shared_stage.page(served.url.replace("/?", "/icon.svg?"))
 

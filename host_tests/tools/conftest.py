@@ -1,4 +1,4 @@
-"""Fixtures of several files here."""
+"""Fixtures that several files here use."""
 
 import pytest
 
@@ -7,6 +7,6 @@ from host_tests.tools.move.move_samples import LINEAR
 
 @pytest.fixture
 def shot(tmp_path):
-    """A folder with an axes.toml in it."""
+    """Return a folder with an axes.toml in it."""
     (tmp_path / "axes.toml").write_text(LINEAR)
     return tmp_path

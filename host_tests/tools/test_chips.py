@@ -12,7 +12,7 @@ HAL = FIRMWARE / "framestep" / "hal"
 
 
 def names(module):
-    """What a module of constants defines."""
+    """Return the names that a module of constants defines."""
     tree = ast.parse((FIRMWARE / module).read_text())
     return {node.targets[0].id for node in tree.body if isinstance(node, ast.Assign)}
 
@@ -36,7 +36,7 @@ def test_its_parts_exist(key):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_every_engine_has_the_same_constants(engine):
-    """Those of its own come on top."""
+    """It may have more of its own."""
     missing = names(ENGINES["pio"]) - names(ENGINES[engine])
     assert not missing, (
         f"{ENGINES[engine]} needs {', '.join(sorted(missing))}, as pulse/engine.py has them"

@@ -1,4 +1,4 @@
-"""The command line: wrong use is answered by one sentence, and traffic is read."""
+"""The command line: it answers wrong use with one sentence, and reads traffic."""
 
 import os
 import threading
@@ -209,7 +209,7 @@ def test_hexadecimal_in_any_dress():
 
 
 class LoopDevice:
-    """A device that reports positions whenever it has read something."""
+    """A device that reports positions after every read."""
 
     timeout = None
 

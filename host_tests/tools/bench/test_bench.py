@@ -1,5 +1,5 @@
-"""The bench's own parts: its keys, its goals, its table, and that a worse figure is told from a
-better one."""
+"""The bench's own parts: its keys, its goals, its table, and that it distinguishes worse from
+better figures."""
 
 import io
 
@@ -67,8 +67,8 @@ def test_table(explain):
 
 
 def test_mixed_move():
-    """Ramps of 100 000 steps/s² and each of the velocities held exactly; whole steps are what
-    disturbs the ramps."""
+    """Ramps of 100 000 steps/s², and each velocity held exactly; only whole steps disturb the
+    ramps."""
     moves = mixed_move()
     path = Reference(moves, FPS * 1000, ROLL_MS, ROLL_MS)
     for motor, rate in enumerate(STEADY_RATES, 1):
@@ -81,7 +81,7 @@ def test_mixed_move():
 
 
 def test_trace_from_records():
-    """The fast way gives the trace that goes edge by edge."""
+    """The fast method gives the same trace as edge by edge."""
     board = load_board()
     random = np.random.default_rng(3)
     level = dict.fromkeys(board.pins, 0)

@@ -1,4 +1,4 @@
-"""`framestep install`: drives on three systems, and a folder that stands for one with a simulated
+"""`framestep install`: drives on three systems, and a folder in place of a drive, with a simulated
 board behind it."""
 
 import threading
@@ -90,8 +90,8 @@ def test_a_drive_that_takes_nothing_says_so(tmp_path, monkeypatch):
 
 @pytest.fixture
 def board_behind(tmp_path):
-    """A folder that stands for a drive: when a UF2 file has come, the drive goes and the board is
-    there. Its port."""
+    """Return the port of a board behind a folder that takes the place of a drive: after a UF2 file
+    has come, the drive disappears and the board starts."""
     folder = drive_in(tmp_path / "RPI-RP2")
     server = Server(SimulatedBoard(), None, "127.0.0.1:0")
     address = next(line.split()[1] for line in server.announcements if line.startswith("tcp "))

@@ -1,4 +1,4 @@
-"""A board on the REPL that cannot be reached, or does not come up."""
+"""A board on the REPL that cannot be reached, or does not start."""
 
 import os
 import time
@@ -21,8 +21,8 @@ def test_a_port_that_cannot_be_opened():
 
 
 def test_a_terminal_that_says_nothing_is_left_in_time():
-    """What was sent to a board that restarts is lost at a pseudo-terminal, which stays: so it is
-    asked again soon."""
+    """A pseudo-terminal stays while a board restarts, and what was sent is lost: so the tool soon
+    asks again."""
     master, slave = os.openpty()
     try:
         tty.setraw(slave)
@@ -58,7 +58,7 @@ def test_a_board_with_little_memory_gets_smaller_pieces(monkeypatch):
 
     def run(device, script):
         scripts.append(script)
-        if "DeflateIO" in script:  # which needs a piece of its own
+        if "DeflateIO" in script:  # it needs its own piece
             raise DeviceError("the board reported an error: MemoryError")
         return ""
 

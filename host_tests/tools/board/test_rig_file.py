@@ -1,4 +1,4 @@
-"""`framestep rig check` says what the board says; editing goes on until the file is right."""
+"""`framestep rig check` reports what the board reports; editing goes on until the file is right."""
 
 import json
 import re
@@ -68,7 +68,7 @@ def test_a_right_file(tmp_path, capsys):
 
 
 def edit(tmp_path, versions, answers):
-    """(what edit_until_right gives back, the mistakes that were told) for an editor that writes
+    """Return (the result of edit_until_right, the mistakes reported) for an editor that writes
     these versions."""
     file = tmp_path / "rig.json"
     file.write_text("{}")
@@ -119,7 +119,7 @@ def test_a_setting_that_was_changed_in_a_comment_is_told(tmp_path):
     assert json.loads(found) == {"estop": "nc"}
     assert len(asked) == 1
     assert re.match(r'line \d+ has changed, but it is a comment: "estop": "nc"', asked[0])
-    # without another try nothing is changed, and other comments are nobody's business
+    # without another try nothing changes, and changes of other comments do not matter
     path.write_text(rig_file.commented("{}"))
     asked.clear()
     assert (
@@ -253,8 +253,8 @@ def test_what_is_copied_out_of_the_comments(tmp_path):
 
 
 def test_a_file_that_only_the_board_refuses_leaves_the_draft(tmp_path, monkeypatch):
-    """As firmware of another version may; that the board has the file of before again is in
-    console/test_board.py."""
+    """Firmware of another version may do so; console/test_board.py tests that the board has its
+    earlier file back."""
 
     class Board:
         state = State(True, 0, True)

@@ -1,4 +1,4 @@
-"""UF2 files: read, and looked into."""
+"""UF2 files and their contents."""
 
 import struct
 
@@ -7,7 +7,7 @@ import pytest
 from framestep_tools.board import uf2
 from framestep_tools.board.littlefs_image import make_image, read_image
 
-FILES_AT, FILES_SIZE = 0x100A0000, 1408 * 1024  # those of a Raspberry Pi Pico
+FILES_AT, FILES_SIZE = 0x100A0000, 1408 * 1024  # a Raspberry Pi Pico's
 
 
 def firmware(
@@ -16,7 +16,7 @@ def firmware(
     at=FILES_AT,
     size=FILES_SIZE,
 ):
-    """The flash of a firmware with pico-sdk's binary info: a block device among it."""
+    """Return the flash of a firmware with pico-sdk's binary info, which has a block device."""
     flash = bytearray(3000)
     struct.pack_into("<5I", flash, 0x100, 0x7188EBF2, 0x10000200, 0x10000208, 0, 0xE71AA390)
     struct.pack_into("<2I", flash, 0x200, 0x10000300, 0x10000320)
@@ -50,7 +50,7 @@ def test_the_firmware_says_what_it_is():
 
 
 def test_a_block_for_another_family_stays_first():
-    """An RP2350's files begin with one that works round erratum E10."""
+    """An RP2350's files begin with a block that works round erratum E10."""
     absolute = uf2.from_flash(b"\xef" * 256, 0xE48BFF57).packed()
     file = absolute + uf2_file(family=uf2.RP2350)
     image = uf2.parse(file, "x.uf2")

@@ -1,4 +1,4 @@
-"""What is put on a board is made once for the same sources."""
+"""The files for a board are made once for the same sources."""
 
 import pytest
 
@@ -7,8 +7,8 @@ from framestep_tools.building import board_files
 
 @pytest.fixture
 def made(tmp_path, monkeypatch):
-    """A function that is remembered, its cache and sources in a scratch folder, and what it was
-    called with."""
+    """Return a cached function, with its cache and sources in a scratch folder, and the list of its
+    calls."""
     calls = []
     source = tmp_path / "module.py"
     source.write_text("A = 1\n")

@@ -21,7 +21,7 @@ def folded_one(text: str, **options) -> str:
 
 
 def run(texts: dict[str, str], name: str) -> dict:
-    """Execute modules of a folded program as Python; the globals of one."""
+    """Execute modules of a folded program as Python; return the globals of one."""
     import sys
     import types
 
@@ -196,7 +196,7 @@ def test_imports_that_the_board_looks_up_stay():
 
 
 def test_bytes_strings_and_tuples_with_an_underscore_are_hidden():
-    """The compiler puts them where they are used; names of other modules stay."""
+    """The compiler inserts them where they are used; names of other modules stay."""
     text = "_A = b'ab'\n_B = (\n    1,\n    2,\n)\nC = b'c'\n_D = [1]\n_E = b'e'\n_E = b'f'\n"
     hidden = fold({"framestep/a.py": text})["framestep/a.py"]
     assert hidden.splitlines() == [

@@ -1,4 +1,4 @@
-"""Builds are made once, by whoever comes first."""
+"""A build is made once, by whoever needs it first."""
 
 import subprocess
 import sys
@@ -10,8 +10,8 @@ from host_tests.tools.board.test_uf2 import firmware
 
 
 def test_two_builds_at_once_are_one(tmp_path):
-    """Two processes that need the image wait for each other (here with a build that only notes when
-    it runs)."""
+    """Of two processes that need the image, one waits (here the build only records when it
+    runs)."""
     log = tmp_path / "log"
     script = f"""
 import time

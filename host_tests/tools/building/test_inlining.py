@@ -27,7 +27,7 @@ def test_a_call_becomes_what_the_function_gives():
 
 
 def test_an_argument_stays_one():
-    """What binds less than the function's own operators, and what has a call in it."""
+    """Arguments with weaker operators than the function's own, and arguments with a call."""
     values = {"a": 1, "b": 6, "c": 9}
     for arguments in (
         "a, b | c",

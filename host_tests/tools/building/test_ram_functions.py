@@ -1,4 +1,4 @@
-"""What an image runs from RAM goes by the names that MicroPython's freezing makes of functions."""
+"""An image finds its functions for RAM by the names that MicroPython's freezing gives them."""
 
 import pytest
 

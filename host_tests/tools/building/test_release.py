@@ -1,4 +1,4 @@
-"""`make release`: what does not take a build of MicroPython."""
+"""`make release`: the parts that do not need a build of MicroPython."""
 
 import io
 import zipfile
@@ -49,7 +49,7 @@ First.
 
 
 def changes(changelog, version):
-    """The last part of the notes."""
+    """Return the last part of the notes."""
     return release.notes(changelog, version).partition("## What has changed\n\n")[2]
 
 

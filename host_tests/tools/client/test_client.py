@@ -1,4 +1,4 @@
-"""The client against a scripted device with a clock of its own."""
+"""The client against a scripted device with its own clock."""
 
 from collections import deque
 
@@ -21,10 +21,10 @@ INFO = p.DeviceInfo("fake", 1, 2, 3, 8, 512, 4, 4, 0, 10_000, 3, 2)
 
 
 class FakeDevice:
-    """A port whose device answers each request with what `script` makes of it.
+    """A port whose device answers each request with the result of `script`.
 
-    The script returns pieces to send: bytes at once, or (seconds, bytes) for later. Time passes in
-    reads only.
+    The script returns pieces to send: bytes for at once, or (seconds, bytes) for later. Time passes
+    only in reads.
     """
 
     def __init__(self, script):
@@ -114,7 +114,7 @@ def test_refusal(size):
     assert refused.value.request == p.MotorStop(1)
     assert client.code(p.MotorStop(1)) is p.Ack.ERR_MOVING
     with pytest.raises(RequestRefused):
-        client.request(p.Hi())  # a typed reply is expected, a refusal comes
+        client.request(p.Hi())  # the client expects a typed reply, and gets a refusal
 
 
 def test_motor_move_is_acknowledged_in_the_dmc_lite_dialect():
@@ -135,7 +135,7 @@ def test_same_message_back():
         lambda frame: report(p.Status(0, 0), frame.id)[:-2] + b"\0\0",  # damaged: no answer at all
         lambda frame: encode(frame.type | messages.MSG_FLAG_ACK, b"\x10", frame.id),
         lambda frame: encode(frame.type, b"\0", frame.id),
-        lambda frame: ack(frame),  # where data is expected
+        lambda frame: ack(frame),  # where the client expects data
     ],
 )
 def test_answers_that_are_none(reply):
@@ -304,11 +304,11 @@ def test_a_refused_section_ends_the_upload():
         client.upload_move(1, 1000, {1: range(1000)}, window=3, section_bytes=205)
     assert refused.value.request.start_index == 50
     assert 3 <= len(device.requests) <= 5
-    assert not client._waiting  # nothing is left behind
+    assert not client._waiting  # nothing remains
 
 
 def test_of_several_refusals_the_first_one_counts():
-    """Those behind it follow from it: "no upload has begun" does not help."""
+    """The later ones follow from it: "no upload has begun" does not help."""
     device = FakeDevice(lambda frame, request: [(0.01, ack(frame, p.Ack.ERR_RANGE))])
     with pytest.raises(RequestRefused) as refused:
         Client(device).upload_move(1, 1000, {1: range(1000)}, window=4, section_bytes=205)

@@ -1,5 +1,5 @@
-"""Ports that are busy, wrong, pulled out or noisy; a second program; Ctrl-C: a sentence, a status,
-no traceback."""
+"""Ports that are busy, wrong, pulled out or noisy; a second program; Ctrl-C: each gives a sentence
+and a status, and no traceback."""
 
 import os
 import random
@@ -36,7 +36,7 @@ PATIENCE_S = 100
 
 @pytest.fixture(scope="module")
 def ports():
-    """A controller's port as a path, and as an address of a socket."""
+    """Return a controller's port as a path, and as the address of a socket."""
     server = Server(SimulatedBoard(), tcp="127.0.0.1:0")
     ended = threading.Event()
 
@@ -65,7 +65,7 @@ def address(ports):
 
 @pytest.fixture
 def terminal():
-    """A pseudo-terminal with nothing behind it yet, which the test plays."""
+    """Return a pseudo-terminal whose other end the test plays."""
     link = PtyLink()
     found = SimpleNamespace(
         link=link, path=link.path, got=b"", answer=lambda data: b"", ended=False
@@ -87,7 +87,7 @@ def terminal():
 
 
 def begun(*words, stdout=subprocess.PIPE):
-    """A command in a process of its own, with what it says."""
+    """Start a command in its own process, with pipes for its output."""
     return subprocess.Popen(
         [sys.executable, "-m", "framestep_tools", *words],
         stdout=stdout,
@@ -105,7 +105,7 @@ def until(condition):
 
 
 def positions(device, capsys):
-    """What a second program is told while a first one has the port."""
+    """Return what a second program prints while a first one has the port."""
     assert cli.app.status(["status", device]) == 0
     return capsys.readouterr()
 
@@ -130,7 +130,7 @@ def test_a_second_program_goes_through_the_first(way, ports, capsys):
 
 @pytest.mark.parametrize("between", [(), ("status", "--watch", "--json")], ids=["", "a watcher"])
 def test_a_stop_ends_what_is_repeated(device, between, capsys):
-    """buzz and jog repeat their request, and would begin anew. A program between them that has the
+    """buzz and jog repeat their request, and would start again. A program between them that has the
     port changes nothing."""
     watcher = begun(*between, device, stdout=subprocess.DEVNULL) if between else None
     until(lambda: not watcher or shared_port.find(device))
@@ -177,7 +177,7 @@ def test_a_stop_waits_for_the_other_program_to_let_go_of_the_port(device, monkey
 
 
 def test_a_stop_that_does_not_get_through_says_so(address, capsys):
-    """The program that has the socket lets nobody through."""
+    """The program that has the socket lets no other through."""
     with Client.open(address) as other:
         other.request(MotorMove(3, 200000))
         assert cli.app.status(["stop", address]) == BROKEN_OFF
@@ -311,7 +311,7 @@ def test_silence(terminal):
 
 
 class Noise:
-    """A port that gives back whatever it has been given for a request."""
+    """A port that answers each request with the same data."""
 
     timeout = None
 

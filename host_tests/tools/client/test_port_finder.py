@@ -1,9 +1,9 @@
-"""Which of the computer's serial ports are a board's, and for what, from records as pyserial 3.5
-makes them.
+"""Which of the computer's serial ports belong to a board, and their purpose, from records as
+pyserial 3.5 makes them.
 
 Linux: list_ports_linux.py, location is the interface's folder in /sys. Windows:
-list_ports_windows.py, location ends with the number from &MI_02 of the instance's ID; names are
-Windows' own. macOS: list_ports_osx.py, location is the device's, and interface the first name found
+list_ports_windows.py, location ends with the number from &MI_02 of the instance's ID; names come
+from Windows. macOS: list_ports_osx.py, location is the device's, and interface the first name found
 there, so the same for both ports; the number is in /dev/cu.usbmodem….
 """
 

@@ -1,5 +1,4 @@
-"""Frames on the host's side, against the vectors of the field notes and anything hypothesis thinks
-of."""
+"""Frames on the host's side, against the vectors of the field notes and hypothesis."""
 
 import pytest
 from hypothesis import given
@@ -70,8 +69,8 @@ def test_frames_survive_any_cutting(sent, data):
 
 @given(st.binary(max_size=40), frames, st.binary(max_size=40))
 def test_a_frame_is_found_in_noise(before, frame, behind):
-    # Noise that ends in a marker could announce a payload; one more frame's worth of bytes settles
-    # it.
+    # Noise that ends in a marker could announce a payload; as many bytes as one more frame has
+    # settle it.
     decoder = FrameDecoder(max_payload=60)
     stream = before + encode(frame.type, frame.payload, frame.id) + behind + bytes(60 + OVERHEAD)
     assert frame in decoder.feed(stream)

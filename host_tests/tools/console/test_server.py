@@ -1,5 +1,5 @@
 """The server of the console, without a browser: who gets through, one page at a time, and what
-stops when a page goes."""
+stops when a page leaves."""
 
 import asyncio
 import contextlib
@@ -52,7 +52,7 @@ FAR = 2_000_000_000
 
 
 class SocketPort:
-    """A WebSocket of the console with the face of a port, as Client takes it."""
+    """A WebSocket of the console with the interface of a port, for Client."""
 
     def __init__(self, link):
         self.link = link
@@ -79,7 +79,7 @@ class SocketPort:
 
 
 class Stage:
-    """A simulated board, and the console's server before it."""
+    """A simulated board, and the console's server for it."""
 
     def __init__(self, work=None, serial=False):
         self._board = Server(SimulatedBoard({"jog_timeout_ms": 0}, 2), speed=1.0, tcp="127.0.0.1:0")
@@ -123,7 +123,7 @@ class Stage:
         )
 
     def client(self):
-        """The page's end, once the board has noticed that its port was closed before."""
+        """Yield the page's end, after the board has noticed that its port was closed before."""
         end = time.monotonic() + PATIENCE_S
         while True:
             client = Client(SocketPort(self.link()), PATIENCE_S)
@@ -246,7 +246,7 @@ def test_a_page_that_goes_ends_its_jog_and_its_move(shared):
         client.request(MotorJog(1, 10_000, FAR))
         client.request(MotorMove(2, 1_000_000))
         wait_far(client, 2, 500)
-    with shared.client() as client:  # it comes when the port has been closed
+    with shared.client() as client:  # it comes after the port is closed
         client.wait_idle(PATIENCE_S)
         assert 500 <= client.request(MotorGetPosition()).steps[1] < 1_000_000
 
@@ -290,7 +290,7 @@ def test_a_port_that_is_taken(shared):
         shared._call(other.start(shared.parts.port))
 
 
-# ---- another program beside the page
+# ---- another program besides the page
 
 
 @pytest.fixture(params=[True, False], ids=["terminal", "socket"])
@@ -301,7 +301,7 @@ def stage(request):
 
 
 def texts(page):
-    """What the server has told a page in words, and the frames that came meanwhile."""
+    """Return the server's texts for a page, and the frames that came meanwhile."""
     said, frames, decoder = [], [], FrameDecoder()
     while not said:
         message = page.recv(PATIENCE_S)
@@ -325,7 +325,7 @@ def test_framestep_stop_stops_what_a_page_jogs(stage, capsys):
         )
         said, _ = texts(page)
         assert said == [{"stopped": "Another program has stopped the motors."}]
-        jog(2, 2)  # as of a page that has not heard of it yet
+        jog(2, 2)  # like a page that does not know of it yet
         answers = []
         decoder = FrameDecoder()
         while not answers:
@@ -336,17 +336,17 @@ def test_framestep_stop_stops_what_a_page_jogs(stage, capsys):
         while stage.server.bridge.stopped:
             time.sleep(0.01)
         jog(2, 3)
-        with talking(stage.device) as other:  # while it moves, and its answers are its own
+        with talking(stage.device) as other:  # while it moves, another program gets its own answers
             while 2 not in other.request(MotorStatus()).moving:
                 other.pump(0.01)
             assert 1 not in other.request(MotorStatus()).moving
-    with stage.client() as client:  # the port is the next page's, and the jog has ended
+    with stage.client() as client:  # the next page has the port, and the jog has ended
         client.wait_idle(PATIENCE_S)
 
 
 @pytest.mark.parametrize("request_", [MotorJog(1, 10_000, FAR), VirtJogOnLine(1, 100)], ids=str)
 def test_a_page_that_hangs_lets_go(shared, monkeypatch, request_):
-    """Its script sends nothing any more, but its link is there. Until it says that it holds nothing
+    """Its script sends nothing any more, but its link exists. Until it says that it holds nothing,
     no jog begins."""
     monkeypatch.setattr(shared.server, "silence_s", 0.3)
     with shared.client() as client:
@@ -367,11 +367,11 @@ def test_a_page_that_hangs_lets_go(shared, monkeypatch, request_):
         client.wait_idle(PATIENCE_S)
 
 
-# ---- a page that comes back while the server waits for a move to end
+# ---- a page that returns while the server waits for a move to end
 
 
 def in_a_loop(coroutine):
-    """Run it in a thread of its own: the browser's tests have a loop in this one."""
+    """Run it in its own thread: the browser's tests have a loop in this one."""
     with ThreadPoolExecutor(1) as pool:
         pool.submit(asyncio.run, coroutine).result(PATIENCE_S)
 
@@ -398,7 +398,7 @@ class SilentPort:
 
 
 def answer(number):
-    """What a device whose motor 1 moves answers to the request of this number of a bridge."""
+    """Return a device's answer, while its motor 1 moves, to the bridge's request of this number."""
     return encode(Status.TYPE, Status(1, 0).pack(), 0xF000_0000 + number)
 
 
@@ -408,7 +408,9 @@ def test_a_cancellation_together_with_the_answer_is_not_lost():
         bridge = Bridge(port, "x")
         asked = asyncio.create_task(bridge.moves())
         await asyncio.wait_for(port.sent.wait(), PATIENCE_S)
-        await asyncio.sleep(0.05)  # the writer's thread has come back, and it waits for the answer
+        await asyncio.sleep(
+            0.05
+        )  # the writer's thread has returned, and the bridge waits for the answer
         bridge.on_bytes(answer(0))
         asked.cancel()
         await asyncio.wait([asked], timeout=PATIENCE_S)
@@ -419,7 +421,7 @@ def test_a_cancellation_together_with_the_answer_is_not_lost():
 
 
 def test_what_a_page_sends_after_the_port_was_closed_is_dropped():
-    """It may not know yet that the port is wanted for something else."""
+    """It may not know yet that something else needs the port."""
 
     async def play():
         port = SilentPort()
@@ -499,7 +501,7 @@ def test_a_page_that_cannot_be_written(tmp_path):
 
 def test_a_rig_file_with_comments_and_a_mistake(monkeypatch):
     class Board:
-        """A board on whose REPL only its name is asked."""
+        """A board whose REPL only answers for its name."""
 
         def __enter__(self):
             return self

@@ -1,4 +1,4 @@
-"""Every board's data is sound, its page and drawing are made from it, and its example rig file is
+"""Every board's data is sound, its page and drawing are made from them, and its example rig file is
 valid."""
 
 import copy
@@ -132,7 +132,7 @@ def test_drawing_shows_every_pin_inside_its_frame(name):
             board.get(key) for key in off_the_header
         }
     for text in texts:
-        # letters of this size are 6.6 units wide on average
+        # letters of this size are on average 6.6 units wide
         room = {"start": width - float(text.attrib["x"]), "end": float(text.attrib["x"])}
         assert 6.6 * len(text.text) < room.get(text.attrib["text-anchor"], width), text.text
 
@@ -178,8 +178,8 @@ def test_example_rig_file_is_valid(name):
 
 
 def test_firmware_compiles_for_the_rp2350():
-    """That is all that can be tried of it: it is not emulated. For the RP2040 every test on the
-    board compiles."""
+    """No more can be tested, since it is not emulated. For the RP2040 every test on the board
+    compiles the firmware."""
     modules = board_modules(march("rp2350"), "pico2")
     assert modules["framestep/hal/rp2/pulses.mpy"][0] == ord("M")
     assert board_data("pico2")["name"].encode() in modules["framestep/board.mpy"]

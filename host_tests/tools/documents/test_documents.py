@@ -25,11 +25,11 @@ _PATH = re.compile(
     r"(?<![\w/.…<>$*-])((?:[\w<>*.-]+/)+[\w<>*-]+\.(?:py|mjs|md|json|svg|sh|txt|toml|yml|csv))\b"
 )
 _NAME = re.compile(r"^[\w<>*-]+\.(?:py|mjs|sh|toml)$")
-# Where the documents take paths from, besides the root and their own folder
+# The bases of paths in the documents, besides the root and their own folder
 _FOLDERS = ("firmware", "firmware/framestep", "tools", "tools/framestep_tools", "host_tests")
-# Names of ours that are something else in the documents
+# Names of ours that mean something else in the documents
 _OTHERS = ("emu", "micropython", "usb")
-# What is made, or lies on a board
+# What is made, or is on a board
 _MADE = ("build/", ".cache/", "lib/")
 _SETTINGS = (
     settings.SETTINGS,
@@ -44,7 +44,7 @@ _SETTINGS = (
 
 
 def code(text: str) -> Iterator[str]:
-    """What stands in backticks, and lines of examples."""
+    """Yield what is in backticks, and lines of examples."""
     yield from re.findall(r"`([^`\n]+)`", text)
     for line in text.splitlines():
         if line.startswith("    "):
@@ -62,7 +62,7 @@ def exists(document: Path, path: str) -> bool:
 
 
 def slug(heading: str) -> str:
-    """The anchor that GitHub makes of a heading."""
+    """Return the anchor that GitHub makes of a heading."""
     return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
 
 
@@ -160,7 +160,7 @@ def test_settings_are_there():
 
 
 def names() -> dict[str, set[str]]:
-    """{class or module: what is defined in it}, of the core and of the tools."""
+    """Return {class or module: its names} of the core and the tools."""
     found: dict[str, set[str]] = {}
     for folder in ("firmware/framestep", "tools/framestep_tools"):
         for path in (ROOT / folder).rglob("*.py"):
@@ -186,7 +186,7 @@ def defined(tree: ast.AST) -> Iterator[str]:
 
 
 def test_functions_are_there():
-    """`Class.method` and `module.function`, where the class or the module is ours."""
+    """`Class.method` and `module.function`, if the class or the module is ours."""
     known = names()
     count = 0
     for document in DOCUMENTS:

@@ -1,4 +1,4 @@
-"""The drawings in docs are those that their script makes."""
+"""The drawings in docs are what their script makes."""
 
 import pytest
 

@@ -25,7 +25,7 @@ def tracked():
 
 
 def numbers():
-    """Those that the notes have: sections and notes."""
+    """Return the numbers of the notes' sections and notes."""
     text = NOTES.read_text()
     found = set(re.findall(r"^## (\d+)\. ", text, re.MULTILINE))
     return found | set(re.findall(r"^\*\*(\d+\.\d+)\*\* ", text, re.MULTILINE))
@@ -57,7 +57,7 @@ def test_every_number_cited_exists():
 
 
 def test_notes_count_up():
-    """No number twice, none left out."""
+    """No number is there twice, none is missing."""
     order = [
         tuple(map(int, n.split(".")))
         for n in re.findall(r"^\*\*(\d+\.\d+)\*\* ", NOTES.read_text(), re.MULTILINE)
@@ -67,7 +67,7 @@ def test_notes_count_up():
 
 
 def test_frame_vectors():
-    """Field note 10: the frames there are frames, but for the one that is to be refused."""
+    """Field note 10: its frames are valid, except the one that must be refused."""
     lines = re.findall(
         r"^(.+?): +((?:[0-9A-F]{2} ?)+)$", NOTES.read_text().split("## 10.")[1], re.MULTILINE
     )
@@ -97,7 +97,7 @@ def test_requests_are_declared_as_in_the_table(cls):
     row = table()[type_name(cls.TYPE)]
     assert row.number == cls.TYPE
     assert bool(row.asked) is not cls.ONLY_SENT
-    if cls is VirtConfig:  # each of its types has a layout of its own
+    if cls is VirtConfig:  # each of its types has its own layout
         assert row.asked[0][0] == cls.LEAST
     elif row.asked:
         assert row.asked[0] == (cls.LEAST, cls.ENTRY)
@@ -106,7 +106,7 @@ def test_requests_are_declared_as_in_the_table(cls):
 
 @pytest.mark.parametrize("cls", REPORTS.values(), ids=lambda cls: cls.__name__)
 def test_answers_are_declared_as_in_the_table(cls):
-    """The longest form, and the shortest where the device sends more than one."""
+    """The longest form, and the shortest if the device sends more than one."""
     told = table()[type_name(cls.TYPE)].told
     assert told[-1] == (cls.SIZE, cls.ENTRY)
     assert told[0][0] == cls.LEAST or len(told) == 1

@@ -49,7 +49,7 @@ def test_the_schema_knows_every_setting():
 
 
 def rig_files(page):
-    """(board or None, text) of each rig file that a page shows. "Board: `pico`." names it."""
+    """Return (board or None, text) of each rig file of a page. "Board: `pico`." names it."""
     lines = page.read_text().splitlines()
     board, found = None, []
     for i, line in enumerate(lines):
@@ -72,7 +72,7 @@ SHOWN = [
 
 @pytest.mark.parametrize(("board", "text"), SHOWN)
 def test_rig_files_in_the_documents_load(board, text):
-    """On the board that the page names, or on one of them all."""
+    """On the board that the page names, or on any."""
     mistakes = []
     for name in [board] if board else board_names():
         try:

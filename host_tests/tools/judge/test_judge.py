@@ -1,4 +1,4 @@
-"""The judge, shown good runs and runs with one known fault each: it has to find every one of
+"""The judge, given good runs and runs with one known fault each: it must find every one of
 them."""
 
 import numpy as np
@@ -14,7 +14,7 @@ GRID_S = 20e-6
 
 
 def slopes(positions, seconds):
-    """Velocity at each frame, 0 at holds and turns; the mean of both sides elsewhere."""
+    """Return the velocity at each frame, 0 at holds and turns; the mean of both sides elsewhere."""
     v = np.diff(positions) / seconds
     inner = np.where(
         v[:-1] * v[1:] > 0, np.minimum(np.abs(v[:-1]), np.abs(v[1:])) * np.sign(v[1:]), 0.0
@@ -23,7 +23,7 @@ def slopes(positions, seconds):
 
 
 class Path:
-    """What an ideal device plays: a cubic per frame with continuous velocity, run-up and
+    """The path of an ideal device: a cubic per frame with continuous velocity, run-up and
     run-out."""
 
     def __init__(self, positions, fps_milli, kind="cubic"):
@@ -54,10 +54,10 @@ class Path:
 
 
 def crossings(path, begin, end):
-    """(times in s, directions) of the steps: step k when the path reaches k."""
+    """Return (times in s, directions) of the steps: step k when the path reaches k."""
     t = np.append(np.arange(begin, end, GRID_S), end)
     t = np.union1d(t, path.t)
-    # 1e-9 of a step decides what "reaches" means where the path only touches a whole step
+    # 1e-9 of a step decides what "reaches" means if the path only touches a whole step
     x = np.round(path(t), 9)
     made, times, signs = round(float(x[0])), [], []
     direction = np.sign(np.diff(x))
@@ -82,7 +82,7 @@ def crossings(path, begin, end):
 
 
 def trace_of(move, fps_milli, kind="cubic", start=0, jitter_ns=0, seed=1):
-    """Edges of a positioning move to the pre-roll and the run, all motors."""
+    """Return the edges of all motors, in a positioning move to the pre-roll and in the run."""
     rng = np.random.default_rng(seed)
     signals = {}
     for motor, positions in move.items():
@@ -99,7 +99,7 @@ def trace_of(move, fps_milli, kind="cubic", start=0, jitter_ns=0, seed=1):
 
 
 def curves(frames=60, seed=3):
-    """A move with a hold, a turn and speeds from slow to fast."""
+    """Return a move with a hold, a turn and speeds from slow to fast."""
     rng = np.random.default_rng(seed)
     n = np.arange(frames)
     hold = np.clip(np.abs(n - frames // 2) - 4, 0, None) * np.sign(n - frames // 2)
@@ -151,7 +151,7 @@ def test_a_backward_run_and_another_start():
 
 
 def edited(trace, motor, edit):
-    """The trace with one motor's (times, values) changed."""
+    """Return the trace with one motor's (times, values) changed."""
     times, values = trace.signals[f"m{motor}"]
     signals = {**trace.signals, f"m{motor}": edit(times.copy(), values.copy())}
     return Trace(signals)
@@ -171,7 +171,7 @@ def dropped(index):
 
 
 def inserted(frame, fraction, signs, gap_ns=100_000):
-    """Further steps at a fraction of the way behind a frame."""
+    """Return an edit with further steps at a fraction of the frame after a frame."""
 
     def edit(times, values):
         grid = ORIGIN_NS + frame_times_ns(100, 24_000)
@@ -230,7 +230,7 @@ def test_errors_within_the_limits_are_reported_and_pass():
 
 
 def test_the_limit_may_be_a_part_of_a_step():
-    """60 µs late is much at 2000 steps/s, and at 60 steps/s next to nothing."""
+    """60 µs late is much at 2000 steps/s, and very little at 60 steps/s."""
     move = {1: np.arange(30) * 2, 2: np.arange(30) * 90}
     late = edited(edited(trace_of(move, 24_000), 1, shifted(20, 60_000)), 2, shifted(10, 60_000))
     assert len(judge(late, move, 24_000).complaints) == 2
@@ -250,7 +250,7 @@ def test_linear_interpolation_jumps():
 
 
 def test_a_turn_between_frames():
-    """A path that turns a little behind the frame with the greatest position is smooth; one that
+    """A path that turns a little after the frame with the greatest position is smooth; one that
     goes on is not."""
     steps = np.array([0, 300, 600, 900, 1000, 960, 700, 400, 100, -200, -500])
     move = {1: steps, 2: np.arange(11) * 100}
@@ -266,7 +266,7 @@ def test_a_turn_between_frames():
 
 
 def test_with_the_path_given_a_turn_between_frames_is_judged_by_it():
-    """The path has its peak behind frame 4; its edges are right along it, and wrong along one that
+    """The path has its peak after frame 4; the edges are right by it, and wrong by a path that
     turns at once."""
     steps = np.array([0, 300, 600, 900, 1000, 960, 700, 400, 100, -200, -500])
     move = {1: steps, 2: np.arange(11) * 100}
@@ -293,7 +293,7 @@ def test_with_the_path_given_a_turn_between_frames_is_judged_by_it():
 
 
 def test_a_steady_fault_of_velocity_is_found_with_the_path():
-    """Linear interpolation of even steps, where the path has a bend: no jump would show it."""
+    """Linear interpolation of even steps, while the path bends: no jump would reveal it."""
     move = curves()
     good = trace_of(move, 24_000)
     ideal = {motor: Path(steps, 24_000) for motor, steps in move.items()}
@@ -356,7 +356,7 @@ def test_an_empty_trace_has_no_run():
     with pytest.raises(NoRun, match="no run of this move"):
         judge(Trace({}), curves(), 24_000)
     with pytest.raises(NoRun):
-        # nothing passes through a frame
+        # no motor passes through a frame
         judge(trace_of(curves(), 24_000), {1: np.zeros(20, int)}, 24_000)
 
 

@@ -1,4 +1,4 @@
-"""The reference interpolant, and the picture that is drawn from it."""
+"""The reference interpolant, and the picture of it."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Traces: from pin levels to signals, to CSV while it happens, and back."""
+"""Traces: from pin levels to signals, to CSV as they happen, and back."""
 
 import io
 import json
@@ -106,8 +106,8 @@ edges = st.lists(
 
 @given(edges, st.lists(st.integers(0, 10**15), max_size=5))
 def test_csv_is_in_order_and_complete(tmp_path_factory, happened, looks):
-    """Edges that come in blocks, in no order within a block, are written by time, and never before
-    theirs."""
+    """Edges come in blocks, in any order within a block, and are written by time, never before
+    their time."""
     path = tmp_path_factory.mktemp("trace") / "t.csv"
     with TraceWriter(path) as writer:
         for begin, end in zip([-1, *sorted(looks)], [*sorted(looks), 10**15], strict=True):

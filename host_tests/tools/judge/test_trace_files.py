@@ -1,4 +1,4 @@
-"""What becomes of a trace: a VCD file, a picture."""
+"""The products of a trace: a VCD file, a picture."""
 
 import io
 
@@ -23,7 +23,7 @@ EDGES = (
 
 
 def changes(content):
-    """{signal: [(time in ns, value)]} as a reader of VCD files has it."""
+    """Return {signal: [(time in ns, value)]} as a reader of VCD files does."""
     names, found, now = {}, {}, None
     for token in tokenize(io.BytesIO(content.encode())):
         if token.kind is TokenKind.TIMESCALE:

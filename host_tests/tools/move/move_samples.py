@@ -1,4 +1,4 @@
-"""Files of moves for tests, and what imports them."""
+"""Move files for tests, and their imports."""
 
 from pathlib import Path
 

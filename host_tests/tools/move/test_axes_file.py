@@ -1,4 +1,4 @@
-"""axes.toml: what is wrong with one, and the page that describes it."""
+"""axes.toml: its mistakes, and the page that describes it."""
 
 import pytest
 

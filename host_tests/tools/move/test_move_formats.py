@@ -121,12 +121,12 @@ def test_units_named_in_the_file_are_converted_and_curves_sampled(shot):
     move = imported(shot, ARC)
     assert (move.start_frame, move.end_frame) == (1, 9)
     assert (move.positions[1][0], move.positions[1][8]) == (0, 800)
-    # Both handles at half of the way: the curve is the same from either end
+    # Both handles at half of the distance: the curve is the same from either end
     assert move.positions[1][4] == 400
     assert [800 - steps for steps in reversed(move.positions[1])] == move.positions[1]
-    # At an eighth of the way 1.5 t - 1.5 t^2 + t^3 = 1/8, so t = 0.0911 and 3 t^2 - 2 t^3 = 0.0234
+    # At an eighth of the segment 1.5 t - 1.5 t^2 + t^3 = 1/8, so t = 0.0911, 3 t^2 - 2 t^3 = 0.0234
     assert move.positions[1][1] == 19
-    # A straight line between its keyframes; it stands before and after
+    # A straight line between its keyframes; constant before and after
     assert move.positions[2] == [0, 0, 0, -50, -100, -100, -100, -100, -100]
 
 
@@ -146,11 +146,11 @@ def test_curves_of_maya(shot):
     )
     move = imported(shot, MAYA)
     assert (move.start_frame, move.end_frame) == (1, 7)
-    # Linear, in cm; then flat to flat: 3 t^2 - 2 t^3 at thirds of the way; then it stands
+    # Linear, in cm; then flat to flat: 3 t^2 - 2 t^3 at its thirds; then constant
     assert move.positions[1] == [0, 50, 100, 100 + 207, 100 + 593, 900, 900]
     # A step at frame 3; pan is inverted, and 2 deg its zero
     assert move.positions[2] == [0, 0, -100, -100, -100, -100, -100]
-    # No frame between its keys, so it does not matter that nobody knows the tangents
+    # No frame lies between its keys, so the unknown tangents do not matter
     assert move.positions[3] == [0, 0, 0, 0, 0, 0, 5]
     text = MAYA.replace("timeUnit pal", "timeUnit sec")
     with pytest.raises(ToolError, match="between the keys at 6 and 7 are tangents"):
@@ -173,7 +173,7 @@ def test_the_rate_of_an_exported_curve(shot, capsys):
 
 @pytest.mark.parametrize("x", [0.001, 0.25, 0.5, 0.9, 0.999])
 def test_a_bezier_curve_is_solved_for_its_place(x):
-    # Handles that reach all the way: as far from even as can be
+    # Handles of full length: as uneven as possible
     segment = Segment((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
     y = segment.at(x)
     t = next(t for t in _parameters() if _place(t) >= x)
@@ -190,7 +190,7 @@ def _parameters():
 
 def test_samples_in_seconds_are_resampled(shot):
     header = "seconds,track,pan\n"
-    # A parabola sampled at uneven times comes out exactly, as the slopes are those of parabolas
+    # A parabola sampled at uneven times comes out exactly, since the slopes are a parabola's
     rows = "".join(f"{t},{40 * t * t},2\n" for t in (0, 0.1, 0.25, 0.4, 0.5, 0.7, 0.8, 1))
     move = imported(shot, header + rows, "--fps", "10")
     assert move.start_frame == 1

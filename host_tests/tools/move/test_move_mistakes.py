@@ -1,4 +1,4 @@
-"""What is wrong with a file of a move is told in a sentence, and nothing is written."""
+"""A mistake in a move file gives one sentence, and nothing is written."""
 
 import os
 from contextlib import suppress
@@ -32,7 +32,7 @@ VALID = [
     st.text("0123456789.,;-+eE \n\t\"'<>/={}axn\0\x85", max_size=6) | st.text(max_size=3),
 )
 def test_a_spoilt_file_is_read_or_refused(text, at, length, put):
-    """Nothing but the error that a command tells in a sentence comes out."""
+    """Nothing comes out but the error that a command prints as a sentence."""
     at %= len(text)
     spoilt = text[:at] + put + text[at + length :]
     axes = [

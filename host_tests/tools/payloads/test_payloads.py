@@ -35,7 +35,7 @@ def test_every_message_type_has_a_class():
 
 
 def test_what_the_device_sends_has_a_class():
-    """What is written with writer.begin() goes out without the acknowledgement flag."""
+    """Messages of writer.begin() leave without the acknowledgement flag."""
     sent = set()
     for path in (FIRMWARE / "framestep").rglob("*.py"):
         sent.update(re.findall(r"writer\.begin\(\s*m\.(MSG_\w+)", path.read_text()))
@@ -48,7 +48,7 @@ def test_what_the_device_sends_has_a_class():
 
 
 def test_every_request_is_tried_end_to_end():
-    """realtime_answers.py has only what is answered."""
+    """realtime_answers.py has only messages with answers."""
     names = set()
     for path in (ROOT / "host_tests" / "end_to_end").rglob("*.py"):
         if path.name != "realtime_answers.py":
@@ -71,7 +71,7 @@ def values(code):
 
 @st.composite
 def instances(draw, cls):
-    """Any value of a message, optional arguments present up to some point."""
+    """Draw any value of a message, with the optional arguments up to some point."""
     layout = p.layout(cls)
     optional = [name for name, _, may in layout if may]
     left_out = optional[draw(st.integers(0, len(optional))) :]
@@ -211,8 +211,8 @@ def test_messages_cannot_be_changed():
 
 
 def test_what_follows_is_ignored_when_asked_so():
-    """Field note 1.8, for what a host sends: the fields that are known, and how many bytes follow
-    them."""
+    """Field note 1.8, for what a host sends: the result has the known fields, and the number of
+    bytes after them."""
     assert p.MotorMove.unpack_known(p.MotorMove(3, -2).pack() + b"12") == (p.MotorMove(3, -2), 2)
     with pytest.raises(ValueError, match="left over"):
         p.MotorMove.unpack(p.MotorMove(3, -2).pack() + b"12")

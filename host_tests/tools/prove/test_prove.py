@@ -1,5 +1,5 @@
-"""`framestep prove`: verdicts, reports, what stamps mean. host_tests/board/test_prove.py has the
-measuring itself."""
+"""`framestep prove`: verdicts, reports, what stamps mean. host_tests/board/test_prove.py tests the
+measurements."""
 
 import json
 
@@ -70,7 +70,7 @@ def test_the_slack_holds_where_the_share_is_less():
 
 
 def execute(words, level, cycles):
-    """Run the program on a pin whose level at each cycle is level(cycle); what it pushes."""
+    """Run the program on a pin with level(cycle) at each cycle; return what it pushes."""
     x, isr, at, pushed = 0xFFFFFFFF, 0, 6, []
     for cycle in range(cycles):
         word, following = words[at], 6 if at == 7 else at + 1  # the wrap
@@ -92,7 +92,7 @@ def execute(words, level, cycles):
 
 @pytest.mark.parametrize("both", [True, False])
 def test_stamps_are_within_the_loop(both):
-    """The program, executed word by word, on pulses of all sorts of lengths."""
+    """Execute the program word by word on pulses of various lengths."""
     lengths = np.random.default_rng(1).integers(5, 300, 200)
     edges = np.cumsum(lengths)
     stamps = execute(
@@ -118,7 +118,7 @@ def test_the_motors_of_a_run_begin_and_end_at_rest(fps_milli):
 
 
 def test_every_figure_is_known_of_the_emulated_boards_and_explained():
-    """But for DMX on a board without it."""
+    """Except for DMX on a board without it."""
     boards = report.emulated_boards()
     emulated = [name for name in board_names() if board_data(name)["chip"] == "rp2040"]
     assert sorted(boards) == emulated
@@ -167,7 +167,7 @@ def test_figures_of_another_version_are_not_compared(tmp_path, monkeypatch):
 
 
 def test_it_asks_before_pins_move(monkeypatch, capsys):
-    """And says which drivers to unplug; no port is opened before."""
+    """It says which drivers to unplug, and opens no port before."""
     asked = []
     monkeypatch.setattr("typer.confirm", lambda text, **_: asked.append(text))
     assert app.status(["prove", "/dev/none"]) == 130
@@ -177,7 +177,7 @@ def test_it_asks_before_pins_move(monkeypatch, capsys):
 
 
 class Silent:
-    """A client and a REPL of a board that only says who it is."""
+    """A client and a REPL of a board that only identifies itself."""
 
     def __init__(self, name, chip):
         self.data = {"name": name, "chip": chip, "step": [1, 2, 3, 4]}
@@ -204,7 +204,7 @@ def test_a_board_that_is_another_one_or_cannot_watch_itself(name, chip, expected
 
 
 def test_a_board_that_there_is_not(capsys):
-    """Refused before a port is looked for."""
+    """It is refused before the tool looks for a port."""
     assert app.status(["prove", "--board", "nano", "--yes"]) != 0
     assert "no board 'nano': there are" in capsys.readouterr().err
 
@@ -221,7 +221,7 @@ def test_a_board_with_one_port_is_refused_before_a_ctrl_c(monkeypatch):
 
 
 def test_the_flash_of_what_the_board_says():
-    """A page's time without that of the call, of the rounds in which nothing came between."""
+    """A page's time, without the time of the call, from rounds that nothing disturbed."""
     found = flash.measure(lambda code: "[121000, 46000, 1000, 4700, 45000, 1500, 4200]\r\n")
     assert found == pytest.approx((121.0, 45.5, 0.4))
 
@@ -306,7 +306,7 @@ class Memory(Registry):
             return "536870912 64 40960"
         if "rp2.DMA()" in code:
             return "[2, 3, 4, 5]"
-        if code.startswith("put"):  # the one that lets them run, and the time
+        if code.startswith("put"):  # the call that starts them, and the time
             self.put(tuple(map(int, code[4 : code.index(")")].split(","))))
             return "[0]"
         return "10"
@@ -318,8 +318,8 @@ class Memory(Registry):
             if address & 0x3000 == 0x3000:
                 word = self.words[register] & ~word
             elif address & 0x3000 == 0x2000:
-                word = self.words[register] | word & 15  # the others act, and read as 0
-            if register not in self.instructions:  # which act
+                word = self.words[register] | word & 15  # the other bits act, and read as 0
+            if register not in self.instructions:  # instructions act
                 self.words[register] = word
 
     def get(self, *addresses):
@@ -356,7 +356,7 @@ def test_machines_that_do_not_wait_are_left_alone():
     assert not memory.written
 
 
-# ---- what is asked before anything moves
+# ---- questions before anything moves
 
 
 @pytest.mark.parametrize(

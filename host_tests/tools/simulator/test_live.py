@@ -44,7 +44,7 @@ class Bench:
         self.run(0.05)
 
     def run(self, seconds):
-        """What the board sends meanwhile."""
+        """Run, and return what the board sends."""
         frames = []
         for _ in range(round(seconds * 1000)):
             self.board.run_until(self.board.now_ns + 1_000_000)
@@ -204,8 +204,8 @@ def test_what_a_line_loses_is_not_recorded():
 
 @contextlib.contextmanager
 def terminal(*args):
-    """The simulator in a terminal of 120 columns: (the terminal's two ends, its settings before,
-    the process)."""
+    """Start the simulator in a terminal of 120 columns; return (the terminal's two ends, its
+    settings before, the process)."""
     master, slave = os.openpty()
     before = termios.tcgetattr(slave)
     termios.tcsetwinsize(slave, (60, 120))
@@ -224,7 +224,7 @@ def terminal(*args):
 
 
 def seen(master, text):
-    """Read what is written until that text is on the screen."""
+    """Read the output until that text is on the screen."""
     found, end = "", time.monotonic() + PATIENCE_S
     while text not in found:
         assert time.monotonic() < end, found[-2000:]

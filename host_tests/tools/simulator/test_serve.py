@@ -1,5 +1,5 @@
-"""Serving a board: pseudo-terminal and TCP, one client at a time, pace, trace. The board here is a
-small fake."""
+"""Serving a board: pseudo-terminal and TCP, one client at a time, pace, trace. The board is a small
+fake."""
 
 import contextlib
 import os
@@ -34,8 +34,8 @@ PATIENCE_S = 100  # the answer comes at once, but a busy computer may take its t
 
 
 class FakeChannel:
-    """Answers HI two milliseconds after it came; says HI unasked when its port is opened; notes
-    opening and closing."""
+    """Answers HI two milliseconds later; sends HI unasked when its port is opened; records opening
+    and closing."""
 
     def __init__(self):
         self.now = 0
@@ -136,7 +136,7 @@ def test_client_over_the_pseudo_terminal():
     board = FakeBoard()
     with serving(board) as server:
         path = server.announcements[0]
-        for _ in range(2):  # the second time as well
+        for _ in range(2):  # the second time, too
             with Client.open(path, PATIENCE_S) as client:
                 assert client.request(Hi()) == INFO
                 until(lambda: board.protocol.log[-1:] == [True])
@@ -157,7 +157,7 @@ def test_the_terminal_is_raw_and_says_hi_when_opened():
             assert data == greeting
             os.write(fd, b"\x03\x04\r\n\x11\x13")
             until(lambda: board.protocol._decoder.pending or board.protocol._decoder.skipped)
-            assert board.protocol._decoder.skipped == 6  # all of it came, as it was
+            assert board.protocol._decoder.skipped == 6  # all of it came unchanged
         finally:
             os.close(fd)
 
@@ -166,8 +166,7 @@ def test_client_over_tcp_and_dtr():
     board = FakeBoard()
     with serving(board, tcp="127.0.0.1:0") as server:
         with Client.open(tcp_url(server), PATIENCE_S) as client:
-            # the HI that it says unasked may be there before pyserial, on opening a socket, drops
-            # what has come
+            # the unasked HI may arrive before pyserial, which opens a socket, drops what has come
             assert client.request(Hi()) == INFO
         until(lambda: board.protocol.log == [True, False])
 
@@ -183,7 +182,8 @@ def test_a_quick_return_is_seen_as_closing_and_opening():
 
 
 def test_a_client_that_comes_as_the_one_before_leaves_is_not_turned_away():
-    """It may come after the last read of a client, and before it is asked whether it is there."""
+    """It may come after the last read of a client, and before the link looks whether that is
+    there."""
     link = TcpLink("127.0.0.1:0")
     host, port = link.address.split(":")
     try:
@@ -214,8 +214,8 @@ def test_what_was_sent_before_leaving_arrives():
 
 @pytest.mark.parametrize("name", ["tcp", "terminal"])
 def test_the_board_takes_what_a_client_wrote_before_it_sees_the_port_closed(name):
-    """A board whose port is closed drops what has not reached it. mpremote leaves the raw REPL that
-    way."""
+    """A board whose port is closed drops what has not reached it. mpremote leaves the raw REPL in
+    this way."""
     board = FakeBoard()
     board.protocol.hold = True
     with serving(board, tcp="127.0.0.1:0") as server:
@@ -304,15 +304,15 @@ def test_trace_is_written_while_it_happens(tmp_path):
 
 
 def pace(board):
-    """Seconds of the board's time in a second of the wall clock, over 0.4 s."""
+    """Return the board's seconds in a second of the wall clock, over 0.4 s."""
     began, virtual = time.monotonic(), board.now_ns
     time.sleep(0.4)
     return (board.now_ns - virtual) * 1e-9 / (time.monotonic() - began)
 
 
 def keeps_real_time(board):
-    """As soon as a busy computer lets it. It may fall behind, and make up for a tenth of a second,
-    but not be ahead."""
+    """Whether it does so as soon as a busy computer allows. It may fall behind, and catch up a
+    tenth of a second, but not be ahead."""
     until(lambda: kept_pace(board) > 0.8)
     return True
 
@@ -332,7 +332,7 @@ def test_real_time_is_kept():
 def test_full_speed_only_while_there_is_something_to_do():
     board = FakeBoard()
     with serving(board, speed=None, tcp="127.0.0.1:0") as server:
-        assert keeps_real_time(board)  # nobody there
+        assert keeps_real_time(board)  # without a client
         with Client.open(tcp_url(server), PATIENCE_S) as client:
             board.step_every_ns = 10 * MS
             client.request(Hi())
@@ -351,7 +351,7 @@ def test_pace_does_not_make_up_for_a_long_pause(monkeypatch):
     now[0] += 5.0
     first = pace.target(2 * MS, MS, False)
     assert first == 3 * MS
-    assert pace.target(first, MS, False) == first  # and from there on anew
+    assert pace.target(first, MS, False) == first  # and then the pace starts from there
     assert pace.lost_ns == pytest.approx(10_000 * MS - MS, abs=1000)
 
 
@@ -435,7 +435,7 @@ def test_time_passes_in_reads_only():
         board.protocol.hold = True
         client.request(Hi(), timeout_s=0.25)
     assert board.now_ns - before == 250 * MS
-    for _ in range(50):  # no rounding of seconds to nanoseconds may keep a wait from ending
+    for _ in range(50):  # rounding of seconds to nanoseconds must not prevent a wait from ending
         client.pump(0.1)
     assert board.now_ns - before == pytest.approx(5250 * MS, abs=MS)
     client.close()

@@ -1,4 +1,4 @@
-"""The model of 74HC595 behind I2S, beside one that shifts bit by bit."""
+"""The model of 74HC595 behind I2S, against one that shifts bit by bit."""
 
 import random
 
@@ -10,7 +10,7 @@ from framestep_tools.simulator import shift_registers
 
 
 def by_hand(samples):
-    """The chain's outputs after each rise of WS, from the wires."""
+    """Return the chain's outputs after each rise of WS, from the wires."""
     register, outputs, latched = 0, 0, []
     wire = 0  # the data line is a clock behind
     for at in range(0, len(samples), 4):
@@ -33,7 +33,7 @@ def test_the_outputs_are_those_of_shift_registers():
 
 
 def test_changes_become_edges():
-    """Bit 5 of memory's left half is bit 4 behind the chain; steps count by the direction pin."""
+    """Bit 5 of memory's left half is bit 4 after the chain; steps count by the direction pin."""
     frames = np.zeros((8, 2), "<u2")
     frames[3:5, 0] = 1 << 5  # output 4
     frames[6, 0] = 1 << 5

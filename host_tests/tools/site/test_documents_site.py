@@ -30,7 +30,7 @@ ONLY_NAMED = {"canonical", "next", "prev"}  # relations of a <link> that load no
 
 
 class Loads(HTMLParser):
-    """What a page loads."""
+    """Collects what a page loads."""
 
     def __init__(self, text):
         super().__init__()
@@ -49,13 +49,13 @@ class Loads(HTMLParser):
 
 
 def elsewhere(text):
-    """The addresses on other hosts that a page or a style sheet loads."""
+    """Return the addresses on other hosts that a page or a style sheet loads."""
     return [each for each in Loads(text).found if urlsplit(each).netloc]
 
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory):
-    """The staged documents; an empty page is in place of the emulated board's."""
+    """Return the staged documents; an empty page takes the place of the emulated board's."""
     folder = tmp_path_factory.mktemp("pages")
     documents.stage(folder)
     (folder / "try").mkdir()

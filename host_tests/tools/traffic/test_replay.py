@@ -1,4 +1,4 @@
-"""Logs of traffic: written, read, played against a simulated board in virtual time, compared."""
+"""Logs of traffic: written, read, played to a simulated board in virtual time, compared."""
 
 import io
 import os
@@ -36,7 +36,7 @@ DAMAGED = encode(p.Hi.TYPE, b"", 77)[:-1] + b"\x55"
 
 
 class Listening(LockstepPort):
-    """A board's port that is listened to."""
+    """A board's port with a listener."""
 
     def __init__(self, board, recorder):
         super().__init__(board)
@@ -58,7 +58,7 @@ class Listening(LockstepPort):
 
 
 def session(board):
-    """The log of a host's session: moves, a refusal, a damaged frame, an uploaded run."""
+    """Return the log of a host's session: moves, a refusal, a damaged frame, an uploaded run."""
     entries = []
     recorder = Recorder(entries.append, lambda: board.now_ns * 1e-9)
     with Client(Listening(board, recorder)) as client:
@@ -94,7 +94,7 @@ def played(log, board, **options):
 
 
 def with_answer(log, number, payload):
-    """The log with another payload in the answer to its request of that index."""
+    """Return the log with another payload in the answer to the request of that index."""
     asked = [entry.frame for entry in log if entry.who == HOST and entry.frame][number]
     answers = [(asked.id, asked.type), (asked.id, asked.type | MSG_FLAG_ACK)]
     return [
@@ -106,7 +106,7 @@ def with_answer(log, number, payload):
 
 
 def index_of(log, kind, nth=0):
-    """Index of a request among all requests."""
+    """Return the index of a request among all requests."""
     frames = [entry.frame for entry in log if entry.who == HOST and entry.frame]
     return [i for i, frame in enumerate(frames) if frame.type == kind.TYPE][nth]
 
@@ -229,7 +229,7 @@ def test_the_same_board_answers_the_same(log):
     now = played(log, SimulatedBoard({}, 2))
     assert list(differences(log, now, Rules())) == []
     sent = [e.data for e in log if e.who == HOST]
-    assert [e.data for e in now if e.who == HOST] == sent  # the damaged frame as well
+    assert [e.data for e in now if e.who == HOST] == sent  # including the damaged frame
     assert list(differences(log, played(now, SimulatedBoard({}, 2)), Rules())) == []
 
 
@@ -319,7 +319,7 @@ def test_an_answer_that_is_missing_is_told(log):
 
 
 def test_a_log_played_faster_waits_for_the_motors(log):
-    """What the log's host had waited for is waited for, at any speed."""
+    """The replay waits for what the log's host waited for, at any speed."""
     now = played(log, SimulatedBoard({}, 2), speed=50)
     assert list(differences(log, now, Rules())) == []
     assert now[-1].time_s < log[-1].time_s
@@ -356,7 +356,7 @@ def test_names_that_are_no_messages():
 
 
 class Device:
-    """Answers HI to all that it reads; notes how often it was opened and closed."""
+    """Answers HI to everything; counts how often it was opened and closed."""
 
     def __init__(self):
         self.log = ["open"]
@@ -407,7 +407,7 @@ def test_the_line_at_the_end(log):
 
 
 def test_the_command_plays_a_log_against_a_device(log, tmp_path, capsys):
-    """The greeting and a question alone: what takes motion is played in virtual time above."""
+    """Only the greeting and a question: the tests above play motion in virtual time."""
     greeting, question = encode(p.Hi.TYPE, b"", 5), encode(p.MotorGetPosition.TYPE, b"", 6)
     with SimulatedBoard({}, 2) as board:
         server = Server(board, None, "127.0.0.1:0")
