@@ -408,9 +408,7 @@ def test_a_cancellation_together_with_the_answer_is_not_lost():
         bridge = Bridge(port, "x")
         asked = asyncio.create_task(bridge.moves())
         await asyncio.wait_for(port.sent.wait(), PATIENCE_S)
-        await asyncio.sleep(
-            0.05
-        )  # the writer's thread has returned, and the bridge waits for the answer
+        await asyncio.sleep(0.05)  # the writer's thread is back, and the bridge waits
         bridge.on_bytes(answer(0))
         asked.cancel()
         await asyncio.wait([asked], timeout=PATIENCE_S)
