@@ -1,5 +1,4 @@
-"""The drive that a board shows when it is plugged in with BOOTSEL held, on Linux, macOS and
-Windows."""
+"""The drive of a board that is plugged in with BOOTSEL held, on Linux, macOS and Windows."""
 
 import os
 import re
@@ -13,7 +12,7 @@ from typing import NamedTuple
 from ..errors import NO_PORT, ToolError
 
 _ABOUT = "INFO_UF2.TXT"
-_CHIPS = {"RPI-RP2": "rp2040", "RP2350": "rp2350"}  # by the file's Board-ID
+_CHIPS = {"RPI-RP2": "rp2040", "RP2350": "rp2350"}  # by Board-ID in the drive's file
 _LABELS = ("RPI-RP2", "RP2350")
 _LOOK_S = 0.5
 _CHUNK = 64 * 1024
@@ -24,7 +23,7 @@ PRESS = (
 
 
 class DriveError(ToolError):
-    """No board's drive, or one that does not take the image."""
+    """There is no board's drive, or it does not accept the image."""
 
     status = NO_PORT
 
@@ -37,7 +36,7 @@ class Drive(NamedTuple):
 
 
 def look(folder: Path) -> Drive | None:
-    """The drive at this path; None if it is not a board's."""
+    """Return the drive at this path, or None if it is not a board's."""
     try:
         text = (folder / _ABOUT).read_text(errors="replace")
     except OSError:
@@ -48,9 +47,11 @@ def look(folder: Path) -> Drive | None:
 
 
 def places(system: str = sys.platform, mounts: Path = Path("/proc/self/mounts")) -> Iterator[Path]:
-    """Where a system may show such a drive."""
+    """Yield the folders in which a system may show such a drive."""
     if system == "win32":
-        for letter in string.ascii_uppercase[3:]:  # A and B were floppy disks, C is the system's
+        for letter in string.ascii_uppercase[
+            3:
+        ]:  # A and B were floppy disks, C is the system's disk
             yield Path(f"{letter}:\\")
     elif system == "darwin":
         yield from sorted(Path("/Volumes").glob("*"))
@@ -66,12 +67,12 @@ def places(system: str = sys.platform, mounts: Path = Path("/proc/self/mounts"))
 
 
 def connected() -> list[Drive]:
-    """The boards' drives that are there now."""
+    """List the boards' drives that are present."""
     return [drive for place in places() if (drive := look(place))]
 
 
 def _not_mounted() -> str | None:
-    """A drive that Linux sees and has not mounted."""
+    """Return the device of a drive that Linux sees and has not mounted, or None."""
     for label in _LABELS:
         if os.path.exists(f"/dev/disk/by-label/{label}"):
             return f"/dev/disk/by-label/{label}"
@@ -81,8 +82,8 @@ def _not_mounted() -> str | None:
 def wait(
     say: Callable[[str], None], seconds: float, find: Callable[[], list[Drive]] = connected
 ) -> Drive:
-    """The only board's drive; waits for it, and says what to press. DriveError if none comes, or
-    there are several."""
+    """Wait for the only board's drive, and say what to press. Raises DriveError if none or several
+    appear."""
     end = time.monotonic() + seconds
     said = hinted = False
     while True:
@@ -111,10 +112,9 @@ def wait(
 def drop(
     drive: Drive, name: str, content: bytes, progress: Callable[[int], None] = lambda done: None
 ) -> None:
-    """Copy a UF2 file onto a drive. The board restarts as soon as it has all of it, and the drive
-    goes.
+    """Copy a UF2 file onto a drive. Then the board restarts and the drive disappears.
 
-    progress: told how many bytes are written.
+    progress: called with the number of bytes written.
     """
     written = 0
     try:
@@ -124,7 +124,7 @@ def drop(
                 os.fsync(file.fileno())
                 progress(written)
     except OSError as error:
-        # What the system still wants to write about the file finds no drive any more
+        # The drive is gone before the system has written all about the file
         if written < len(content) - _CHUNK or look(drive.path):
             raise DriveError(
                 f"cannot write {name} onto {drive.path}: {error.strerror or error}"

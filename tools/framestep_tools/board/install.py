@@ -1,4 +1,4 @@
-"""framestep onto a board without a compiler: its image onto the BOOTSEL drive."""
+"""Put an image on a board's BOOTSEL drive, without a compiler."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +12,12 @@ from . import bootsel_drive, uf2
 from .bootsel_drive import Drive, DriveError
 from .restart import answer, greeting
 
-DRIVE_S = 300.0  # to find BOOTSEL and plug the board in
+DRIVE_S = 300.0  # time to find BOOTSEL and plug the board in
 
 
 def image_of(board: str) -> bytes:
-    """The UF2 image of a board: the one that the package brings; in a checkout built, if need
-    be."""
-    board_data(board)  # is there such a board?
+    """Return a board's UF2 image: the package's own, or in a checkout a built one."""
+    board_data(board)  # raises ToolError for an unknown name
     if not paths.INSTALLED:
         from ..building.images import frozen
 
@@ -34,8 +33,8 @@ def image_of(board: str) -> bytes:
 
 
 def board_on(drive: Drive, board: str | None) -> str:
-    """The board to install for: the one that was asked for, if the drive is of its chip; the chip's
-    plain one."""
+    """Return the board to install for: the requested one, if the drive belongs to its chip, else
+    the chip's plain board."""
     if board is None:
         return chips()[drive.chip].plain_board
     wanted = board_chip(board).name
@@ -53,9 +52,9 @@ def board_on(drive: Drive, board: str | None) -> str:
 def onto_drive(
     board: str, content: bytes, drive: Drive, device: str | None, say: Callable[[str], None]
 ) -> None:
-    """Drop an image onto a board's drive, wait until the board is up, and say who answers.
+    """Copy an image onto a board's drive, wait until the board is up, and print its greeting.
 
-    device: the protocol's port, where it cannot be found.
+    device: the protocol's port, if it cannot be found.
     """
     image = uf2.parse(content, "the image")
     if image.chip != drive.chip:
@@ -92,7 +91,7 @@ def onto_drive(
 
 
 def read(path: Path) -> bytes:
-    """A file's content; ToolError if it cannot be read."""
+    """Return a file's content. Raises ToolError if it cannot be read."""
     try:
         return path.read_bytes()
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Images of a board's file system: littlefs as MicroPython's rp2 port makes it."""
+"""Images of a board's file system: littlefs, as MicroPython's rp2 port formats it."""
 
 from collections.abc import Mapping
 
@@ -15,8 +15,10 @@ class DoesNotFit(ToolError, ValueError):
 
 
 def make_image(files: Mapping[str, bytes | str], block_count: int) -> bytes:
-    """The image of a file system with these files in it {device path: content}; DoesNotFit if it is
-    too small."""
+    """Make the image of a file system with these files, {device path: content}.
+
+    Raises DoesNotFit if it is too small.
+    """
     system = LittleFS(
         block_size=BLOCK_SIZE,
         block_count=block_count,
@@ -43,7 +45,7 @@ def make_image(files: Mapping[str, bytes | str], block_count: int) -> bytes:
 
 
 def read_image(data: bytes) -> dict[str, bytes]:
-    """{device path: content} of everything in an image."""
+    """Return {device path: content} of all files in an image."""
     system = LittleFS(
         block_size=BLOCK_SIZE,
         block_count=len(data) // BLOCK_SIZE,

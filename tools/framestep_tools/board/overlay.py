@@ -22,8 +22,8 @@ from .rig_file import RigFileError, check, parse
 
 FOLDER = "/overlay"
 LIST = FOLDER + "/modules"
-FAILED = FOLDER + "/failed"  # why framestep_overlay left the overlay out
-MOST = 48 * 1024  # bytes of modules: beside more than these, too few frames would fit
+FAILED = FOLDER + "/failed"  # why framestep_overlay has left the overlay out
+MOST = 48 * 1024  # bytes of modules; more would leave room for too few frames
 _FIXED = ("framestep/__init__.mpy", "framestep/leftovers.mpy")  # loaded before the overlay
 _IMAGE = """
 try:
@@ -63,7 +63,7 @@ class Image(NamedTuple):
     hashes: bytes
 
     def has(self, name: str, content: bytes) -> bool:
-        """Whether the image contains this very module."""
+        """Return whether the image contains exactly this module."""
         wanted = module_hash(name, content)
         return any(self.hashes[at : at + 4] == wanted for at in range(0, len(self.hashes), 4))
 
@@ -152,7 +152,7 @@ def flash_overlay(
     """Copy edited modules onto a board that runs framestep's image, or remove the overlay.
 
     port: of the REPL; without it the only board on USB. protocol: the port that Dragonframe will
-    use, where it cannot be told.
+    use, if it is not found by itself.
     """
     with Device(port, say) as device:
         image = image_of(device)

@@ -1,6 +1,6 @@
 """A board on the REPL's port, reached by mpremote: what is on it, its files, and a restart.
 
-Nothing here soft-resets the board: that would take the motors' pulses away in mid-motion.
+Nothing here soft-resets the board, because that would end pulses in the middle of a motion.
 """
 
 import contextlib
@@ -24,22 +24,22 @@ from ..errors import NO_PORT, PORT_BUSY, ToolError
 from ..payloads import MotorStatus, Status
 
 RIG_FILE = "/rig.json"
-# Factor of how long a board may take before it counts as gone, for a computer that is very busy or
+# Factor on the time after which a board counts as gone: for a computer that is very busy or
 # emulates the board
 PATIENCE = float(os.environ.get("FRAMESTEP_PATIENCE") or 1)
-_READ_S = 10.0 * PATIENCE  # a board that is silent for so long in the middle of something has gone
-_REPL_S = 10.0 * PATIENCE  # to get to the raw REPL
+_READ_S = 10.0 * PATIENCE  # a board that is silent for this long is gone
+_REPL_S = 10.0 * PATIENCE  # time to reach the raw REPL
 _LOOK_S = 0.2
-_ASK_S = 1.0  # for an answer to MOTOR_STATUS on the port of the REPL
-_ASK_ID = 0x20202020  # spaces, for a REPL that gets to see the request
+_ASK_S = 1.0  # time for an answer to MOTOR_STATUS on the REPL's port
+_ASK_ID = 0x20202020  # spaces, in case a REPL receives the request
 _CHUNK = 1024
-# If a board's memory is in small pieces; as text that the REPL prints it takes four times as much
+# Small, as a board's memory may be in small pieces, and the REPL prints four times as much text
 _SMALL_CHUNK = 128
-_WINDOW_BITS = _CHUNK.bit_length() - 1  # of what unpacks: its window is as large as a chunk
-_AT_ONCE = 16  # hashes asked for in one go; a running controller leaves little memory for a script
+_WINDOW_BITS = _CHUNK.bit_length() - 1  # of the decompressor: its window is as large as a chunk
+_AT_ONCE = 16  # hashes in one request; a running controller leaves little memory for a script
 
-# what framestep does on this board, if anything: (runs, a bit per motor that moves or is about to,
-# in the background)
+# State of framestep on this board: (runs, a bit for each motor that moves or is about to, in the
+# background)
 STATE = """
 import sys
 b = sys.modules.get("framestep.boot")
@@ -57,7 +57,7 @@ else:
     if c: r.stop()
     print(0)
 """
-# What the board has found wrong with its rig file when it started; None for nothing
+# The mistake that the board has found in its rig file at the start, or None
 MISTAKE = """
 import framestep.boot
 print("\\x02")
@@ -94,8 +94,8 @@ def digest(path):
     f.close()
     print(repr(path) + ":" + repr(h.digest()) + ",")
 """
-# Packed and in base64 a file is a third of what its bytes are as text, and the text is what takes
-# the time. Unpacking takes 1.3 kB of memory in one piece.
+# Compressed and in base64 a file is a third as long as its bytes as text, and sending text takes
+# the time. Decompressing takes 1.3 kB of memory in one piece.
 _WRITE_PACKED = """
 from binascii import a2b_base64
 from deflate import DeflateIO, RAW
@@ -120,16 +120,16 @@ except OSError as e:
 
 
 class DeviceError(ToolError):
-    """The board cannot be reached or does not do what it should; the text says what to do."""
+    """The board cannot be reached or behaves wrongly. The text says what to do."""
 
 
 class Moving(DeviceError):
-    """Motors move, or are about to."""
+    """Motors move, or are about to move."""
 
 
 class State(NamedTuple):
-    """Whether framestep's controller is there, a bit per motor that moves, whether it leaves the
-    REPL free."""
+    """Whether framestep's controller runs, a bit for each motor that moves, and whether it leaves
+    the REPL free."""
 
     runs: bool
     moving: int
@@ -147,7 +147,7 @@ def _packed(data: bytes) -> bytes:
 class Device:
     """A board's REPL. Paths of files begin with "/". Errors are DeviceErrors.
 
-    `say` is told in a line what takes time.
+    say: called with a line of text before something that takes time.
     """
 
     def __init__(self, path: str | None = None, say: Callable[[str], None] = lambda line: None):
@@ -165,10 +165,9 @@ class Device:
         self.close()
 
     def connect(self) -> None:
-        """Get to the REPL. Moving if the protocol is on the same port and its motors move; else
-        framestep goes on.
+        """Get to the REPL. Raises Moving if the protocol has the same port and motors move.
 
-        With one port for both, framestep stops here: the REPL is what Ctrl-C leaves of it.
+        framestep goes on, unless it shares its port with the REPL: then Ctrl-C ends it here.
         """
         self._open()
         self._ask_motors()
@@ -176,7 +175,7 @@ class Device:
         self.state = State(*literal_eval(self.run(STATE)))
 
     def close(self) -> None:
-        """Leave the REPL as a terminal finds it."""
+        """Leave the REPL as a terminal expects it."""
         transport, self._transport = self._transport, None
         if transport:
             with contextlib.suppress(OSError, TransportError):
@@ -187,7 +186,7 @@ class Device:
 
     def _open(self) -> None:
         try:
-            # and pyserial, which needs what this system has
+            # also imports pyserial, which needs modules of the system
             from mpremote.transport_serial import SerialTransport
 
             self._transport = SerialTransport(self.path, timeout=_READ_S)
@@ -203,7 +202,7 @@ class Device:
             raise failed from None
 
     def _ask_motors(self) -> None:
-        """The port may be the protocol's too, where a Ctrl-C ends what moves. So ask before."""
+        """Ask whether motors move: if the port is the protocol's too, a Ctrl-C would stop them."""
         port = self._transport.serial
         decoder = FrameDecoder()
         try:
@@ -232,7 +231,7 @@ class Device:
         port = self._transport.serial
         chatter = io.StringIO()
         try:
-            port.timeout = seconds  # at a pseudo-terminal mpremote waits so long for each byte
+            port.timeout = seconds  # on a pseudo-terminal mpremote waits this long for each byte
             with contextlib.redirect_stdout(chatter):
                 self._transport.enter_raw_repl(soft_reset=False, timeout_overall=seconds)
             port.timeout = _READ_S
@@ -243,7 +242,8 @@ class Device:
             ) from None
 
     def run(self, script: str) -> str:
-        """Run a script on the REPL; what it prints. DeviceError with the traceback if it raises."""
+        """Run a script on the REPL and return its output. Raises DeviceError with the traceback if
+        it fails."""
         try:
             return self._transport.exec(script).decode()
         except TransportExecError as error:
@@ -254,7 +254,7 @@ class Device:
             raise DeviceError(f"the board on {self.path} has gone: {error}") from None
 
     def board(self) -> dict[str, Any]:
-        """The data of boards/<board>/board.json that framestep has there."""
+        """Return the board's data (boards/<board>/board.json) from its framestep."""
         found = self.run(BOARD)
         if not found.strip():
             raise DeviceError(
@@ -263,8 +263,8 @@ class Device:
         return literal_eval(found)
 
     def halt(self) -> None:
-        """Stop framestep, so that nothing can start to move; Moving, and nothing changed, if
-        something does."""
+        """Stop framestep, so no motor can start. Raises Moving, and changes nothing, if one
+        moves."""
         self.run(STATE)
         if int(self.run(STOP)):
             raise Moving("motors move, or a run is prepared; nothing has been changed")
@@ -272,11 +272,11 @@ class Device:
     # ---- files
 
     def files(self, folder: str) -> list[str]:
-        """All files below a folder; none if there is no such folder."""
+        """List all files below a folder; none if there is no such folder."""
         return list(literal_eval("[" + self.run(_LIST % folder) + "]"))
 
     def hashes(self, names: Iterable[str]) -> dict[str, bytes]:
-        """SHA-256 of the files that there are of these."""
+        """Return {path: SHA-256} of those files that exist."""
         self.run(_HASH)
         found: dict[str, bytes] = {}
         wanted = list(names)
@@ -287,7 +287,7 @@ class Device:
         return found
 
     def read(self, name: str) -> bytes | None:
-        """A file's content, None if there is no such file."""
+        """Return a file's content, or None if there is no such file."""
         for chunk in (_CHUNK, _SMALL_CHUNK):
             try:
                 return bytes(self._transport.fs_readfile(name, chunk))
@@ -300,8 +300,7 @@ class Device:
         raise DeviceError(f"cannot read {name} from the board: {failure}")
 
     def write(self, name: str, data: bytes) -> None:
-        """Write a file, in folders that are made if need be. A file that is there is cut short
-        before."""
+        """Write a file, and make its folders. An existing file is emptied first."""
         for at, sign in enumerate(name):
             if sign == "/" and at:
                 self.run(_FOLDER % name[:at])
@@ -324,7 +323,7 @@ class Device:
         self.run("f.close()\nf = w = None")
 
     def replace(self, name: str, data: bytes) -> None:
-        """Give a file new content, in one step at the end: it is the old or the new one, whatever
+        """Replace a file's content in one step at the end: it is the old or the new one, whatever
         happens."""
         new = name + ".new"
         self.write(new, data)
@@ -333,8 +332,7 @@ class Device:
         self.rename(new, name)
 
     def rename(self, name: str, new: str) -> None:
-        """Give a file another name, in one step that is done or not done even if the power
-        fails."""
+        """Rename a file, in one step that a power cut cannot divide."""
         self.run(f"import os\nos.rename({name!r}, {new!r})")
 
     def remove(self, name: str) -> None:
@@ -344,7 +342,7 @@ class Device:
     # ---- restart
 
     def restart(self) -> None:
-        """Reset the board as its button does; the connection is gone after it."""
+        """Reset the board as its button does. This ends the connection."""
         try:
             self._transport.exec_raw_no_follow("import machine\nmachine.reset()")
         except (OSError, TransportError) as error:

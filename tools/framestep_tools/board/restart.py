@@ -1,4 +1,4 @@
-"""After a restart: the board's protocol port, and who answers there."""
+"""Find a board's protocol port after a restart, and greet the board there."""
 
 import time
 from collections.abc import Callable
@@ -21,10 +21,10 @@ _Answer = TypeVar("_Answer")
 def hello(
     repl: str, protocol: str | None, ports: int, advice: str | None = None
 ) -> tuple[str, DeviceInfo]:
-    """Ask the board that restarts who it is; the port on which it answers, and the answer.
+    """Wait for a board that restarts. Return its port and its HI.
 
-    repl: where its REPL was; protocol: the port of the protocol, if it has one of its own and that
-    is known; ports: how many the rig file asks for; advice: what to do if nobody answers.
+    repl: the REPL's port before; protocol: the protocol's port, if it is separate and known; ports:
+    number of ports in the rig file; advice: what to do if nobody answers.
     """
     if advice is None:
         advice = f"mpremote connect {repl} exec 'import main' shows what it prints at its start"
@@ -38,28 +38,31 @@ def hello(
 def answer(
     find: Callable[[], str | None], otherwise: str, advice: str = ""
 ) -> tuple[str, DeviceInfo]:
-    """Wait for a board that starts; the port on which it answers, and who it says it is.
+    """Wait for a board that starts. Return its port and its HI.
 
-    find: gives its port, None while there is none; otherwise: what is told if none comes.
+    find: returns its port, or None while there is none; otherwise: error text if none appears.
     """
     return _asked(Hi(), find, otherwise, advice)
 
 
 def takes_rig(path: str) -> bool:
-    """Whether the board that has started and has this port goes by its rig file."""
+    """Return whether the board on this port has accepted its rig file at the start."""
     return not condition(path) & messages.CONDITION_RIG_FILE_INVALID
 
 
 def condition(path: str) -> int:
-    """The CONDITION_ bits of the board that has started and has this port."""
+    """Return the CONDITION_ bits of the board on this port."""
     return _asked(GetCondition(), lambda: path, "")[1].bits
 
 
 def _asked(
     request: Request[_Answer], find: Callable[[], str | None], otherwise: str, advice: str = ""
 ) -> tuple[str, _Answer]:
-    """Ask again and again: a board that starts has no port yet, and one that a program has just let
-    go may be taken for a moment."""
+    """Repeat a request until it is answered.
+
+    A board that starts has no port yet, and a port that a program has just closed may be busy for a
+    moment.
+    """
     end = time.monotonic() + _START_S
     why = otherwise
     while True:
@@ -75,7 +78,7 @@ def _asked(
 
 
 def greeting(path: str, info: DeviceInfo) -> str:
-    """Who the device is and what it can do, in a line."""
+    """Return a line with the device's name, version and capabilities."""
     return (
         f"{info.name} on {path}, firmware {info.major}.{info.minor}.{info.revision}: "
         f"{info.motors} motors, {info.dmx_channels} DMX channels, "

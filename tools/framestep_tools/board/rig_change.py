@@ -1,4 +1,4 @@
-"""A new rig file for a board that runs: put there, and taken back where the board refuses it."""
+"""Change the rig file of a running board, and restore the previous one if the board refuses it."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -10,12 +10,15 @@ from .restart import hello, takes_rig
 
 
 class Refused(ToolError):
-    """The board does not go by the new rig file, and has that of before again."""
+    """The board refuses the new rig file, and has the previous one again."""
 
 
 class RigChange:
-    """A board that restarts with a new rig file. Made with the board connected, `content` being
-    without comments and checked. Moving, and nothing changed, while motors move."""
+    """A board that restarts with a new rig file.
+
+    The board must be connected, and `content` checked and without comments. Raises Moving, and
+    changes nothing, while motors move.
+    """
 
     def __init__(self, device: Device, content: bytes):
         self._before = device.read(RIG_FILE)
@@ -31,11 +34,11 @@ class RigChange:
         protocol: str | None,
         ports: int,
     ) -> tuple[str, DeviceInfo]:
-        """Wait until it has restarted; the protocol's port and who answers there.
+        """Wait until the board has restarted. Return the protocol's port and the board's HI.
 
-        opened: makes a context in which the board is connected; protocol: the port of the protocol
-        where it is known; ports: how many the rig file asks for. A board that refuses the file, as
-        other firmware may, restarts once more with that of before; Refused tells why.
+        opened: makes a context in which the board is connected; protocol: the protocol's port, if
+        known; ports: number of ports in the rig file. If the board refuses the file, as other
+        firmware may, it restarts again with the previous one. Raises Refused with the reason.
         """
         path, info = hello(self._repl, protocol, ports)
         if takes_rig(path):

@@ -1,6 +1,6 @@
-"""`framestep rig`: check a rig file as the board does, and edit the one that is on a board.
+"""`framestep rig`: check a rig file as the board does, and edit a board's rig file.
 
-The settings' meaning is judged by framestep.rig, the very code that the board runs.
+framestep.rig, the same code as on the board, judges the settings.
 """
 
 import difflib
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 
 
 class RigFileError(ToolError):
-    """A rig file with a mistake, or that cannot be read: the key, what was found, what is
+    """A rig file has a mistake, or cannot be read. The text has the key, what was found and what is
     allowed."""
 
 
 class _Doubled(Exception):
-    """A key that an object has twice."""
+    """An object has a key twice."""
 
 
 def parse(content: bytes, name: str) -> dict[str, Any]:
-    """The settings in a rig file's content, read as strictly as on a board; RigFileError with the
-    line if it is no JSON object."""
+    """Parse a rig file's content as strictly as a board does. Raises RigFileError, with the line,
+    if it is not a JSON object."""
 
     def constant(word: str) -> None:
         raise ValueError(f"{word} is no JSON")
@@ -77,13 +77,13 @@ def parse(content: bytes, name: str) -> dict[str, Any]:
 
 
 def read(path: str | Path) -> dict[str, Any]:
-    """The settings in a file, its comments left out, not checked; RigFileError if it cannot be
-    read."""
+    """Read the settings of a file without its comments and without checking them. Raises
+    RigFileError if it cannot be read."""
     return parse(_bare(content_of(path)), str(path))
 
 
 def content_of(path: str | Path) -> bytes:
-    """A file's content; RigFileError if it cannot be read."""
+    """Return a file's content. Raises RigFileError if it cannot be read."""
     try:
         return Path(path).read_bytes()
     except OSError as error:
@@ -91,14 +91,14 @@ def content_of(path: str | Path) -> bytes:
 
 
 def for_board(content: bytes) -> bytes:
-    """A rig file's content as a board can read it: without // comments and byte order mark."""
+    """Return a rig file's content for a board: without // comments and byte order mark."""
     bare = _bare(content)
     return content if bare == content else _tidy(bare)
 
 
 def check(settings: dict[str, Any], board: Mapping[str, Any], name: str) -> rig.Rig:
-    """The rig that these settings make of a board with this data; RigFileError, as the board says
-    it, for a mistake."""
+    """Return the rig of a board with these settings. Raises RigFileError, with the board's own
+    text, for a mistake."""
     try:
         return rig.Rig(settings, board)
     except rig.RigError as error:
@@ -106,7 +106,7 @@ def check(settings: dict[str, Any], board: Mapping[str, Any], name: str) -> rig.
 
 
 def _meant(mistake: str) -> str:
-    """The key that was meant, where one that there is not looks like it."""
+    """Suggest the valid key closest to an unknown one."""
     found = re.match(r"([^:]*): no such setting; there are (.*)", mistake)
     if not found:
         return ""
@@ -120,8 +120,8 @@ def _meant(mistake: str) -> str:
 
 
 def run_editor(path: Path) -> None:
-    """Let the user edit a file, with $VISUAL, $EDITOR or the system's own; ToolError if that
-    fails."""
+    """Let the user edit a file with $VISUAL, $EDITOR or the system's editor. Raises ToolError if
+    that fails."""
     windows = os.name == "nt"
     usual = "notepad" if windows else "vi"
     command = shlex.split(
@@ -138,7 +138,7 @@ def run_editor(path: Path) -> None:
 
 
 def ask_again(mistake: str) -> bool:
-    """Tell the user what is wrong; whether to edit once more."""
+    """Print a mistake, and ask whether to edit again."""
     print(mistake, flush=True)
     try:
         return input("Edit it again? [Y/n] ").strip().lower() in ("", "y", "yes")
@@ -153,7 +153,7 @@ _HEAD = """\
 
 
 def commented(content: str) -> str:
-    """A rig file's text with every setting that there is in comments around it."""
+    """Add all settings, as comments, to a rig file's text."""
     lines = ["", "// All settings (docs/use/rig-file.md):", "//"]
     tables = (
         ("", settings.SETTINGS),
@@ -176,21 +176,21 @@ def commented(content: str) -> str:
 
 
 def _with_comments(content: bytes) -> bytes:
-    """A draft; one that has comments stays as it is."""
+    """Return a draft with comments. A draft that has comments stays as it is."""
     try:
         bare = _bare(content) == content
         return commented(content.decode()).encode() if bare else content
-    except UnicodeDecodeError:  # the editor shows where
+    except UnicodeDecodeError:  # the editor will show it
         return content
 
 
 def without_comments(text: str) -> str:
-    """JSON with each // comment outside of its strings made empty; lines keep their numbers."""
+    """Empty each // comment outside strings. Lines keep their numbers."""
     return re.sub(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*', lambda found: found[1] or "", text)
 
 
 def _bare(content: bytes) -> bytes:
-    """What a rig file holds beside its comments; lines keep their numbers."""
+    """Return a rig file's content without comments. Lines keep their numbers."""
     try:
         return without_comments(content.decode("utf-8-sig")).encode()
     except UnicodeDecodeError:
@@ -198,12 +198,12 @@ def _bare(content: bytes) -> bytes:
 
 
 def _tidy(content: bytes) -> bytes:
-    """The same without the lines that comments have left empty."""
+    """Remove empty lines and trailing blanks."""
     return b"\n".join(line.rstrip() for line in content.splitlines() if line.strip())
 
 
 def _changed_comment(before: bytes, after: bytes) -> str | None:
-    """Which setting was changed where it has no effect, as a sentence."""
+    """Say which setting was changed inside a comment, where it has no effect, or None."""
     known = set(before.splitlines())
     for number, line in enumerate(after.splitlines(), 1):
         found = re.match(rb'\s*//\s*("\w+"\s*:.*)', line)
@@ -223,11 +223,10 @@ def edit_until_right(
     again: Callable[[str], bool],
     before: bytes | None = None,
 ) -> bytes | None:
-    """Let `editor` change a file until it is right, and give back its new content; None if that is
-    what it was before.
+    """Let `editor` change a file until it is valid. Return its new content, or None if unchanged.
 
-    before: what the board has, if not this. A mistake is given to `again`, which says whether to
-    edit once more; RigFileError if not. So is a change in a comment alone.
+    before: the board's content, if it differs from the file. A mistake, or a change only inside a
+    comment, goes to `again`, which returns whether to edit again. Raises RigFileError if not.
     """
     draft = path.read_bytes()
     before = _tidy(draft if before is None else before)
@@ -253,8 +252,8 @@ def edit(device: "Device", protocol: str | None, file: Path | None = None) -> No
     """Fetch the rig file of a board (not connected yet), let the user edit it, put it back,
     restart.
 
-    file: what the user begins with instead, such as an earlier draft; it stays as it is. When what
-    comes of it does not get there the board's file is as it was, and the draft stays.
+    file: where the user begins instead, such as an earlier draft; it is not changed. If the new
+    file cannot be put on the board, the board's file is unchanged and the draft stays.
     """
     from .repl_device import RIG_FILE
     from .restart import greeting, hello
@@ -266,7 +265,7 @@ def edit(device: "Device", protocol: str | None, file: Path | None = None) -> No
         board = device.board()
         content = device.read(RIG_FILE)
         alone = device.state.runs and not device.state.background
-        if alone:  # getting to the REPL has ended the controller, whose port it is
+        if alone:  # reaching the REPL has ended the controller, which shares its port
             device.restart()
     if alone:
         hello(device.path, protocol, 1)

@@ -1,8 +1,8 @@
-"""UF2 files: what is dropped onto a board's drive.
+"""UF2 files, as they are copied onto a board's drive.
 
-The format is that of https://github.com/microsoft/uf2: blocks of 512 bytes, each with up to 256
-bytes for an address in flash. Where the firmware in one has its file system is read from the
-firmware (pico-sdk's "binary info"), so no board's numbers are kept here.
+The format (https://github.com/microsoft/uf2) is blocks of 512 bytes, each with up to 256 bytes for
+an address in flash. The firmware itself says where its file system is (pico-sdk's "binary info"),
+so this module needs no numbers of boards.
 """
 
 import struct
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from ..errors import ToolError
 
-# families; the second: ARM, secure (RP2350 datasheet, 5.5.3)
+# Families; the second is ARM, secure (RP2350 datasheet, 5.5.3)
 RP2040, RP2350 = 0xE48BFF56, 0xE48BFF59
 CHIPS = {RP2040: "rp2040", RP2350: "rp2350"}
 FLASH = 0x1000_0000
@@ -21,20 +21,20 @@ _BLOCK = struct.Struct("<8I476sI")
 _MAGIC = (0x0A324655, 0x9E5D5157, 0x0AB16F30)
 _HAS_FAMILY = 0x2000
 _NOT_FOR_FLASH = 0x0001
-_INFO_START, _INFO_END = 0x7188EBF2, 0xE71AA390  # around the places of the binary info
-_INFO_WITHIN = 0x1000  # from the start of the flash
+_INFO_START, _INFO_END = 0x7188EBF2, 0xE71AA390  # markers around the addresses of the binary info
+_INFO_WITHIN = 0x1000  # distance from the start of the flash
 _DEVICE = 7  # kind of binary info: a block device
 _FILES = "MicroPython"  # the name of its file system; ROMFS is another
 _LONGEST_TEXT = 100
 
 
 class Uf2Error(ToolError):
-    """No UF2 file, or not one that this can be done with; the text says why."""
+    """A file is not UF2, or not suitable. The text says why."""
 
 
 @dataclass(frozen=True)
 class DeviceArea:
-    """Where in flash a file system lies."""
+    """The place of a file system in flash."""
 
     address: int
     size: int
@@ -42,8 +42,8 @@ class DeviceArea:
 
 @dataclass
 class Image:
-    """What a UF2 file puts into the flash: {address: up to 256 bytes}. `others` are blocks for
-    another family."""
+    """Content of a UF2 file for the flash, {address: up to 256 bytes}. `others`: blocks for another
+    family."""
 
     family: int
     pages: dict[int, bytes] = field(default_factory=dict)
@@ -51,13 +51,13 @@ class Image:
 
     @property
     def chip(self) -> str:
-        """The chip that it is for; Uf2Error for one that framestep does not know."""
+        """The image's chip. Raises Uf2Error for a chip that framestep does not know."""
         if self.family not in CHIPS:
             raise Uf2Error(f"it is for family 0x{self.family:08X}, expected RP2040 or RP2350 (ARM)")
         return CHIPS[self.family]
 
     def read(self, address: int, size: int) -> bytes:
-        """Bytes at an address; 0xFF where nothing is."""
+        """Return the bytes at an address; 0xFF where the image has none."""
         data = bytearray()
         while len(data) < size:
             at = (address + len(data)) & -PAGE
@@ -66,11 +66,11 @@ class Image:
         return bytes(data[:size])
 
     def flash(self) -> bytes:
-        """The flash's content from its start to the last byte given."""
+        """Return the flash's content from its start to the image's last byte."""
         return self.read(FLASH, max(self.pages, default=FLASH) + PAGE - FLASH)
 
     def packed(self) -> bytes:
-        """The UF2 file."""
+        """Return the image as a UF2 file."""
         blocks = list(self.others)
         for i, address in enumerate(sorted(self.pages)):
             data = self.pages[address]
@@ -78,10 +78,10 @@ class Image:
             blocks.append(_BLOCK.pack(*head, data, _MAGIC[2]))
         return b"".join(blocks)
 
-    # ---- what the firmware says of itself
+    # ---- the firmware's description of itself
 
     def _infos(self) -> Iterator[tuple[int, int, int]]:
-        """Address, kind and tag of each piece of binary info."""
+        """Yield address, kind and tag of each piece of binary info."""
         start = self.read(FLASH, _INFO_WITHIN)
         words = struct.unpack(f"<{_INFO_WITHIN // 4}I", start)
         for i, word in enumerate(words[:-4]):
@@ -95,7 +95,7 @@ class Image:
         return self.read(address, _LONGEST_TEXT).split(b"\0")[0].decode(errors="replace")
 
     def file_system(self) -> DeviceArea | None:
-        """Where MicroPython has its files; None for other firmware."""
+        """Return the place of MicroPython's file system, or None for other firmware."""
         for place, kind, _ in self._infos():
             if kind == _DEVICE:
                 name, address, size = struct.unpack("<III", self.read(place + 4, 12))
@@ -105,7 +105,7 @@ class Image:
 
 
 def parse(content: bytes, name: str) -> Image:
-    """The image in a UF2 file's content; Uf2Error if it is none, is cut short, or is for several
+    """Parse a UF2 file's content. Raises Uf2Error if it is not UF2, is cut short, or is for several
     chips at once."""
     if not content or len(content) % _BLOCK.size:
         raise Uf2Error(
@@ -139,13 +139,13 @@ def parse(content: bytes, name: str) -> Image:
         raise Uf2Error(
             f"{name} is cut short: it has {there} of {wanted} blocks; download or copy it again"
         )
-    # errata's block of an RP2350
+    # the block for an RP2350's erratum
     image.others = [block for family, block in raw if family != image.family]
     return image
 
 
 def from_flash(data: bytes, family: int) -> Image:
-    """The image of a flash's content from its start."""
+    """Return the image of a flash's content from its start."""
     return Image(
         family,
         {FLASH + at: data[at : at + PAGE].ljust(PAGE, b"\0") for at in range(0, len(data), PAGE)},

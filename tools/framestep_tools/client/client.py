@@ -5,10 +5,10 @@
         client.request(MotorMove(motor=1, position=5000))
         client.wait_idle()
 
-One thread, no callbacks out of the blue: the port is read only while a method of the client waits.
-A port is anything with pyserial's `read`, `write`, `timeout` and `close`. All times are in seconds
-of the port's own clock: a port with a method `clock()` (an emulated board in lockstep) has its own,
-others the computer's.
+There is one thread and no unexpected callback: the port is read only while a method of the client
+waits. A port is anything with pyserial's `read`, `write`, `timeout` and `close`. All times are
+seconds of the port's clock: its method `clock()`, if it has one (an emulated board in lockstep),
+else the computer's clock.
 """
 
 import dataclasses
@@ -38,21 +38,21 @@ from ..payloads import (
     type_name,
 )
 from .open_port import close_port, is_socket, open_port
-from .shared_port import LOOK_S, STOPS, Door
+from .shared_port import LOOK_S, STOPS, SharedPort
 from .wire import Frame, FrameDecoder, encode
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
 DEFAULT_TIMEOUT_S = 2.0
-POLL_INTERVAL_S = 0.05  # between two looks at MOTOR_STATUS
+POLL_INTERVAL_S = 0.05  # between two requests for MOTOR_STATUS
 READ_SIZE = 4096
 _NOISE_BYTES = 1000
 # spaces: with it no byte of a HI makes a REPL do anything but edit its line
 GREETING_ID = 0x20202020
 CTRL_C = b"\x03"
-_CLOCK_GRAIN_S = 1e-6  # less than that is left only by rounding, and a port may round it to nothing
-_LONGEST_READ_S = 1.0  # endless waits are cut up, no port knows infinity
+_CLOCK_GRAIN_S = 1e-6  # a shorter remainder is only rounding, and a port may round it to 0
+_LONGEST_READ_S = 1.0  # endless waits are divided, because ports need a finite timeout
 _MOTOR_AND_INDEX = 5
 
 R = TypeVar("R")
@@ -60,13 +60,13 @@ P = TypeVar("P", bound=Payload)
 
 
 class ClientError(ToolError):
-    """Base class of what goes wrong between client and device; the text gives the reason."""
+    """Base class of errors between client and device. The text gives the reason."""
 
     status = NO_CONTROLLER
 
 
 class RequestRefused(ClientError):
-    """The device acknowledged a request with another code than OK."""
+    """The device acknowledged a request with a code other than OK."""
 
     status = REFUSED
 
@@ -81,7 +81,7 @@ class RequestRefused(ClientError):
 
 
 def _filled(request: Payload) -> str:
-    """A request with those of its fields that hold something."""
+    """Return a request as text, without empty fields."""
     values = ((field.name, getattr(request, field.name)) for field in dataclasses.fields(request))
     return (
         f"{type(request).__name__}"
@@ -90,11 +90,11 @@ def _filled(request: Payload) -> str:
 
 
 class NoAnswer(ClientError, TimeoutError):
-    """Nothing came within the time limit."""
+    """No answer came within the time limit."""
 
 
 class BrokenOff(ClientError):
-    """The connection is no more: the cable was pulled, the board was reset, or the program between
+    """The connection is gone: the cable was pulled, the board was reset, or a program in between
     has ended."""
 
     status = BROKEN_OFF
@@ -111,7 +111,7 @@ class WrongPort(ClientError):
 
 
 class Event(NamedTuple):
-    """A message that the device sent unasked: when it was read, and what it says (the bare Frame if
+    """A message that the device sent unasked: when it was read, and its payload (the bare Frame if
     unknown)."""
 
     time_s: float
@@ -121,9 +121,8 @@ class Event(NamedTuple):
 class Client:
     """A connection to one device.
 
-    `events` holds the unasked messages in the order of their arrival, the newest `EVENTS_KEPT`;
-    `on_event`, if set, is called with each of them as well. `stray` counts replies to nothing that
-    was asked.
+    `events` holds the newest `EVENTS_KEPT` unasked messages in the order of their arrival.
+    `on_event`, if set, is called with each of them. `stray` counts replies without a request.
     """
 
     EVENTS_KEPT = 10_000
@@ -135,25 +134,24 @@ class Client:
         self.events: deque[Event] = deque(maxlen=self.EVENTS_KEPT)
         self.on_event: Callable[[Event], None] | None = None
         self.stray = 0
-        self.info: DeviceInfo | None = None  # who the device is, once it has been greeted
-        self.door: Door | None = None  # for other programs
-        self.stopped = False  # another one of these has asked for a stop
+        self.info: DeviceInfo | None = None  # the device's HI, after greet()
+        self.shared_port: SharedPort | None = None  # for other programs
+        self.stopped = False  # another program has requested a stop
         self._heard = False  # a message has come
-        self._noise = b""  # what came before the first message
+        self._noise = b""  # bytes before the first message
         self.clock: Callable[[], float] = getattr(port, "clock", time.monotonic)
         self._decoder = FrameDecoder()
         self._next_id = 1
-        self._waiting: dict[int, Payload] = {}  # message id -> the request that it was
+        self._waiting: dict[int, Payload] = {}  # message ID -> request
         self._answers: dict[int, Frame] = {}
 
     @classmethod
     def open(cls, url: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> "Self":
-        """Open a device path or socket://host:port; NoPort, PortBusy (open_port.py) where that
-        cannot be."""
+        """Open a device path or socket://host:port. Raises NoPort or PortBusy (open_port.py)."""
         return cls(open_port(url, timeout_s), timeout_s, url)
 
     def close(self) -> None:
-        """Close the port; the device takes that as its host having gone."""
+        """Close the port. For the device, its host then disconnects."""
         close_port(self.port)
 
     def __enter__(self) -> "Self":
@@ -164,24 +162,24 @@ class Client:
 
     @property
     def skipped(self) -> int:
-        """Bytes received that belonged to no good frame: 0 on a sound line."""
+        """Number of received bytes outside good frames: 0 on a good line."""
         return self._decoder.skipped
 
     # ---- requests and answers
 
     def request(self, request: Request[R], timeout_s: float | None = None) -> R:
-        """Send a request, return its reply; RequestRefused if the device does not take it, NoAnswer
-        if it is silent."""
+        """Send a request and return its reply. Raises RequestRefused, or NoAnswer if the device is
+        silent."""
         return self.answer_to(self.send(request), timeout_s)
 
     def code(self, request: Payload, timeout_s: float | None = None) -> Ack:
-        """Send a request and return the response code: OK also for a reply with data. Raises no
+        """Send a request and return the response code: OK also for a reply with data. Never raises
         RequestRefused."""
         return self._result(self.send(request), timeout_s)[1]
 
     def send(self, request: Payload) -> int:
-        """Send a request without waiting; returns the ID that `answer_to` takes."""
-        # 0 belongs to unasked messages
+        """Send a request without waiting. Return the ID for `answer_to`."""
+        # ID 0 is for unasked messages
         id, self._next_id = self._next_id, self._next_id % 0xFFFF_FFFF + 1
         self._waiting[id] = request
         try:
@@ -194,14 +192,15 @@ class Client:
         return id
 
     def forward(self, type: int, payload: bytes) -> int:
-        """Send a message for somebody else; the ID of the answer, which `door` is given."""
+        """Send another program's message. Return the ID of the answer, which goes to
+        shared_port."""
         id, self._next_id = self._next_id, self._next_id % 0xFFFF_FFFF + 1
         self._guard(self.port.write, encode(type, payload, id))
         return id
 
     def greet(self) -> DeviceInfo:
-        """Ask who the device is. Where a REPL is at the port: WrongPort, and its line is as empty
-        as before."""
+        """Ask the device for its HI. Raises WrongPort if a REPL is at the port; its input line
+        stays empty."""
         self._next_id = GREETING_ID
         try:
             self.info = self.request(Hi())
@@ -209,7 +208,7 @@ class Client:
         except NoAnswer as error:
             if self._heard:
                 raise
-            if b"DF" in self._noise:  # a line editor shows what it takes
+            if b"DF" in self._noise:  # a line editor echoes its input
                 self._guard(self.port.write, CTRL_C)
                 raise WrongPort(
                     f"{self.name} is a REPL, not the protocol's port: "
@@ -234,10 +233,10 @@ class Client:
     def stream(
         self, requests: Iterable[Payload], window: int = 1, timeout_s: float | None = None
     ) -> int:
-        """Send requests with up to `window` of them unanswered; returns their number.
+        """Send requests with up to `window` of them unanswered. Return their number.
 
-        After a refusal nothing more is sent, the answers still to come are waited for, and
-        RequestRefused is raised.
+        After a refusal nothing more is sent. Raises RequestRefused once the remaining answers have
+        come.
         """
         if window < 1:
             raise ValueError(f"a window of at least 1 request is needed, not {window}")
@@ -251,7 +250,7 @@ class Client:
                 break
         while unanswered:
             later = self._refusal(unanswered.popleft(), timeout_s)
-            refused = refused or later  # the first one says why
+            refused = refused or later  # the first refusal gives the reason
         if refused:
             raise refused
         return count
@@ -299,7 +298,7 @@ class Client:
     # ---- events
 
     def pump(self, seconds: float = 0.0) -> None:
-        """Let messages come in for that long; 0 takes what is there."""
+        """Receive messages for some seconds; 0 takes those that have come."""
         self._pump_until(lambda: False, seconds)
 
     def wait_event(
@@ -308,8 +307,10 @@ class Client:
         timeout_s: float | None = None,
         where: Callable[[P], bool] | None = None,
     ) -> P:
-        """The oldest event of a class (for which `where` holds), taken out of `events`; NoAnswer if
-        none comes."""
+        """Wait for an event of a class (for which `where` is true) and remove it from `events`.
+
+        Returns the oldest one. Raises NoAnswer if none comes.
+        """
         timeout_s = self.timeout_s if timeout_s is None else timeout_s
         found: list[P] = []
 
@@ -324,8 +325,7 @@ class Client:
         return found[0]
 
     def take_event(self, kind: type[P], where: Callable[[P], bool] | None = None) -> P | None:
-        """The oldest event of a class that has arrived, taken out of `events`; None if there is
-        none."""
+        """Remove the oldest event of a class from `events` and return it, or None."""
         for i, event in enumerate(self.events):
             message = event.message
             if isinstance(message, kind) and (where is None or where(message)):
@@ -343,7 +343,7 @@ class Client:
     ) -> None:
         """Poll MOTOR_STATUS until nothing moves any more, as Dragonframe does (field note 4.7).
 
-        motor: wait for this one alone.
+        motor: wait for this motor only.
         """
         deadline = self.clock() + timeout_s
         while not (status := self.request(MotorStatus())).idle:
@@ -364,13 +364,12 @@ class Client:
         section_bytes: int = messages.LARGEST_PAYLOAD,
         lights: Iterable[Request[Ack]] = (),
     ) -> None:
-        """Upload motors' positions in steps, one for each scene frame from the first to the last;
-        {motor: positions}.
+        """Upload a move.
 
-        Fewer positions than frames: the device repeats the last one. A section's payload has at
-        most `section_bytes` bytes; `window` is how many sections may be on their way unanswered.
-        lights: requests that bring light levels and triggers of these frames (light_file.py).
-        RequestRefused at the first section that the device does not take.
+        positions: {motor: positions in steps}, one for each scene frame. If there are fewer, the
+        device repeats the last one. section_bytes: maximum payload of a section; window: maximum
+        number of unanswered sections; lights: requests with light levels and triggers of these
+        frames (light_file.py). Raises RequestRefused at the first refused section.
         """
         requests = upload_requests(start_frame, end_frame, positions, section_bytes, lights)
         self.stream(requests, window)
@@ -384,8 +383,8 @@ class Client:
             if done():
                 return True
             longest = _LONGEST_READ_S
-            if self.door:
-                self.door.look()
+            if self.shared_port:
+                self.shared_port.look()
                 longest = LOOK_S
             self._take(self._read(min(max(0.0, remaining), longest)))
             if remaining < _CLOCK_GRAIN_S:
@@ -393,7 +392,7 @@ class Client:
             remaining = deadline - self.clock()
 
     def _read(self, seconds: float) -> bytes:
-        """What has arrived, waiting at most `seconds` for the first byte."""
+        """Return the received bytes, after waiting at most `seconds` for the first one."""
         data = b""
         if seconds:
             data = self._guard(self._read_within, seconds, 1)
@@ -407,15 +406,15 @@ class Client:
         return self.port.read(size)
 
     def _guard(self, call: Callable[..., Any], *arguments: Any) -> Any:
-        """Call something of the port; BrokenOff where there is no port any more."""
+        """Call a method of the port. Raises BrokenOff if the port is gone."""
         try:
             return call(*arguments)
         except Exception as error:
-            # termios.error is of no other class; not every system has a termios to ask
+            # termios.error is no OSError, and not every system has a termios to import
             if not isinstance(error, OSError) and type(error).__module__ != "termios":
                 raise
             if is_socket(self.name) and not self._heard:
-                # A device behind it would not have noticed, so nothing is said of what moves.
+                # A device behind it would not have noticed, so motion is not mentioned.
                 why = (
                     "it was closed before the device had said anything: another program has it, "
                     "or there is no device behind it"
@@ -441,14 +440,14 @@ class Client:
             if request is not None and frame.request_type == request.TYPE:
                 self._answers[frame.id] = frame
             elif frame.id == 0 and not frame.is_ack:
-                self.stopped |= frame.type in STOPS  # the program between passes it on
+                self.stopped |= frame.type in STOPS  # forwarded by the program that has the port
                 event = Event(self.clock(), _report(frame))
                 self.events.append(event)
                 if self.on_event:
                     self.on_event(event)
-                if self.door:
-                    self.door.tell(frame)
-            elif not (self.door and self.door.answer(frame)):
+                if self.shared_port:
+                    self.shared_port.tell(frame)
+            elif not (self.shared_port and self.shared_port.answer(frame)):
                 self.stray += 1
 
 
@@ -466,7 +465,7 @@ def upload_requests(
     section_bytes: int = messages.LARGEST_PAYLOAD,
     lights: Iterable[Request[Ack]] = (),
 ) -> Iterable[Request[Ack]]:
-    """The requests that upload a move; see Client.upload_move."""
+    """Yield the requests that upload a move; see Client.upload_move."""
     per_section = (section_bytes - _MOTOR_AND_INDEX) // 4
     if per_section < 1:
         raise ValueError(

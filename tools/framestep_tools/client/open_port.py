@@ -1,7 +1,7 @@
-"""Opens a device's port for one program alone, and says in a sentence why it cannot be opened.
+"""Open a device's port exclusively. An error says in one sentence why that is not possible.
 
-A port is what Client takes: `read`, `write`, `timeout` and `close`. TCP needs nothing but the
-standard library, a serial port needs pyserial.
+A port has `read`, `write`, `timeout` and `close`, as Client needs. TCP only needs the standard
+library, a serial port needs pyserial.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ from typing import Any
 from ..errors import NO_PORT, PORT_BUSY, ToolError
 from .tcp_port import SCHEME, TcpPort, is_socket
 
-_TAKE_S = 10.0  # a device that takes nothing for so long has gone
+_TAKE_S = 10.0  # a device that accepts nothing for this long is gone
 
 
 class NoPort(ToolError):
@@ -39,7 +39,8 @@ class PortBusy(ToolError):
 
 
 def open_port(url: str, timeout: float) -> Any:
-    """Open a device path, socket://HOST:PORT or another URL of pyserial; NoPort, PortBusy."""
+    """Open a device path, socket://HOST:PORT or another URL of pyserial. Raises NoPort,
+    PortBusy."""
     if is_socket(url):
         return _open_socket(url, timeout)
     import serial
@@ -51,12 +52,12 @@ def open_port(url: str, timeout: float) -> Any:
     except (OSError, ValueError) as error:  # SerialException is an OSError
         raise _why(url, error) from error
     except Exception as error:
-        if type(error).__name__ != "error":  # termios.error, where there is a termios
+        if type(error).__name__ != "error":  # termios.error, on systems with termios
             raise
         raise NoPort(f"cannot open {url}: it is not a serial port") from error
     try:
         others = holders(url)
-        if others:  # one that has not asked for the port alone
+        if others:  # programs that have not opened the port exclusively
             raise PortBusy(url, others)
         _exclude(port, True)
     except BaseException:
@@ -66,7 +67,7 @@ def open_port(url: str, timeout: float) -> Any:
 
 
 def close_port(port: Any) -> None:
-    """Close a port, whatever has become of it."""
+    """Close a port, whatever its state."""
     with contextlib.suppress(Exception):
         _exclude(port, False)
     with contextlib.suppress(OSError):
@@ -86,8 +87,8 @@ def _open_socket(url: str, timeout: float) -> TcpPort:
 
 
 def _why(url: str, error: Exception) -> ToolError:
-    """The sentence for what pyserial says. On Windows the number is in its text only, as are its
-    reasons."""
+    """Turn pyserial's error into one that says what to do. On Windows the number and the reason are
+    only in its text."""
     number = getattr(error, "errno", None)
     text = str(error)
     busy = (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK)
@@ -100,14 +101,16 @@ def _why(url: str, error: Exception) -> ToolError:
             else ""
         )
         return NoPort(f"cannot open {url}: this user may not{ask}")
-    why = os.strerror(number) if number else text  # pyserial's own text says everything three times
+    why = (
+        os.strerror(number) if number else text
+    )  # pyserial's own text repeats everything three times
     if "FileNotFoundError(2" in text:
         why = os.strerror(errno.ENOENT)
     return NoPort(f"cannot open {url}: {why}; framestep ports lists all ports")
 
 
 def _exclude(port: Any, on: bool) -> None:
-    """Let nobody else open the port, or let them again. Windows never does."""
+    """Keep other programs from opening the port, or allow it again. Windows never allows it."""
     try:
         import fcntl
         import termios
@@ -118,8 +121,8 @@ def _exclude(port: Any, on: bool) -> None:
 
 
 def holders(path: str) -> list[str]:
-    """Other programs that have a port open, such as "screen (process 4711)", as far as the system
-    tells."""
+    """List other programs that have a port open, such as "screen (process 4711)", as far as the
+    system knows."""
     if sys.platform == "linux":
         return _holders_linux(path)
     if sys.platform == "darwin":
@@ -133,7 +136,7 @@ def _holders_linux(path: str) -> list[str]:
     for process in Path("/proc").iterdir():
         if not process.name.isdecimal() or int(process.name) == os.getpid():
             continue
-        with contextlib.suppress(OSError):  # it has ended, or is another user's
+        with contextlib.suppress(OSError):  # the process has ended, or is another user's
             if any(_leads_to(entry, real) for entry in (process / "fd").iterdir()):
                 found.append(f"{(process / 'comm').read_text().strip()} (process {process.name})")
     return found

@@ -1,13 +1,12 @@
-"""Which of the computer's serial ports are a board's, and what for, from what the system says about
-them.
+"""Find boards' serial ports, and the purpose of each, from the system's description of them.
 
-No port is opened for it. A board with framestep has two ports, each of two USB interfaces: the
-REPL's begins with interface 0, the protocol's with interface 2. Where a system tells that number
-(as pyserial 3.5 hands it on):
+This opens no port. A board with framestep has two ports, each with two USB interfaces: the REPL's
+begins with interface 0, the protocol's with interface 2. Systems give that number in different
+places (with pyserial 3.5):
 
 * Linux: at the end of `location`, 1-1.2:1.2; the interface's name is in `interface` as well.
-* Windows: at the end of `location` and so of `hwid`, LOCATION=1-2:x.2; names of interfaces are not
-  told.
+* Windows: at the end of `location` and so of `hwid`, LOCATION=1-2:x.2; names of interfaces are
+  missing.
 * macOS: in the device's name, which ends with the number of the port's second interface
   (…usbmodem…3 is 2); `location` and `interface` are the same for both ports, the latter one of the
   two names.
@@ -33,15 +32,14 @@ GET = (
 
 
 class PortError(ToolError):
-    """There is no such port, or more than one that could be meant; the text says which there
-    are."""
+    """There is no such port, or more than one matches. The text lists the ports."""
 
     status = NO_PORT
 
 
 class Port(NamedTuple):
-    """A serial port. `board` tells one board's ports apart from another's, `use` is PROTOCOL, REPL,
-    SINGLE or OTHER."""
+    """A serial port. `board` is equal for the ports of one board; `use` is PROTOCOL, REPL, SINGLE
+    or OTHER."""
 
     path: str
     use: str
@@ -52,7 +50,7 @@ class Port(NamedTuple):
 
 
 def interface_number(record: Any) -> int | None:
-    """The number of a port's first USB interface; None where the system does not tell it."""
+    """Return the number of a port's first USB interface, or None if the system does not know it."""
     for text in (record.location, getattr(record, "hwid", None)):
         if found := _TOLD.search(text or ""):
             return int(found[1])
@@ -65,7 +63,7 @@ def interface_number(record: Any) -> int | None:
 
 
 def is_board(record: Any) -> bool:
-    """Whether MicroPython is behind a port."""
+    """Return whether a board with MicroPython is behind a port."""
     if record.manufacturer == "MicroPython" or record.interface == PROTOCOL_PORT:
         return True
     return record.vid == _RASPBERRY_PI and getattr(record, "pid", None) not in _NOT_MICROPYTHON
@@ -76,21 +74,22 @@ def _board_of(record: Any) -> str:
 
 
 def _uses(records: list[Any]) -> list[str]:
-    """What the ports of one board are for."""
+    """Return the use of each port of one board."""
     if len(records) == 1:
         return [PROTOCOL if records[0].interface == PROTOCOL_PORT else SINGLE]
     named = [r.interface == PROTOCOL_PORT for r in records]
     if any(named) and not all(named):
         return [PROTOCOL if is_it else REPL for is_it in named]
     numbers = [interface_number(r) for r in records]
-    if None in numbers or len(set(numbers)) < len(numbers):  # then in the order of their names
+    if None in numbers or len(set(numbers)) < len(numbers):  # then the order of their names decides
         numbers = list(range(len(records)))
     repl = min(n for n in numbers if n is not None)
     return [REPL if n == repl else PROTOCOL for n in numbers]
 
 
 def listed(records: Iterable[Any] | None = None) -> list[Port]:
-    """Every serial port, boards' first. records: as serial.tools.list_ports.comports gives them."""
+    """List every serial port, boards' ports first. records: from
+    serial.tools.list_ports.comports."""
     if records is None:
         from serial.tools import list_ports
 
@@ -117,24 +116,24 @@ def _port(record: Any, use: str, board: str) -> Port:
 
 
 def _same(port: Port, path: str) -> bool:
-    # it may be a link, as those in /dev/serial/by-id
+    # it may be a link, such as in /dev/serial/by-id
     return port.path in (path, os.path.realpath(path))
 
 
 def known(path: str) -> Port | None:
-    """What the system knows of a port; None for one that is no serial port of its own."""
+    """Return the system's entry for a path, or None if it is not a serial port."""
     return next((port for port in listed() if _same(port, path)), None)
 
 
 def siblings(path: str) -> list[Port]:
-    """The ports of the board that has this one, itself included; none if it is no board's."""
+    """Return all ports of the board with this port, or none if it is not a board's."""
     ports = listed()
     board = next((port.board for port in ports if _same(port, path)), "")
     return [port for port in ports if board and port.board == board]
 
 
 def is_path(port: Port, path: str) -> bool:
-    """Whether a path leads to this port."""
+    """Return whether a path leads to this port."""
     return _same(port, path)
 
 
@@ -150,7 +149,7 @@ def _only(ports: list[Port], what: str) -> str:
 
 
 def protocol_port() -> str:
-    """The protocol's port of the only board there is; PortError for none or several."""
+    """Return the protocol's port of the only board. Raises PortError for none or several."""
     ports = [port for port in listed() if port.use != OTHER]
     found = [port for port in ports if port.use == PROTOCOL]
     if not found and ports:
@@ -163,15 +162,16 @@ def protocol_port() -> str:
 
 
 def repl_port() -> str:
-    """The port of the REPL of the only board there is; PortError for none or several."""
+    """Return the REPL's port of the only board. Raises PortError for none or several."""
     return _only([port for port in listed() if port.use in (REPL, SINGLE)], "MicroPython")
 
 
 def protocol_of(path: str) -> str | None:
-    """The protocol's port of the board that has this one; None while it has none of its own."""
+    """Return the protocol's port of the board with this port, or None while it has no separate
+    one."""
     return next((port.path for port in siblings(path) if port.use == PROTOCOL), None)
 
 
 def is_repl(path: str) -> bool:
-    """Whether this is the REPL's port of a board whose protocol has one of its own."""
+    """Return whether this is the REPL's port of a board with a separate one for the protocol."""
     return any(port.use == REPL and _same(port, path) for port in siblings(path))

@@ -1,4 +1,4 @@
-"""A pseudo-terminal as a way to a board's port; Windows has none."""
+"""A pseudo-terminal that leads to a board's port. Windows has none."""
 
 import contextlib
 import os
@@ -11,15 +11,15 @@ CHUNK = 4096
 
 
 def can_make_one() -> bool:
-    """Whether this system has pseudo-terminals."""
+    """Return whether this system has pseudo-terminals."""
     try:
         return hasattr(os, "openpty") and all(find_spec(name) for name in ("termios", "tty"))
-    except ValueError:  # one that is not to be imported
+    except ValueError:  # a module that may not be imported
         return False
 
 
 class PtyLink:
-    """A pseudo-terminal. Nobody has it open while its master is hung up (Linux)."""
+    """A pseudo-terminal. While its master is hung up, nobody has it open (Linux)."""
 
     def __init__(self) -> None:
         if not can_make_one():
@@ -40,7 +40,7 @@ class PtyLink:
         return not any(events & select.POLLHUP for _, events in self._poll.poll(0))
 
     def read(self) -> bytes:
-        with contextlib.suppress(BlockingIOError, OSError):  # EIO: the client has just left
+        with contextlib.suppress(BlockingIOError, OSError):  # EIO: the client has just disconnected
             return os.read(self._master, CHUNK)
         return b""
 

@@ -1,8 +1,7 @@
-"""Why a device refuses a request, in words: which motor, which frame, what would be needed and what
-is set where.
+"""Explain a refusal: which motor, which frame, what would be needed, and which setting forbids it.
 
-The device is asked what it is set to (framestep's own messages); other devices' refusals keep the
-words of their code.
+This asks the device for its settings by framestep's own messages. Refusals of other devices keep
+the text of their code.
 """
 
 from typing import Any
@@ -84,15 +83,15 @@ _STOPPED = (
     (CONDITION_ESTOP, "the E-stop is held"),
     (CONDITION_DRIVER, "a driver does not work (the REPL says which and why)"),
 )
-_UNSENT = -(2**31)  # stands for a frame not sent (field note 5.3)
+_UNSENT = -(2**31)  # means a frame that was not sent (field note 5.3)
 _NO_UPLOAD = "no move has been uploaded since the board's start: framestep upload FILE"
 
 
 def explain(client: Client, error: RequestRefused) -> RequestRefused:
-    """The same refusal, with what the device tells about it as its text."""
+    """Return the same refusal, with an explanation from the device's settings as its text."""
     try:
         found = _why(client, error.request, error.code)
-    except ClientError:  # it does not tell, or has gone
+    except ClientError:  # it does not know this message, or is gone
         found = None
     if found:
         error.args = (f"{type_name(error.request.TYPE)} was refused: {found}",)
@@ -130,7 +129,7 @@ def _why(client: Client, request: Payload, code: Ack) -> str | None:
 
 
 def _motors(request: Payload) -> list[int]:
-    """The motors that a request names."""
+    """List the motors that a request names."""
     motor = getattr(request, "motor", None)
     if isinstance(motor, int):
         return [motor]
@@ -139,7 +138,7 @@ def _motors(request: Payload) -> list[int]:
 
 
 def _named(motors: list[int]) -> str:
-    """Such as "motor 3" or "motors 1, 3"."""
+    """Return text such as "motor 3" or "motors 1, 3"."""
     return f"motor{'s' * (len(motors) > 1)} {', '.join(map(str, motors))}"
 
 
@@ -152,7 +151,7 @@ def _moving(client: Client, named: list[int]) -> str:
 
 
 def what_stops(client: Client) -> str | None:
-    """What keeps the device from moving anything."""
+    """Say what keeps the device from moving anything, or None."""
     bits = client.request(GetCondition()).bits
     return next((text for bit, text in _STOPPED if bits & bit), None)
 
@@ -183,7 +182,7 @@ def _general(client: Client, request: Payload) -> str | None:
 
 
 def _at_switch(client: Client, motors: Any, code: Ack) -> str | None:
-    """Which of these motors stand at a limit switch."""
+    """Say which of these motors are at a limit switch, or None."""
     up = code == Ack.ERR_HARD_UP
     bit = SET_AT_UPPER if up else SET_AT_LOWER
     found = [m for m in motors if (client.request(GetExceeded(m)).bits or 0) & bit]
@@ -279,7 +278,7 @@ def _section(client: Client, request: Payload, code: Ack) -> str | None:
 
 
 def _part(request: Payload) -> str:
-    """What a request of an upload brings."""
+    """Name the content of a request of an upload."""
     if isinstance(request, RtUploadMoveAxis):
         return f"the positions of motor {request.motor} from {_index(request)} on"
     if isinstance(request, RtUploadMoveDmx):
@@ -294,7 +293,7 @@ def _index(request: RtUploadMoveAxis | RtUploadMoveDmx) -> str:
 
 
 def _outside(request: Payload) -> str | None:
-    """What is wrong with a section that would have had room."""
+    """Say what is wrong with a section that would have fitted into the memory."""
     if isinstance(request, RtUploadMoveAxis) and _UNSENT in request.positions:
         return f"{_part(request)} have one of {_UNSENT}, which no motor can take"
     if isinstance(request, RtUploadMoveDmx) and not 1 <= request.channel <= 512:
@@ -304,7 +303,7 @@ def _outside(request: Payload) -> str | None:
     return None
 
 
-# ---- what plays the upload
+# ---- operations that play the upload
 
 
 def _play(client: Client, request: Payload, code: Ack) -> str | None:
@@ -365,7 +364,7 @@ def _play(client: Client, request: Payload, code: Ack) -> str | None:
 
 
 def _wrong_value(request: Payload) -> str | None:
-    """A value that no upload and no setting would make right."""
+    """Name a value that no upload and no setting would make valid, or None."""
     fps = getattr(request, "fps_milli", None)
     if fps is not None and not 0 < fps <= FASTEST_FPS:
         return f"{fps / 1000:g} frames/s: expected more than 0, at most {FASTEST_FPS // 1000}"
@@ -388,7 +387,7 @@ def _wrong_value(request: Payload) -> str | None:
 
 
 def _where(request: Payload, rate: str) -> str:
-    """The frames of a request that are not in the upload."""
+    """Name the frames of a request that are not in the upload."""
     if isinstance(request, RtRunMove):
         return (
             f"frames {request.start_frame} to {request.end_frame}{rate} are not all in the upload"
@@ -404,7 +403,7 @@ def _where(request: Payload, rate: str) -> str:
 
 
 def _ramp(request: Payload, told: Exceeded) -> str:
-    """What is wrong before or behind the frames."""
+    """Say what a motor would exceed before or after the frames."""
     pre = told.what == EXCEEDED_PREROLL
     motor, bits = told.motor, told.bits or 0
     if told.by and told.acceleration is not None:
@@ -468,7 +467,7 @@ def _virtual(client: Client, request: Payload, code: Ack) -> str | None:
 
 
 def _past_limits(client: Client, code: Ack) -> str:
-    """The soft limits of which a motor would pass one."""
+    """Name the soft limits that a motor of the rig would pass."""
     up = code == Ack.ERR_SOFT_UP
     limits = []
     for motor in range(1, (client.info or client.greet()).motors + 1):

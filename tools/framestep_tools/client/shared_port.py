@@ -1,11 +1,11 @@
-"""Lets a second program reach a device through the one that has its port: `framestep stop` while
+"""A second program's way to a device through the program that has its port: `framestep stop` while
 `framestep play` plays.
 
-The first program listens on this computer alone, and puts where, with a secret, into a file that
-only its user can read. The second sends the secret and then frames. They go to the device with IDs
-of the first one's; the answers go back with the IDs that they came with, and what the device sends
-unasked goes to both. So does a request to stop motors, with ID 0: whoever repeats a jog has to
-know.
+The first program listens on this computer only. It writes its address and a secret into a file
+that only its user can read. The second program sends the secret and then frames. The first one
+forwards them to the device under its own IDs, and returns the answers under the original IDs.
+Unasked messages of the device go to both. A request to stop motors also goes to both, with ID 0: a
+program that repeats a jog must know of it.
 """
 
 import contextlib
@@ -24,30 +24,30 @@ from .tcp_port import SCHEME, TcpPort, host_and_port, is_socket
 from .wire import Frame, FrameDecoder, encode
 
 STOPS = (MSG_MOTOR_STOP, MSG_MOTOR_STOP_ALL, MSG_VIRT_STOP)
-LOOK_S = 0.05  # how often the first program looks for the second
+LOOK_S = 0.05  # interval at which the first program looks for guests
 _SECRET_BYTES = 32
 
 
 def _same_name(path: str) -> str:
-    """One name for all ways to write a port: links are followed, hosts become IP addresses."""
+    """Return one name for all spellings of a port: follow links, resolve hosts to IP addresses."""
     if not is_socket(path):
         return os.path.realpath(path)
     try:
         host, port = host_and_port(path)
         return f"{SCHEME}{socket.gethostbyname(host)}:{port}"
-    except (OSError, ValueError):  # opening it says what is wrong
+    except (OSError, ValueError):  # opening it will report the mistake
         return path
 
 
 def _place(path: str) -> Path:
-    """The file for a port."""
+    """Return the path of a port's file."""
     user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
     name = hashlib.sha256(_same_name(path).encode()).hexdigest()[:16]
     return Path(tempfile.gettempdir(), f"framestep-{user}", f"{name}.json")
 
 
 class Found(NamedTuple):
-    """A program that has a port and lets others through."""
+    """A program that has a port and shares it."""
 
     port: int
     secret: str
@@ -55,7 +55,7 @@ class Found(NamedTuple):
 
 
 def find(path: str) -> Found | None:
-    """The program that has this port and lets others through, if there is one."""
+    """Return the program that has this port and shares it, or None."""
     try:
         file = _place(path)
         if hasattr(os, "getuid") and file.stat().st_uid != os.getuid():
@@ -66,7 +66,7 @@ def find(path: str) -> Found | None:
 
 
 def enter(found: Found, timeout: float) -> TcpPort | None:
-    """A port that leads through this program to its device; None where it has ended."""
+    """Return a port through this program to its device, or None if the program has ended."""
     try:
         port = TcpPort(f"{SCHEME}127.0.0.1:{found.port}", timeout)
         port.write(found.secret.encode())
@@ -83,22 +83,21 @@ class _Guest:
         self.decoder = FrameDecoder()
 
     def send(self, frame: Frame, id: int) -> None:
-        with contextlib.suppress(OSError):  # one that reads nothing gets nothing
+        with contextlib.suppress(OSError):  # a guest that does not read gets nothing
             self.connection.send(encode(frame.type, frame.payload, id))
 
 
 class Host(Protocol):
-    """Who has the port: a Client, or the console's Bridge."""
+    """The owner of the port: a Client, or the console's Bridge."""
 
     stopped: bool  # set when a guest stops motors
 
     def forward(self, kind: int, payload: bytes) -> int:
-        """Send a message for a guest; the ID of the answer, which the door is given."""
+        """Send a guest's message. Return the ID of its answer, for SharedPort.answer."""
 
 
-class Door:
-    """Where other programs come in, as long as a host has a port. The host calls `look`,
-    `answer` and `tell`."""
+class SharedPort:
+    """The sharing of a host's port with guests. The host calls `look`, `answer` and `tell`."""
 
     def __init__(self, client: Host, path: str, who: str):
         self._client = client
@@ -118,14 +117,14 @@ class Door:
             file.write(said)
 
     def close(self) -> None:
-        """Let nobody through any more."""
+        """End the sharing."""
         with contextlib.suppress(OSError):
             self._file.unlink()
         for each in (self._server, *(guest.connection for guest in self._guests)):
             each.close()
 
     def look(self) -> None:
-        """Take in who is there, and pass on what they send."""
+        """Accept new guests, and forward their messages."""
         with contextlib.suppress(OSError):
             while True:
                 self._guests.append(_Guest(self._server.accept()[0]))
@@ -141,7 +140,7 @@ class Door:
                 self._guests.remove(guest)
 
     def _hear(self, guest: _Guest, data: bytes) -> bool:
-        """Pass on what a guest has sent; whether it may stay."""
+        """Forward a guest's messages. Return False if the guest has to go."""
         missing = _SECRET_BYTES - len(guest.secret)
         guest.secret += data[:missing]
         if not self._secret.encode().startswith(guest.secret):
@@ -154,14 +153,14 @@ class Door:
         return True
 
     def answer(self, frame: Frame) -> bool:
-        """Pass on an answer; False for one to nothing that a guest has asked."""
+        """Forward an answer to its guest. Return False if it answers no guest's request."""
         guest, id = self._asked.pop(frame.id, (None, 0))
         if guest:
             guest.send(frame, id)
         return guest is not None
 
     def tell(self, frame: Frame, but: _Guest | None = None) -> None:
-        """Pass on to all guests but one what the device has sent unasked, or a stop."""
+        """Forward an unasked message or a stop to all guests, except one."""
         for guest in self._guests:
             if guest is not but and len(guest.secret) == _SECRET_BYTES:
                 guest.send(frame, 0)

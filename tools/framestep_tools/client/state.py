@@ -1,4 +1,4 @@
-"""What a device is at: asked once, shown as lines, as a table, or for programs."""
+"""The state of a device, as lines, as a table, or for programs."""
 
 from typing import Any, NamedTuple
 
@@ -38,14 +38,14 @@ _STOPS = {
 
 
 class Stopped(ClientError):
-    """Motors have come to rest elsewhere than they were to."""
+    """Motors have come to rest before they reached their target."""
 
     status = REFUSED
 
 
 class State(NamedTuple):
-    """`condition` is None for a device that does not tell it; `exceeded` where nothing was asked
-    too much of."""
+    """`condition` is None if the device does not report it; `exceeded` is None if no limit was
+    exceeded."""
 
     info: DeviceInfo
     moving: list[int]
@@ -55,7 +55,7 @@ class State(NamedTuple):
 
 
 def ask(client: Client) -> State:
-    """What the device is at now."""
+    """Ask a device for its state."""
     info = client.info or client.greet()
     moving = client.request(MotorStatus()).moving
     positions = list(client.request(MotorGetPosition()).steps)[: info.motors]
@@ -71,7 +71,7 @@ def ask(client: Client) -> State:
 
 
 def position(client: Client, motor: int) -> int:
-    """Where a motor is, in steps; ClientError if there is no such motor."""
+    """Return a motor's position in steps. Raises ClientError if there is no such motor."""
     steps = client.request(MotorGetPosition()).steps
     if motor > len(steps):
         raise NoMotor(motor, len(steps))
@@ -88,7 +88,7 @@ class NoMotor(ClientError):
 
 
 def why_stopped(client: Client) -> str:
-    """Why motors have come to rest before they were to."""
+    """Say why motors have come to rest before they reached their target."""
     told = client.take_event(HardStop)
     if told:
         return _STOPS.get(told.reason, f"the device gives the reason {told.reason}").format(
@@ -100,13 +100,15 @@ def why_stopped(client: Client) -> str:
 
 
 def is_stopped(client: Client) -> bool:
-    """Whether something has stopped motors, such that nothing may be repeated."""
+    """Return whether something has stopped motors, so that no jog may be repeated."""
     return client.stopped or any(isinstance(event.message, HardStop) for event in client.events)
 
 
 def too_steep(client: Client) -> str | None:
-    """What the move prepared last asks of a motor beyond its acceleration, though it is played.
-    None if nothing, or where the device does not tell."""
+    """Say which motor exceeds its acceleration in the prepared move, which is played nevertheless.
+
+    None if there is none, or if the device does not report it.
+    """
     try:
         told = client.request(GetExceeded())
     except ClientError:
@@ -136,7 +138,7 @@ def _heading(info: DeviceInfo) -> str:
 
 
 def _conditions(state: State) -> list[str]:
-    """What there is to say of the device as a whole."""
+    """List sentences about the device as a whole."""
     if state.condition is None:
         return [_NOT_TOLD]
     found = texts.conditions(state.condition.bits)
@@ -154,7 +156,7 @@ def _conditions(state: State) -> list[str]:
 
 
 def lines(state: State) -> list[str]:
-    """As text."""
+    """Return the state as lines of text."""
     found = [_heading(state.info)]
     for motor, (steps, trust) in enumerate(zip(state.positions, _trust(state), strict=True), 1):
         found.append(
@@ -165,7 +167,7 @@ def lines(state: State) -> list[str]:
 
 
 def table(state: State) -> Any:
-    """As a table for a terminal."""
+    """Return the state as a table for a terminal."""
     from rich.console import Group
     from rich.table import Table
 
@@ -179,7 +181,7 @@ def table(state: State) -> Any:
 
 
 def for_programs(state: State) -> dict[str, Any]:
-    """As what JSON can hold."""
+    """Return the state as values for JSON."""
     motors = []
     for motor, steps in enumerate(state.positions, 1):
         entry: dict[str, Any] = {"motor": motor, "position": steps, "moving": motor in state.moving}

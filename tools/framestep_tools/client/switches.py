@@ -1,5 +1,5 @@
-"""Inputs as a device sees them: the E-stop, limit switches, general inputs; as lines, as a table,
-or for programs."""
+"""The E-stop, limit switches and general inputs as a device sees them, as lines, as a table, or for
+programs."""
 
 from typing import Any, NamedTuple
 
@@ -10,8 +10,8 @@ from .client import Client, RequestRefused
 
 
 class Switches(NamedTuple):
-    """`estop`: whether it is held; `limits`: for each set whether its upper and its lower switch
-    are active. None where the device does not tell."""
+    """`estop`: whether it is held; `limits`: for each set, whether its upper and its lower switch
+    are active. None if the device does not report it."""
 
     estop: bool | None
     limits: list[tuple[bool, bool]] | None
@@ -19,7 +19,7 @@ class Switches(NamedTuple):
 
 
 def ask(client: Client) -> Switches:
-    """How the inputs are now."""
+    """Ask a device for its inputs."""
     info = client.info or client.greet()
     levels = client.request(GioIn()).levels
     inputs = [bool(levels >> i & 1) for i in range(info.inputs)]
@@ -50,7 +50,7 @@ def _rows(found: Switches) -> list[tuple[str, str]]:
 
 
 def lines(found: Switches) -> list[str]:
-    """As text."""
+    """Return the inputs as lines of text."""
     told = [f"{what}: {how}" for what, how in _rows(found)]
     return (
         told
@@ -60,7 +60,7 @@ def lines(found: Switches) -> list[str]:
 
 
 def table(found: Switches) -> Any:
-    """As a table for a terminal."""
+    """Return the inputs as a table for a terminal."""
     from rich.table import Table
 
     shown = Table("switch", "")
@@ -70,7 +70,7 @@ def table(found: Switches) -> Any:
 
 
 def for_programs(found: Switches) -> dict[str, Any]:
-    """As what JSON can hold."""
+    """Return the inputs as values for JSON."""
     limits = {str(i): [n for n, on in zip(("upper", "lower"), ends, strict=True) if on]
               for i, ends in enumerate(found.limits or [], 1)}  # fmt: skip
     estop = None if found.estop is None else "held" if found.estop else "released"

@@ -1,5 +1,4 @@
-"""A connection over TCP with the face of a serial port, as Client takes it. Works on every system
-alike."""
+"""A TCP connection with the interface of a serial port, as Client needs it, on every system."""
 
 import select
 import socket
@@ -8,16 +7,16 @@ from urllib.parse import urlsplit
 
 SCHEME = "socket://"
 _CONNECT_S = 5.0
-_TAKE_S = 10.0  # one that takes nothing for so long has gone
+_TAKE_S = 10.0  # a peer that accepts nothing for this long is gone
 
 
 def is_socket(url: str) -> bool:
-    """Whether this names a TCP address."""
+    """Return whether this is a TCP address."""
     return url.startswith(SCHEME)
 
 
 def host_and_port(url: str) -> tuple[str, int]:
-    """`socket://HOST:PORT` taken apart; ValueError for another address."""
+    """Split `socket://HOST:PORT`. Raises ValueError for another address."""
     parts = urlsplit(url)
     if (
         not is_socket(url)
@@ -32,12 +31,12 @@ def host_and_port(url: str) -> tuple[str, int]:
 class TcpPort:
     """A raw TCP connection to a board's port (`make sim`, `make emu`, a serial server).
 
-    read() and write() raise ConnectionError once the other side has gone, write() TimeoutError if
-    it takes nothing.
+    read() and write() raise ConnectionError once the peer has gone. write() raises TimeoutError if
+    it accepts nothing.
     """
 
     def __init__(self, url: str, timeout: float | None = None):
-        """`socket://HOST:PORT`; ValueError for another address, OSError if nobody is there."""
+        """Connect to `socket://HOST:PORT`. Raises ValueError, or OSError if nobody is there."""
         address = host_and_port(url)
         self.port = url
         self.timeout = timeout
@@ -47,7 +46,7 @@ class TcpPort:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def read(self, size: int = 1) -> bytes:
-        """Up to `size` bytes: those that come within `timeout` seconds, None waits for all of
+        """Return up to `size` bytes that come within `timeout` seconds; None waits for all of
         them."""
         deadline = None if self.timeout is None else time.monotonic() + self.timeout
         data = bytearray()
@@ -58,24 +57,24 @@ class TcpPort:
             piece = self._socket.recv(size - len(data))
             if not piece:
                 if data:
-                    break  # what came before; the next read tells
+                    break  # return the bytes before the end; the next read raises
                 raise ConnectionResetError(f"{self.port} has closed the connection")
             data += piece
         return bytes(data)
 
     def write(self, data: bytes) -> int:
-        """Send all of it."""
+        """Send all bytes."""
         self._socket.sendall(data)
         return len(data)
 
     @property
     def in_waiting(self) -> int:
-        """Bytes that can be read at once."""
+        """Number of bytes that can be read at once."""
         if not select.select([self._socket], [], [], 0)[0]:
             return 0
         return len(self._socket.recv(1 << 16, socket.MSG_PEEK))
 
     def close(self) -> None:
-        """Hang up; a second time does nothing."""
+        """Close the connection. A second call does nothing."""
         self.is_open = False
         self._socket.close()

@@ -1,7 +1,7 @@
 """Frames of the DMC v2 protocol on the host's side: checksum, encoder, decoder.
 
-Written apart from the device's own reader and writer (firmware/framestep/protocol), so that each
-checks the other. Only the constants are shared.
+Written independently of the device's reader and writer (firmware/framestep/protocol), so each
+checks the other. They only share constants.
 """
 
 import struct
@@ -19,7 +19,7 @@ MAX_PAYLOAD = 0xFFFF
 
 
 class Frame(NamedTuple):
-    """One message as it travels: `id` 0 is an unasked message of the device (field note 1.3)."""
+    """One message on the line. `id` 0: an unasked message of the device (field note 1.3)."""
 
     id: int
     type: int
@@ -27,23 +27,24 @@ class Frame(NamedTuple):
 
     @property
     def is_ack(self) -> bool:
-        """True for an acknowledgement, whose payload is a response code and nothing else."""
+        """Whether this is an acknowledgement; its payload is only a response code."""
         return bool(self.type & messages.MSG_FLAG_ACK)
 
     @property
     def request_type(self) -> int:
-        """The type without the acknowledgement flag."""
+        """Message type without the acknowledgement flag."""
         return self.type & ~messages.MSG_FLAG_ACK
 
 
 def checksum(data: bytes | bytearray) -> int:
-    """Fletcher-16, K=8, modulus 255: 0 over a whole undamaged message (spec: Computing and
-    Validating the Checksum)."""
+    """Return Fletcher-16, K=8, modulus 255. It is 0 for a whole undamaged message (spec: Computing
+    and Validating the Checksum)."""
     return sum(accumulate(data)) % 255 << 8 | sum(data) % 255
 
 
 def encode(type: int, payload: bytes = b"", id: int = 0) -> bytes:
-    """The bytes of one message; ValueError for a payload that the length field cannot hold."""
+    """Return the bytes of one message. Raises ValueError for a payload longer than the length field
+    allows."""
     if len(payload) > MAX_PAYLOAD:
         raise ValueError(
             f"a payload holds at most {MAX_PAYLOAD} bytes, "
@@ -57,12 +58,11 @@ def encode(type: int, payload: bytes = b"", id: int = 0) -> bytes:
 
 
 class FrameDecoder:
-    """Finds the frames in a stream of bytes, however it is cut up.
+    """Finds the frames in a stream of bytes, however it is divided.
 
-    `skipped` counts bytes that belonged to no good frame and `damaged` the frames with a wrong
-    checksum. After either the search goes on at the byte behind the marker, so that a good frame
-    inside a damaged one is found. An announced payload of more than `max_payload` bytes is taken
-    for noise.
+    `skipped` counts bytes outside good frames, `damaged` frames with a wrong checksum. After either
+    the search goes on at the byte after the marker, so a good frame inside a damaged one is found.
+    An announced payload of more than `max_payload` bytes counts as noise.
     """
 
     def __init__(self, max_payload: int = 4096):
@@ -73,22 +73,24 @@ class FrameDecoder:
 
     @property
     def pending(self) -> int:
-        """Bytes of a frame that has begun and not ended."""
+        """Number of bytes of an unfinished frame."""
         return len(self._bytes)
 
     def reset(self) -> bytes:
-        """Forget a frame that has begun; its bytes."""
+        """Drop an unfinished frame. Return its bytes."""
         begun = bytes(self._bytes)
         self._bytes.clear()
         return begun
 
     def feed(self, data: bytes) -> list[Frame]:
-        """The frames that these bytes complete."""
+        """Return the frames that these bytes complete."""
         return [frame for _, frame in self.pieces(data) if frame]
 
     def pieces(self, data: bytes) -> list[tuple[bytes, Frame | None]]:
-        """What these bytes complete, in the order of the stream: a frame with its bytes, or None
-        with bytes that belong to no frame."""
+        """Return what these bytes complete, in the order of the stream.
+
+        Each piece is bytes with their frame, or bytes outside frames with None.
+        """
         self._bytes += data
         return list(self._pieces())
 

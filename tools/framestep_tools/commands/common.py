@@ -133,8 +133,8 @@ def talking(device: str | None) -> "Iterator[Client]":
 
             raise explain(client, error) from None
         finally:
-            if client.door:
-                client.door.close()
+            if client.shared_port:
+                client.shared_port.close()
 
 
 def _greeted(url: str) -> "Client":
@@ -164,7 +164,7 @@ def _greeted(url: str) -> "Client":
             time.sleep(shared_port.LOOK_S)
         return through
     with suppress(OSError):  # then the port is not offered to other programs
-        client.door = shared_port.Door(
+        client.shared_port = shared_port.SharedPort(
             client, url, f"{SpokenCommand.under_way} (process {os.getpid()})"
         )
     return client

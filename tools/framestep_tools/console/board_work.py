@@ -1,7 +1,7 @@
-"""What the page asks of the board's other port, the REPL: its rig file, and what a tick costs.
+"""The page's requests to the board's REPL: the rig file, and the processor's load.
 
-Everything goes through framestep_tools.board.repl_device, which resets nothing while motors
-move. The methods of BoardWork block, one at a time; ToolError says what is wrong.
+Everything goes through framestep_tools.board.repl_device, which resets nothing while motors move.
+The methods of BoardWork block, one at a time, and raise ToolError.
 """
 
 import contextlib
@@ -19,28 +19,29 @@ from .scripts import LIVE, LIVE_BEGIN, LIVE_END, LOAD
 
 
 class NoRepl(ToolError):
-    """The board shows no port for its REPL."""
+    """The board has no port for its REPL."""
 
 
 class BoardWork:
-    """The REPL of the board that has the protocol's port `protocol`; `path` is None where there is
-    no REPL port."""
+    """The REPL of the board with the protocol's port `protocol`. `path`: the REPL's port, or
+    None."""
 
     def __init__(self, path: str | None, protocol: str):
         self.path = path
         self.protocol = protocol
-        self._watched: Device | None = None  # kept open while the load is watched
+        self._watched: Device | None = None  # stays open while the load is watched
         self._one = threading.Lock()
 
     def read_rig(self) -> dict[str, Any]:
-        """The rig file as the board has it, {"text": …}; "{}" where it has none."""
+        """Return the board's rig file as {"text": …}; "{}" if it has none."""
         with self._device() as device:
             content = device.read(RIG_FILE)
         text = "{}\n" if content is None else content.decode(errors="replace")
         return {"text": text, "there": content is not None}
 
     def check_rig(self, text: str) -> dict[str, Any]:
-        """Whether the board would take this rig file; says what it makes of it."""
+        """Check whether the board would accept this rig file. Return its greeting or the
+        mistake."""
         with self._device() as device:
             board = device.board()
         found = rig_file.check(rig_file.parse(_bare(text), "rig.json"), board, "rig.json")
@@ -50,8 +51,8 @@ class BoardWork:
         }
 
     def write_rig(self, text: str) -> dict[str, Any]:
-        """Put a rig file onto the board and restart it; see RigChange. Nothing is changed where
-        the file has a mistake. The protocol's port must be closed meanwhile."""
+        """Put a rig file onto the board and restart it; see RigChange. A file with a mistake
+        changes nothing. The protocol's port must be closed meanwhile."""
         content = _bare(text)
         with self._device() as device:
             board = device.board()
@@ -60,20 +61,23 @@ class BoardWork:
         return {"text": greeting(*change.see(self._device, self.protocol, found.ports))}
 
     def see_that_all_stands(self) -> None:
-        """Moving where motors move or are about to: then the port must stay open."""
+        """Raise Moving if motors move or are about to: then the port must stay open."""
         with self._device() as device:
             if device.state.moving:
                 raise Moving("motors move, or a run is prepared; nothing has been changed")
 
     def load(self) -> dict[str, Any]:
-        """What `timing()` prints on the REPL: the interrupt's share, its lateness, the queues."""
+        """Return the output of `timing()` on the REPL: the interrupt's share, its lateness,
+        queues."""
         with self._device() as device:
             said = device.run(LOAD).rpartition("\x02")[2]
         return {"lines": [line.strip() for line in said.splitlines() if line.strip()]}
 
     def live(self) -> dict[str, Any]:
-        """The load as numbers, {"figures": those of repl.figures.live}, to be asked again
-        and again: the port stays open until `rest`, or until something else is asked."""
+        """Return the load as {"figures": numbers of repl.figures.live}, for repeated calls.
+
+        The port stays open until `rest`, or until another request.
+        """
         with self._one:
             if self._watched is None:
                 device = self._open()
@@ -84,10 +88,10 @@ class BoardWork:
         try:
             return {"figures": json.loads(said)}
         except ValueError:
-            raise ToolError(said) from None  # the board says why there are none
+            raise ToolError(said) from None  # the board's reason
 
     def rest(self) -> dict[str, Any]:
-        """The load is no longer watched."""
+        """Stop watching the load."""
         with self._one:
             self._close_watched()
         return {}
@@ -103,7 +107,7 @@ class BoardWork:
     def _close_watched(self) -> None:
         device, self._watched = self._watched, None
         if device:
-            with contextlib.suppress(ToolError):  # the board may have gone
+            with contextlib.suppress(ToolError):  # the board may be gone
                 device.run(LIVE_END)
             device.close()
 
@@ -124,5 +128,5 @@ class BoardWork:
 
 
 def _bare(text: str) -> bytes:
-    """As a board can read it: without comments."""
+    """Return a rig file's text for a board, without comments."""
     return rig_file.for_board(text.encode())

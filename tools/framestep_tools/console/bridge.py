@@ -1,11 +1,11 @@
-"""Carries bytes between a page and a device's port, and stops what only a held button may move.
+"""Carries bytes between a page and a device's port, and stops jogs when the page is gone.
 
-A jog lasts as long as the page repeats it. The page that has gone cannot say stop, so the bridge
-does: it reads in the requests which motors are being jogged. Whether anything else may go on
-without the page, the page has said before.
+A jog lasts as long as the page repeats it. A page that is gone cannot send a stop, so the bridge
+does: it reads from the requests which motors are being jogged. The page decides beforehand whether
+other motions may go on without it.
 
-Other programs share the port (framestep_tools.client.shared_port), as with any program of framestep
-that has one: `framestep stop` stops what the page moves.
+Other programs can use the port (framestep_tools.client.shared_port), as with every framestep
+command: `framestep stop` stops what the page moves.
 """
 
 import asyncio
@@ -20,7 +20,7 @@ from framestep.protocol import messages
 
 from ..client.client import BrokenOff
 from ..client.open_port import close_port, is_socket
-from ..client.shared_port import Door
+from ..client.shared_port import SharedPort
 from ..client.wire import Frame, FrameDecoder, encode
 from ..payloads import (
     TYPE_NAMES,
@@ -37,17 +37,17 @@ from ..payloads import (
     VirtStop,
 )
 
-_LOOK_S = 0.05  # how long the reader waits for a byte before it looks whether it is to end
+_LOOK_S = 0.05  # the reader waits this long for a byte before it checks whether to end
 _ANSWER_S = 5.0
-_FIRST_ID = 0xF000_0000  # of requests that the bridge makes; the page counts from 1
-_FIRST_OF_OTHERS = 0xE000_0000  # of those that come in by the door
+_FIRST_ID = 0xF000_0000  # IDs of the bridge's own requests; the page counts from 1
+_FIRST_OF_OTHERS = 0xE000_0000  # IDs of other programs' requests
 _JOGS = {kind for kind, name in TYPE_NAMES.items() if "JOG" in name}
-# the virtual motor that VIRT_STOP names for each axis of JOG_ON_LINE (field note 9.6)
+# virtual motor in VIRT_STOP for each axis of JOG_ON_LINE (field note 9.6)
 _OF_LINE = {0: 2, 1: 3, 2: 1, 3: 4, 4: 5}
 
 
 class Jogs:
-    """Which motors and virtual motors have been asked to jog, and not to stop since."""
+    """The motors and virtual motors that have been asked to jog, and not to stop since."""
 
     def __init__(self) -> None:
         self._decoder = FrameDecoder()
@@ -56,7 +56,7 @@ class Jogs:
         self.all = False  # along the uploaded move
 
     def note(self, data: bytes) -> None:
-        """Take in what goes to the device."""
+        """Note the bytes on their way to the device."""
         for frame in self._decoder.feed(data):
             self._note(frame)
 
@@ -83,7 +83,7 @@ class Jogs:
         return bool(self.motors or self.virtual or self.all)
 
     def stops(self) -> list[Payload]:
-        """The requests that end them all."""
+        """Return the requests that end all jogs."""
         found: list[Payload] = [MotorStop(motor) for motor in sorted(self.motors)]
         found += [VirtStop(motor) for motor in sorted(self.virtual)]
         if self.all:
@@ -98,10 +98,12 @@ class Jogs:
 
 
 class Bridge:
-    """A port that is open. `on_bytes` is called in the event loop with what the device sends,
-    `on_end` once with the reason where the port has gone, `on_stopped` with the reason when
-    somebody else has stopped motors: the page's jogs are refused from then on, until `released` is
-    called."""
+    """An open port.
+
+    All of these are called in the event loop: `on_bytes` with the device's bytes; `on_end` once,
+    with the reason, if the port is gone; `on_stopped` with the reason when another program has
+    stopped motors. From then on the page's jogs are refused until `released` is called.
+    """
 
     def __init__(self, port: Any, name: str):
         self.name = name
@@ -119,22 +121,26 @@ class Bridge:
         self._closing = False
         self._closed = False
         self._decoder = FrameDecoder()
-        self._door: Door | None = None
-        if not is_socket(name):  # of a socket another program may have been given the only place
+        self._shared_port: SharedPort | None = None
+        if not is_socket(name):  # a socket has room for one client, and another program may be it
             self._let_others_through()
         self._port.timeout = _LOOK_S
         self._reader = threading.Thread(target=self._read, name="console-reader", daemon=True)
         self._reader.start()
 
     def _let_others_through(self) -> None:
-        with contextlib.suppress(OSError):  # then no other program comes through
-            self._door = Door(self, self.name, f"framestep console (process {os.getpid()})")
+        with contextlib.suppress(OSError):  # then the port is not offered to other programs
+            self._shared_port = SharedPort(
+                self, self.name, f"framestep console (process {os.getpid()})"
+            )
 
     async def send(self, data: bytes) -> None:
-        """Hand a frame of the page to the device; OSError where the port has gone. Nothing happens
-        with one that comes after `close`: the page may not know yet."""
+        """Send a frame of the page to the device. Raises OSError if the port is gone.
+
+        A frame after `close` is dropped: the page may not know yet.
+        """
         if self._stopped and (refused := _refused_jogs(data)):
-            self.on_bytes(refused)  # it was on its way before the page knew of the stop
+            self.on_bytes(refused)  # the page sent it before it knew of the stop
             return
         self._jogs.note(data)
         await self._write(data)
@@ -142,7 +148,7 @@ class Bridge:
     # ---- other programs, in the reader's thread
 
     def forward(self, kind: int, payload: bytes) -> int:
-        """Send another program's request; the ID of the answer, which the door is given."""
+        """Send another program's request. Return the ID of its answer, for SharedPort.answer."""
         self._others_id += 1
         with self._writing:
             self._port.write(encode(kind, payload, self._others_id))
@@ -150,7 +156,7 @@ class Bridge:
 
     @property
     def stopped(self) -> bool:
-        """Whether another program has stopped motors, and the page has not let go yet."""
+        """Whether another program has stopped motors and the page still holds its jogs."""
         return self._stopped
 
     @stopped.setter
@@ -159,29 +165,31 @@ class Bridge:
         self._loop.call_soon_threadsafe(self.on_stopped, "Another program has stopped the motors.")
 
     def released(self) -> None:
-        """The page has let go of all that it held."""
+        """Note that the page has released all of its jogs."""
         self._stopped = False
 
-    # ---- what is asked for the page
+    # ---- requests for the page
 
     @property
     def jogging(self) -> bool:
-        """Whether the page has begun what only a held button moves, and not ended it."""
+        """Whether the page has begun a jog and not ended it."""
         return bool(self._jogs)
 
     async def let_go(self, why: str) -> None:
-        """End what the page jogs, although it has not let go: the page is told why."""
+        """End the page's jogs although it still holds them, and send it the reason."""
         self._stopped = True
         await self.stop_jogs()
         self.on_stopped(why)
 
     async def stop_jogs(self) -> None:
-        """End what only a held button moves; a run goes on."""
+        """End all jogs; a run goes on."""
         await self._ask(self._jogs.stops())
 
     async def moves(self) -> bool:
-        """Ask the device whether any motor moves. What else it sends meanwhile is dropped, so no
-        page may be there. OSError where it does not answer."""
+        """Ask the device whether any motor moves. Raises OSError if it does not answer.
+
+        Other messages meanwhile are dropped, so no page may be connected.
+        """
         decoder = FrameDecoder()
         number = self._next_id
         answer: asyncio.Future[Status] = self._loop.create_future()
@@ -193,22 +201,22 @@ class Bridge:
 
         self.on_bytes = take
         await self._ask([MotorStatus()])
-        # not wait_for, which loses a cancellation that comes together with the answer
+        # not wait_for: it loses a cancellation that comes together with the answer
         done, _ = await asyncio.wait([answer], timeout=_ANSWER_S)
         if not done:
             raise OSError(f"{self.name} does not say what moves")
         return answer.result().motor_bits != 0
 
     async def close(self) -> None:
-        """Stop everything and close the port. A port that has gone is no error."""
+        """Stop everything and close the port. A port that is gone is no error."""
         if self._closing:
             return
         with contextlib.suppress(OSError):
             await self._ask([MotorStopAll()])
         self._closing = True
         await asyncio.to_thread(self._reader.join)
-        if self._door:
-            self._door.close()
+        if self._shared_port:
+            self._shared_port.close()
         await asyncio.to_thread(self._close_now)
 
     async def _ask(self, requests: list[Payload]) -> None:
@@ -231,37 +239,37 @@ class Bridge:
             close_port(self._port)
 
     def _read(self) -> None:
-        """Runs in a thread of its own: ports can only be waited for."""
+        """Read the port in a separate thread, because reading blocks."""
         try:
             while not self._closing:
                 data = self._port.read(1)
                 if data:
                     data += self._port.read(self._port.in_waiting)
-                    if self._door is None:
+                    if self._shared_port is None:
                         self._let_others_through()
                     self._loop.call_soon_threadsafe(self.on_bytes, data)
-                if self._door:
-                    self._door.look()
-                    self._pass_on(self._door, data)
+                if self._shared_port:
+                    self._shared_port.look()
+                    self._pass_on(self._shared_port, data)
         except Exception as error:
-            # termios.error is of no other class; not every system has a termios to ask
+            # termios.error is no OSError, and not every system has a termios to import
             if not isinstance(error, OSError) and type(error).__module__ != "termios":
                 raise
             if not self._closing:
                 why = str(BrokenOff(f"the connection to {self.name} broke off"))
                 self._loop.call_soon_threadsafe(self.on_end, why)
 
-    def _pass_on(self, door: Door, data: bytes) -> None:
-        """Give other programs what is for them; the page takes no notice of their IDs."""
+    def _pass_on(self, shared_port: SharedPort, data: bytes) -> None:
+        """Forward messages to other programs. The page ignores their IDs."""
         for frame in self._decoder.feed(data):
             if frame.id == 0:
-                door.tell(frame)
+                shared_port.tell(frame)
             else:
-                door.answer(frame)
+                shared_port.answer(frame)
 
 
 def _refused_jogs(data: bytes) -> bytes:
-    """The refusal of a frame that asks for a jog; nothing for any other one."""
+    """Return the refusal of a frame that requests a jog, or nothing for other frames."""
     return b"".join(
         encode(frame.type | messages.MSG_FLAG_ACK, struct.pack("<H", Ack.ERR_GENERAL), frame.id)
         for frame in FrameDecoder().feed(data)

@@ -1,7 +1,7 @@
-"""The files of the page, as a server gives them to a browser.
+"""The files of the page, as a server sends them to a browser.
 
-Numbers, payloads and texts of the protocol come from the very modules that firmware and tools use:
-`protocol.js` is made of them each time, as is the rig file's schema.
+Numbers, payloads and texts of the protocol come from the modules of firmware and tools. They make
+`protocol.js` and the rig file's schema each time.
 """
 
 import json
@@ -27,13 +27,13 @@ TYPES = {
     ".svg": "image/svg+xml",
 }
 _HEAD = "// Made by framestep_tools.console.page_files from the modules that the firmware uses.\n"
-_HAS_NO_LAYOUT = "VirtConfig"  # each of its types has one of its own: page/virtual_config.js
+_HAS_NO_LAYOUT = "VirtConfig"  # each of its types has its own layout: page/virtual_config.js
 _BYTES = [["bytes", "*B"]]
 
 
 @cache
 def files() -> dict[str, bytes]:
-    """Every file of the page by its path, such as `views/motors.js`."""
+    """Return every file of the page by its path, such as `views/motors.js`."""
     found = {
         path.relative_to(PAGE).as_posix(): path.read_bytes()
         for path in sorted(PAGE.rglob("*"))
@@ -45,8 +45,8 @@ def files() -> dict[str, bytes]:
 
 
 def save(folder: Path) -> int:
-    """Write the page into a folder, for a web server of one's own; how many files. ToolError where
-    that cannot be."""
+    """Write the page into a folder for another web server. Return the number of files. Raises
+    ToolError."""
     try:
         for name, content in files().items():
             path = folder / name
@@ -58,7 +58,7 @@ def save(folder: Path) -> int:
 
 
 def protocol_js() -> str:
-    """The module of numbers, payloads and texts."""
+    """Return the module with numbers, payloads and texts."""
     parts = {
         "VERSION": paths.version(),
         "M": _numbers(),
@@ -98,8 +98,11 @@ def _numbers() -> dict[str, int]:
 
 
 def _fields(cls: type[Payload]) -> list[list[Any]]:
-    """[name, code] of each field as in payloads.layout(); where records repeat, a list of theirs
-    instead of the code; true as third where the field may be left out."""
+    """Return [name, code] of each field, as in payloads.layout().
+
+    Repeated records have a list of fields instead of the code. A third item, true, marks a field
+    that may be left out.
+    """
     found: list[list[Any]] = []
     for name, code, optional in layout(cls):
         entry = [name, _fields(code) if isinstance(code, type) else code]
@@ -112,5 +115,5 @@ def _texts(table: dict[int, str]) -> dict[str, str]:
 
 
 def _bytes_before(cls: type[Payload]) -> int:
-    """Bytes of the fields before the one that repeats."""
+    """Return the number of bytes before the repeated field."""
     return len(cls(1, 0, ()).pack())  # type: ignore[call-arg]

@@ -1,8 +1,8 @@
-"""Scripts for the board's REPL that the console needs, with or without its server: a page that has
-the REPL's port by itself gets them in protocol.js.
+"""Scripts for the board's REPL, for the console with and without its server. A page that has the
+REPL's port itself gets them in protocol.js.
 
-What they have to say is behind the last \\x02 of what they print. A `text` is in the variable of
-that name on the board.
+Their result comes after the last \\x02 of their output. A `text` is in the variable of that name on
+the board.
 """
 
 from ..board.repl_device import RIG_FILE, STATE, STOP
@@ -17,14 +17,14 @@ LIVE = """
 print("\\x02")
 live()
 """
-# The functions and modules of LIVE_BEGIN are let go
+# Drops the functions and modules of LIVE_BEGIN
 LIVE_END = """
 from framestep.boot import forget
 del live
 forget("framestep.repl.figures", "framestep.repl.commands")
 del forget
 """
-# A line of JSON for each piece; nothing where there is no file
+# A line of JSON for each piece; nothing if there is no file
 READ = f"""
 import json
 print("\\x02")
@@ -36,15 +36,14 @@ try:
             print(json.dumps(piece))
 except OSError: pass
 """
-# A line of JSON: [whether it is right, or null where the board has no memory left to tell; what is
-# wrong or what it makes]
+# A line of JSON: [valid, or null if the board lacks the memory to check; the mistake or a greeting]
 CHECK = """
 import json
 from framestep.boot import judge
 print("\\x02")
 print(json.dumps(judge(text)))
 """
-# 1: motors move, or are about to; then nothing has been stopped
+# 1: motors move, or are about to; nothing has been stopped
 HALT = (
     STATE
     + """
@@ -52,7 +51,7 @@ print("\\x02")
 """
     + STOP
 )
-# In one step at the end: it is the old file or the new one. 1: it arrived as it was sent
+# Replaced in one step at the end: it is the old file or the new one. 1: it arrived as sent
 WRITE = f"""
 print("\\x02")
 import os

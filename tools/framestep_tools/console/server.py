@@ -1,8 +1,8 @@
-"""Serves the page on this computer alone, and connects one page at a time with the device.
+"""Serves the page on this computer only, and connects one page at a time with the device.
 
-What comes from elsewhere is turned away: a request whose Host is not this computer (a foreign name
-that leads here: DNS rebinding), a WebSocket whose Origin is not this page, one without the token.
-The token is in the address that the server prints, and new each time.
+It rejects foreign requests: a Host other than this computer (DNS rebinding: a foreign name that
+leads here), a WebSocket with the Origin of another page, and one without the token. The token is
+part of the address that the server prints, and new each time.
 """
 
 import asyncio
@@ -26,11 +26,11 @@ from .bridge import Bridge
 from .visit import Visit
 
 ADDRESS = "127.0.0.1"
-SILENCE_S = 1.5  # a page that jogs and sends nothing for so long has lost hold of it
-_TURN_S = 2.0  # for the page before, when one is loaded again
-_WATCH_S = 0.5  # from one question what still moves to the next
+SILENCE_S = 1.5  # a jog ends if its page sends nothing for this long
+_TURN_S = 2.0  # time for the previous page to end, when one is reloaded
+_WATCH_S = 0.5  # interval at which the server asks what still moves
 _LARGEST_MESSAGE = 1 << 20
-_PING_S = 5.0  # a page that does not answer for so long has gone
+_PING_S = 5.0  # a page that does not answer for this long is gone
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'; base-uri 'none'",
@@ -43,15 +43,15 @@ _HEADERS = {
 class ConsoleServer:
     """The server. `url` is the page's address once `start` has been called.
 
-    open_port: gives a port as Client takes it, or raises ToolError; name: the device, as it is
-    shown; work: the board's REPL.
+    open_port: returns a port for Client, or raises ToolError; name: the device's name on the page;
+    work: the board's REPL.
     """
 
     def __init__(self, open_port: Callable[[], Any], name: str, work: BoardWork):
         self.name = name
         self.work = work
         self.url = ""
-        self.keep = False  # what moves goes on without the page, but for jogs
+        self.keep = False  # all motion but jogs goes on without the page
         self.silence_s = SILENCE_S
         self.bridge: Bridge | None = None
         self._open_port = open_port
@@ -62,7 +62,7 @@ class ConsoleServer:
         self._watch: asyncio.Task[None] | None = None
 
     async def start(self, port: int = 0) -> None:
-        """Listen; 0 takes any free port. ToolError where the port is taken."""
+        """Listen on a port; 0 takes any free one. Raises ToolError if it is taken."""
         try:
             self._server = await serve(
                 self._connected,
@@ -93,7 +93,7 @@ class ConsoleServer:
     # ---- the device's port
 
     async def attach(self) -> Bridge:
-        """The device's port, opened if it is not; ToolError where it cannot be."""
+        """Return the device's port, and open it if necessary. Raises ToolError."""
         if self.bridge is None:
             self.bridge = Bridge(await asyncio.to_thread(self._open_port), self.name)
         return self.bridge
@@ -106,7 +106,7 @@ class ConsoleServer:
             self.bridge = None
 
     async def _leave(self) -> None:
-        """The page has gone: jogs end, and so does all else unless it is to go on."""
+        """End jogs after the page has gone, and all other motion unless `keep` is set."""
         bridge = self.bridge
         if bridge is None:
             return
@@ -125,21 +125,21 @@ class ConsoleServer:
             self._watch = asyncio.create_task(self._until_it_stands(bridge))
 
     async def _until_it_stands(self, bridge: Bridge) -> None:
-        """Keep the port open without a page until nothing moves any more."""
+        """Keep the port open without a page until nothing moves."""
         with contextlib.suppress(OSError):
             while await bridge.moves():
                 await asyncio.sleep(_WATCH_S)
-        async with self._turn:  # no page comes while it is being closed
+        async with self._turn:  # no page may connect while the port is being closed
             await self.let_go()
 
     async def _back(self) -> None:
-        """A page has come: it has the port."""
+        """Give the port to a page that has connected."""
         watch, self._watch = self._watch, None
         while watch and not watch.done():
             watch.cancel()
             await asyncio.wait([watch], timeout=_WATCH_S)
 
-    # ---- what a browser asks for
+    # ---- requests of a browser
 
     async def _connected(self, page: ServerConnection) -> None:
         visit = Visit(self, page)
@@ -158,7 +158,7 @@ class ConsoleServer:
                 self._turn.release()
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
-        """A file of the page; None lets a WebSocket begin."""
+        """Return a file of the page, or None to accept a WebSocket."""
         if not self._hosts.issuperset(hosts := request.headers.get_all("Host")) or len(hosts) != 1:
             return _refusal(http.HTTPStatus.FORBIDDEN, "The console answers on this computer only.")
         address = urlsplit(request.path)

@@ -1,11 +1,10 @@
-"""One page's connection: what goes over its WebSocket.
+"""One page's connection: the messages on its WebSocket.
 
-Binary messages are bytes of the protocol, either way. Texts are JSON: the page asks
-`{"id": 1, "do": "read_rig"}` and gets `{"id": 1, "result": {…}}` or `{"id": 1, "error": "…"}`;
-`{"keep": true}` lets what moves go on without the page, but for jogs. The server sends
-`{"device": …}` first, `{"stopped": "why"}` when somebody else has stopped motors, which the page
-answers with `{"released": true}` once it holds nothing any more, and `{"ended": "why"}` before it
-closes.
+Binary messages are bytes of the protocol, in both directions. Texts are JSON. The page asks
+`{"id": 1, "do": "read_rig"}` and gets `{"id": 1, "result": {…}}` or `{"id": 1, "error": "…"}`.
+`{"keep": true}` lets all motion but jogs go on without the page. The server first sends
+`{"device": …}`. It sends `{"stopped": "why"}` when another program has stopped motors; the page
+answers `{"released": true}` once it holds no jog. Before it closes, it sends `{"ended": "why"}`.
 """
 
 import asyncio
@@ -27,17 +26,17 @@ _TASKS = ("read_rig", "load", "live", "rest", *_WITH_TEXT)
 
 
 class Visit:
-    """A page that is connected, until it leaves."""
+    """A connected page."""
 
     def __init__(self, server: "ConsoleServer", page: ServerConnection):
         self._server = server
         self._page = page
         self._outbox: asyncio.Queue[bytes] = asyncio.Queue()
         self._tasks: set[asyncio.Task[None]] = set()
-        self._heard_s = 0.0  # when the page has sent something
+        self._heard_s = 0.0  # time of the page's last message
 
     async def run(self) -> None:
-        """Serve the page until it has gone, or until the device has."""
+        """Serve the page until it or the device is gone."""
         sender = asyncio.create_task(self._send())
         dead_man = asyncio.create_task(self._watch_the_page())
         try:
@@ -53,7 +52,7 @@ class Visit:
         except ToolError as error:
             await self.end(str(error))
         finally:
-            if self._tasks:  # what the board is doing is not cut short
+            if self._tasks:  # lets the board finish its tasks
                 await asyncio.wait(self._tasks)
             with contextlib.suppress(ToolError):
                 await asyncio.to_thread(self._server.work.rest)
@@ -61,7 +60,7 @@ class Visit:
             dead_man.cancel()
 
     async def end(self, why: str) -> None:
-        """Tell the page why it is over, and close."""
+        """Send the page the reason, and close."""
         await self._say({"ended": why})
         await self._page.close()
 
@@ -84,21 +83,23 @@ class Visit:
                         await self.end(f"the connection to {self._server.name} broke off: {error}")
 
     async def _send(self) -> None:
-        """What the device has sent, in the order in which it came."""
+        """Send the device's bytes to the page, in their order."""
         with contextlib.suppress(ConnectionClosed):
             while True:
                 await self._page.send(await self._outbox.get())
 
     async def _watch_the_page(self) -> None:
-        """A page whose script hangs cannot let go: end what it jogs. While anything moves a page
-        that is well asks several times in a second."""
+        """End the jogs of a page whose script hangs, as it cannot release them.
+
+        While anything moves, a healthy page sends several requests a second.
+        """
         loop = asyncio.get_running_loop()
         while True:
             await asyncio.sleep(_LOOK_S)
             bridge = self._server.bridge
             silent_s = loop.time() - self._heard_s
             if bridge and bridge.jogging and silent_s > self._server.silence_s:
-                with contextlib.suppress(OSError):  # that the port has gone is told elsewhere
+                with contextlib.suppress(OSError):  # another task reports a lost port
                     await bridge.let_go("The page was silent, so its jog has been stopped.")
 
     def _start(self, work: Any) -> None:
@@ -110,7 +111,7 @@ class Visit:
         with contextlib.suppress(ConnectionClosed):
             await self._page.send(json.dumps(found))
 
-    # ---- what the page asks beside the protocol
+    # ---- the page's other requests
 
     async def _told(self, text: str) -> None:
         try:
@@ -139,7 +140,7 @@ class Visit:
         if task != "write_rig":
             return await asyncio.to_thread(work, *arguments)
         await asyncio.to_thread(self._server.work.see_that_all_stands)
-        await self._server.let_go()  # the board restarts, and its ports with it
+        await self._server.let_go()  # the board restarts, and so do its ports
         try:
             return await asyncio.to_thread(work, *arguments)
         finally:

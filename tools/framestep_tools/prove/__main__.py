@@ -18,7 +18,7 @@ app = Command("prove")
 @app.command()
 def main(
     renew: Annotated[
-        bool, typer.Option("--renew", help="keep the figures as those to compare others with")
+        bool, typer.Option("--renew", help="store the figures for comparison with other boards")
     ] = False,
     short: Annotated[bool, typer.Option("--short", help="fewer moves")] = False,
     board: Annotated[str, typer.Option(help="folder in boards/ of the board")] = "pico",

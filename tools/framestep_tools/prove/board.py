@@ -1,4 +1,4 @@
-"""A board to measure: its protocol port, its REPL, its pins. A real one, or the emulated one."""
+"""A board to measure, real or emulated: its protocol port, its REPL, its pins."""
 
 import json
 import re
@@ -18,20 +18,23 @@ from .instrument import Instrument
 from .layout import Layout, layout
 from .report import folder_of
 
-# of an emulated board's last motor: a pulse of the default width is too long for 500 000 steps/s
+# Of an emulated board's last motor, as the default width is too long for 500 000 steps/s
 EMULATED_PULSE_US = 0.5
 EMULATED_CHIP = "rp2040"
-_FORCED_LOW, _FORCED_HIGH = 2, 3  # of a pin's output
-_REMARK = re.compile(r"framestep: .*\r?\n?")  # what framestep tells the user at any time
+_FORCED_LOW, _FORCED_HIGH = 2, 3  # values of a pin's output override
+_REMARK = re.compile(r"framestep: .*\r?\n?")  # framestep may print a remark at any time
 _BOARD = "print(__import__('json').dumps(boot.hal.board))"
 _FREE = "import gc\ngc.collect()\nprint(gc.mem_free())"
 
 
 @dataclass
 class Board:
-    """What is measured. run: code on the REPL, and what it prints; rig: its rig file's settings;
-    expected: the folder in boards/ of the board that the user expects, None for any. ToolError for
-    another one, or one that cannot measure itself; no motor has moved then."""
+    """A board to measure.
+
+    run: runs code on the REPL and returns its output; rig: settings of its rig file; expected: the
+    folder in boards/ of the board that the user expects, None for any. Raises ToolError, before any
+    motor moves, for another board or one that cannot measure itself.
+    """
 
     client: Client
     run: Callable[[str], str]
@@ -68,21 +71,21 @@ class Board:
         self.layout.check()
 
     def settings(self, motor: int) -> Mapping[str, Any]:
-        """What the rig file has for a motor."""
+        """Return the rig file's settings of a motor."""
         motors = self.rig.get("motors") or []
         return motors[motor - 1] or {} if motor <= len(motors) else {}
 
     def step(self, motor: int) -> int:
-        """The pin of a motor's steps; motors from 1."""
+        """Return a motor's step pin; motors count from 1."""
         return self.data["step"][motor - 1]
 
     def direction(self, motor: int) -> int:
-        """The pin of a motor's direction."""
+        """Return a motor's direction pin."""
         return self.data["dir"][motor - 1]
 
     @property
     def kept_off(self) -> dict[int, int]:
-        """Pins that enable drivers, and the level at which they are off."""
+        """Return the drivers' enable pins, with the level that switches them off."""
         enable = self.data["enable"]
         pins = enable if isinstance(enable, list) else [enable]
         return {
@@ -92,8 +95,10 @@ class Board:
 
     @contextmanager
     def drivers_off(self) -> Iterator[None]:
-        """The chip itself holds the drivers' pins at the level at which they are off, whatever
-        framestep wants of them; as they were afterwards."""
+        """Let the chip hold the drivers' enable pins off, whatever framestep requests.
+
+        Afterwards framestep has the pins again.
+        """
         pins = self.kept_off
         registers = {pin: self._chip.pin_control + 8 * pin for pin in pins}
         words = dict(zip(pins, self.instrument.get([*registers.values()]), strict=True))
@@ -115,7 +120,7 @@ class Board:
 
 
 def emulated_rig(board: str = "pico") -> dict[str, Any]:
-    """The rig file with which an emulated board is measured."""
+    """Return the rig file with which an emulated board is measured."""
     others = len(board_data(board)["step"]) - 1
     return {"motors": [*[{}] * others, {"pulse_us": EMULATED_PULSE_US}]}
 
@@ -124,7 +129,7 @@ def emulated_rig(board: str = "pico") -> dict[str, Any]:
 def emulated(
     args: tuple[str, ...] = (), board: str = "pico", rig: Mapping[str, Any] | None = None
 ) -> Iterator[Board]:
-    """An emulated board with its frozen image. args: of the emulator."""
+    """Yield an emulated board with its frozen image. args: options of the emulator."""
     from ..simulator.boards import EmulatedBoard, LockstepPort
 
     settings = emulated_rig(board) if rig is None else rig
@@ -135,7 +140,7 @@ def emulated(
 
         def run(code: str) -> str:
             printed = repl.exec(code)
-            chip.run_until(chip.emulator.ns)  # the clock of the client goes on as well
+            chip.run_until(chip.emulator.ns)  # the client's clock goes on as well
             return printed
 
         found = Board(client, run, settings, "emulated", board)
@@ -153,8 +158,8 @@ _TWO_PORTS = (
 def real(
     device: str | None, port: str | None, expected: str | None, say: Callable[[str], None]
 ) -> Iterator[Board]:
-    """The board on USB. device: the protocol's port, port: the REPL's, where they are not found;
-    expected: as Board has it."""
+    """Yield the board on USB. device, port: ports of the protocol and the REPL, if they are not
+    found; expected: see Board."""
     from ..board.repl_device import RIG_FILE, Device
     from ..board.rig_file import parse
     from ..client import port_finder

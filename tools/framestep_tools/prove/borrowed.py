@@ -1,7 +1,7 @@
 """State machines, DMA channels and memory of a board, borrowed for one capture and given back.
 
 Addresses and bits: RP2040 datasheet 2.3.1.7 (pins), 2.5.7 (DMA), 3.7 (PIO); the RP2350 has the same
-but for what chips.py names.
+except for what chips.py names.
 """
 
 import ast
@@ -17,12 +17,12 @@ from .watching import HIGH, LENGTH, LOW, program
 BLOCK_MACHINES = 4
 
 _PIO = (0x50200000, 0x50300000, 0x50400000)
-_SET, _CLEAR = 0x2000, 0x3000  # aliases of registers: these bits are set, cleared
+_SET, _CLEAR = 0x2000, 0x3000  # aliases of registers that set or clear bits
 _RXF, _MACHINE, _MACHINE_BYTES = 0x20, 0xC8, 0x18
 _CLKDIV, _EXECCTRL, _SHIFTCTRL, _ADDR, _INSTR, _PINCTRL = 0, 4, 8, 12, 16, 20
 _SETTINGS = (_CLKDIV, _EXECCTRL, _SHIFTCTRL, _PINCTRL)
-_RESET = [1 << 16, 0x1F000, 0xC0000, 5 << 26]  # of these: a machine that nothing has set up
-_RESTART, _CLKDIV_RESTART = 4, 8  # where these bits of the machines begin
+_RESET = [1 << 16, 0x1F000, 0xC0000, 5 << 26]  # values in a machine that nothing has set up
+_RESTART, _CLKDIV_RESTART = 4, 8  # first bits of the machines' fields
 _WHOLE_CLOCK = 1 << 16
 _JOIN_TX, _JOIN_RX = 1 << 30, 1 << 31
 _JMP, _X_ONES, _PULL = 0x0000, 0xA02B, 0x80A0
@@ -32,15 +32,15 @@ _READ, _WRITE, _COUNT, _CONTROL_QUIET = 0x0, 0x4, 0x8, 0x10
 _ENABLED, _WORDS = 1, 2 << 2
 _LEVELS = 0xD0000004
 
-_CHUNK = 256  # stamps read at a time: the board has little memory
-# Half words that regions and units take of the store, see moves/upload/chunks.py
+_CHUNK = 256  # stamps in one read: the board has little memory
+# Half words of the store's regions and units, see moves/upload/chunks.py
 _ROOM = (
     "w = words()\nprint(addressof(store()), 2 * w[{BOTTOM}], 2 * (w[{SIZE}] - {UNIT} * w[{USED}]))"
 )
 _CLAIM = "prove_dma = [rp2.DMA() for _ in range({count})]\nprint([d.channel for d in prove_dma])"
 _RELEASE = "for d in prove_dma: d.close()\nprove_dma = None"
 _DUMP = "print(b2a_base64(memoryview(store())[{begin}:{end}]).decode(), end='')"
-# A program is a list; all but its instructions is as in the motors' one
+# A program is a list; only its instructions differ from the motors' program
 _LOAD = """
 from framestep.hal.rp2.pulses import step_pulses
 prove_code = list(step_pulses)
@@ -56,17 +56,17 @@ _UNLOAD = "rp2.PIO({block}).remove_program(prove_code)\nprove_code = None"
 
 
 class CannotCapture(ToolError):
-    """The board's state machines cannot be borrowed; the text says why."""
+    """The board's state machines cannot be borrowed. The text says why."""
 
 
 class Registry:
-    """A board's registers, by its REPL. run: runs code there and gives what it printed."""
+    """A board's registers, through its REPL. run: runs code there and returns its output."""
 
     def __init__(self, run: Callable[[str], str]):
         self.run = run
 
     def put(self, *pairs: tuple[int, int]) -> None:
-        """Write words, (address, word), in this order."""
+        """Write words, each (address, word), in this order."""
         for i in range(0, len(pairs), 8):
             words = ",".join(f"{address},{value}" for address, value in pairs[i : i + 8])
             self.run(f"put({words})")
@@ -77,7 +77,7 @@ class Registry:
 
 
 def unused(registers: Registry, block: int) -> set[int]:
-    """The state machines of a block that nothing has set up."""
+    """Return the state machines of a block that nothing has set up."""
     enabled = registers.get(_PIO[block])[0]
     found = set()
     for i in range(BLOCK_MACHINES):
@@ -88,7 +88,7 @@ def unused(registers: Registry, block: int) -> set[int]:
 
 
 def fits(registers: Registry, block: int) -> bool:
-    """Whether a block has room for the program that watches."""
+    """Return whether a block has room for the watching program."""
     if _load(registers, block, False) < 0:
         return False
     registers.run(_UNLOAD.format(block=block))
@@ -100,8 +100,8 @@ def _load(registers: Registry, block: int, both: bool) -> int:
 
 
 class Borrowed:
-    """machines: one for each of the pins, of one block; the others as Instrument.capture has
-    them."""
+    """One capture. machines: one of the same block for each pin; see Instrument.capture for the
+    others."""
 
     def __init__(
         self,
@@ -128,7 +128,7 @@ class Borrowed:
         return self._base + _MACHINE + i * _MACHINE_BYTES + register
 
     def begin(self) -> int:
-        """Borrow all of it and let it run; the board's microsecond in which it began."""
+        """Borrow everything and start it. Return the board's microsecond of the start."""
         self._measure_room()
         self._save()
         self._origin = _load(self._registers, self._block, self._both)
@@ -145,7 +145,7 @@ class Borrowed:
         first = sum(1 << (drop if self._skip else keep) for keep, drop in self._channels)
         self._put(
             (_DMA + self._chip.trigger, first),
-            # for the next time that they begin, when all that is to be kept has been
+            # for their next start, when all wanted stamps have been kept
             *((_DMA + d * _CHANNEL_BYTES + _COUNT, self._chip.count) for _, d in self._channels),
         )
         start = f"put({self._base + _SET},{self._bits})"
@@ -214,8 +214,7 @@ class Borrowed:
         return self._at + 4 * self._size * i
 
     def end(self) -> list[tuple[int, int]]:
-        """Give all of it back; for each pin how many stamps were kept and how many edges there
-        were."""
+        """Give everything back. Return for each pin the number of kept stamps and of edges."""
         if self._origin < 0:
             return []
         counts = []
@@ -231,7 +230,7 @@ class Borrowed:
     def _stop_channels(self) -> None:
         channels = [channel for pair in self._channels for channel in pair]
         self._put(
-            # each chained to itself, which is to none
+            # chained to itself means to none
             *(
                 (_DMA + c * _CHANNEL_BYTES + _CONTROL_QUIET, c << self._chip.chain)
                 for c in channels
@@ -246,7 +245,10 @@ class Borrowed:
             shift = settings[_SETTINGS.index(_SHIFTCTRL)]
             self._put(
                 *((self._machine(i, k), word) for k, word in zip(_SETTINGS, settings, strict=True)),
-                (self._machine(i, _SHIFTCTRL), shift ^ _JOIN_TX),  # a change empties the FIFOs
+                (
+                    self._machine(i, _SHIFTCTRL),
+                    shift ^ _JOIN_TX,
+                ),  # changing this bit empties the FIFOs
                 (self._machine(i, _SHIFTCTRL), shift),
                 (self._machine(i, _INSTR), _JMP | at),
             )
@@ -254,8 +256,8 @@ class Borrowed:
         self._put((self._base + _SET, restart), (self._base + _SET, self._enabled))
 
     def _count(self, keep: int, drop: int) -> tuple[int, int]:
-        """Stamps kept, and edges, by what the two channels have left to do. The counter of a
-        channel that has not begun means nothing."""
+        """Return the numbers of kept stamps and of edges, from the counters of the two channels.
+        The counter of a channel that has not begun means nothing."""
         registers = _DMA + keep * _CHANNEL_BYTES, _DMA + drop * _CHANNEL_BYTES
         left, dropped, state = self._get(
             *(at + _COUNT for at in registers), registers[0] + _CONTROL_QUIET
@@ -264,11 +266,11 @@ class Borrowed:
             kept = self._size - left
             return kept, self._skip + kept
         if self._skip and dropped <= self._skip:
-            return 0, self._skip - dropped  # where nothing was to be kept yet
+            return 0, self._skip - dropped  # nothing had to be kept yet
         return self._size, self._skip + self._size + self._chip.count - dropped
 
     def read(self, i: int, count: int) -> np.ndarray:
-        """The first stamps of the i-th pin."""
+        """Read the first stamps of the i-th pin."""
         data = b""
         first = self._place(i) - self._store
         for begin in range(0, count, _CHUNK):

@@ -1,4 +1,4 @@
-"""What would keep motors from being measured, asked before any of them moves."""
+"""Check whether anything keeps motors from being measured, before any of them moves."""
 
 from collections.abc import Sequence
 
@@ -16,17 +16,17 @@ from ..client.refusals import what_stops
 from ..errors import ToolError
 from ..payloads import GetExceeded, VirtGetPosition
 
-# How far a motor goes from where it stands: to and fro, so that it stays near
+# How far a motor goes from its position; it goes to and fro, so it stays close
 ROOM_UP, ROOM_DOWN = 150_000, 12_000  # steps
 _FORGET = "reset the board, which forgets what a host has set, and begin again"
 
 
 def check(client: Client, motors: Sequence[int], stand: Sequence[int]) -> None:
-    """ToolError if one of these motors would be refused to move as far as it has to; the text says
-    what to do. stand: the position of motor 1, 2, …"""
+    """Raise ToolError if one of these motors could not move as far as it has to. The text says what
+    to do. stand: positions of motors 1, 2, …"""
     why = what_stops(client)
     if why:
-        raise ToolError(f"{why}: put that right first, as nothing can be measured so")
+        raise ToolError(f"{why}: correct that first, as nothing can be measured")
     if _aims(client):
         raise ToolError(f"the camera is aimed at a point, and motors move together: {_FORGET}")
     for motor in motors:
@@ -38,8 +38,8 @@ def check(client: Client, motors: Sequence[int], stand: Sequence[int]) -> None:
             raise ToolError(f"motor {motor} is switched off by the host: {_FORGET}")
         if bits & (SET_AT_UPPER | SET_AT_LOWER):
             raise ToolError(
-                f"motor {motor} stands at a limit switch: move it off, or where no switch is "
-                "connected take `limits` out of the rig file (framestep rig edit)"
+                f"motor {motor} is at a limit switch: move it off, or if no switch is connected "
+                "take `limits` out of the rig file (framestep rig edit)"
             )
         upper, lower = told.upper, told.lower
         if (bits & SET_UPPER and upper is not None and upper < at + ROOM_UP) or (
@@ -47,13 +47,13 @@ def check(client: Client, motors: Sequence[int], stand: Sequence[int]) -> None:
         ):
             raise ToolError(
                 f"the soft limits of motor {motor} leave it less than {ROOM_DOWN} steps down and "
-                f"{ROOM_UP} up from where it stands: {_FORGET}"
+                f"{ROOM_UP} up from its position: {_FORGET}"
             )
 
 
 def _aims(client: Client) -> bool:
-    """Whether pan and tilt follow other motors, as an aim point is on."""
+    """Return whether an aim point is on, so pan and tilt follow other motors."""
     try:
         return bool(client.request(VirtGetPosition()).aim_enabled)
-    except RequestRefused:  # no virtual axes are set up
+    except RequestRefused:  # no virtual axes are configured
         return False

@@ -1,7 +1,7 @@
-"""Registers of the chips that can measure themselves, where these differ.
+"""Registers that differ between the chips that can measure themselves.
 
-RP2040 datasheet 2.5.7 (DMA), 2.19.6 (pins), 4.6.5 (timer); RP2350 datasheet 12.6, 9.11, 12.8.5; the
-numbers are those of the chips' SDK (hardware_regs).
+RP2040 datasheet 2.5.7 (DMA), 2.19.6 (pins), 4.6.5 (timer); RP2350 datasheet 12.6, 9.11, 12.8.5. The
+numbers come from the chips' SDK (hardware_regs).
 """
 
 from dataclasses import dataclass
@@ -9,11 +9,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Registers:
-    """blocks: of PIO; microseconds: the timer's raw counter; pin_control: of pin 0, eight bytes a
-    pin; output_override: the bit with which its two begin.
+    """Registers of a chip.
 
-    Of DMA: trigger, abort: addresses from its first; increment, silent, busy: bits of a channel's
-    control; chain, request: where these fields of it begin; count: the greatest count.
+    blocks: PIO blocks; microseconds: the timer's raw counter; pin_control: control of pin 0, eight
+    bytes a pin; output_override: first bit of its two-bit field.
+
+    DMA: trigger, abort: addresses relative to the first; increment, silent, busy: bits of a
+    channel's control; chain, request: first bits of these fields in it; count: the largest count.
     """
 
     blocks: int
@@ -45,7 +47,7 @@ CHIPS = {
         request=15,
         count=0x7FFFFFFF,
     ),
-    # not emulated, and not tried on a chip yet
+    # not emulated, and not yet tried on a chip
     "rp2350": Registers(
         blocks=3,
         microseconds=0x400B0028,

@@ -1,4 +1,4 @@
-"""The figures that `framestep prove` measures, and the verdict on each beside the emulated one."""
+"""The figures that `framestep prove` measures, and their verdicts against the emulated board."""
 
 from dataclasses import dataclass
 
@@ -9,8 +9,8 @@ NOT_MEASURED, NOT_COMPARED = "not measured", "not compared"
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure. slack: how far from the emulated one it may be and count as the same, in its
-    unit; share: the same as a part of that figure. The greater of the two holds."""
+    """One figure. slack: largest difference from the emulated one that counts as equal, in its
+    unit; share: the same as a part of that figure. The larger of the two applies."""
 
     key: str
     unit: str
@@ -20,8 +20,7 @@ class Figure:
     how: str
 
     def verdict(self, measured: float | None, emulated: float | None) -> str:
-        """AS_EMULATED, BETTER or WORSE; where one of the two is missing NOT_MEASURED or
-        NOT_COMPARED."""
+        """Return AS_EMULATED, BETTER or WORSE; NOT_MEASURED or NOT_COMPARED if one is missing."""
         if measured is None:
             return NOT_MEASURED
         if emulated is None:
@@ -34,12 +33,12 @@ class Figure:
         return BETTER if (apart < 0) == (self.better == LESS) else WORSE
 
 
-_COMPUTED = 0.25  # computing times of the emulator are right to about 20 %
-_GRAIN_US = 0.05  # of an edge, with the loop's two cycles
+_COMPUTED = 0.25  # the emulator's computing times are right to about 20 %
+_GRAIN_US = 0.05  # resolution of an edge, with the loop's two cycles
 FIGURES = (
     Figure(
         "steps_wrong", "steps", SAME, 0, 0,
-        "over all moves: rising edges counted at the pins less the change of the position reported",
+        "over all moves: rising edges at the pins minus the change of the reported position",
     ),
     Figure(
         "rate_350k", "steps/s", MORE, 0, 1e-4,
@@ -47,12 +46,12 @@ FIGURES = (
     ),
     Figure(
         "edge_350k_us", "µs", LESS, _GRAIN_US, 0,
-        "the same: the farthest that an edge lies from a straight line through them",
+        "the same: the farthest edge from a straight line through them",
     ),
     Figure(
         "rate_together", "steps/s", MORE, 0, 1e-4,
         "as many motors at once as can be watched, at 350 000 steps/s each: all but one, whose "
-        "state machine watches each of the others in turn, or all where machines are left",
+        "state machine watches each of the others in turn, or all if machines are free",
     ),
     Figure(
         "edge_together_us", "µs", LESS, _GRAIN_US, 0.5, "the same: the farthest edge from the line",
@@ -62,7 +61,7 @@ FIGURES = (
     Figure(
         "edge_ramp_us", "µs", LESS, 0.5, 0,
         "runs below: the farthest edge from the ideal path while it accelerates by "
-        "25 000 steps/s², but for the last step before a standstill",
+        "25 000 steps/s², except for the last step before it is at rest",
     ),
     Figure(
         "edge_steady_us", "µs", LESS, 0.2, 0, "runs below: the same at constant velocity",
@@ -81,8 +80,8 @@ FIGURES = (
     Figure("pulse_us_most", "µs", SAME, _GRAIN_US, 0, "the longest of them"),
     Figure(
         "turns_rate_most", "steps/s", LESS, 0, 0.01,
-        "a move that is retargeted, turned and stopped hard, at 5000 steps/s: what the least time "
-        "between two steps comes to; more would be a jerk",
+        "a move that is retargeted, turned and stopped hard, at 5000 steps/s: the highest rate "
+        "between two steps; more would be a jerk",
     ),
     Figure(
         "setup_us_least", "µs", MORE, _GRAIN_US, 0.05,
@@ -90,20 +89,20 @@ FIGURES = (
     ),
     Figure(
         "go_ms", "ms", LESS, 1, 0.1,
-        "from the host writing GO to the first frame of a run, less the pre-roll; known to about "
-        "a millisecond, as the two clocks are compared over USB",
+        "from the host writing GO to the first frame of a run, minus the pre-roll; known to about "
+        "a millisecond, because the two clocks are compared over USB",
     ),
     Figure(
         "tick_us", "µs", LESS, 2, _COMPUTED,
         "up to four motors move at 20 000 steps/s: interrupts in a tick of 1000 µs, on average",
     ),
     Figure("tick_us_most", "µs", LESS, 5, _COMPUTED, "the same, the longest at a time"),
-    Figure("tick_all_us", "µs", LESS, 3, _COMPUTED, "all motors that are measured move: the same"),
+    Figure("tick_all_us", "µs", LESS, 3, _COMPUTED, "the same while all measured motors move"),
     Figure("tick_all_us_most", "µs", LESS, 5, _COMPUTED, "the same, the longest at a time"),
     Figure("late_us", "µs", LESS, 20, 0.5, "the worst lateness of a tick while anything moved"),
     Figure("pass_us", "µs", LESS, 20, _COMPUTED, "a pass of the main loop then, on average"),
     Figure("pass_us_most", "µs", LESS, 200, 0.5, "the longest of them"),
-    Figure("passes_s", "1/s", MORE, 50, 0.3, "how many of them there are in a second"),
+    Figure("passes_s", "1/s", MORE, 50, 0.3, "passes in a second"),
     Figure(
         "reply_ms_median", "ms", LESS, 0.5, 0.5,
         "while up to four motors move: from writing a request to its whole reply, on the host's "
@@ -124,20 +123,20 @@ FIGURES = (
     ),
     Figure(
         "erase_ms", "ms", LESS, 5, 1,
-        "erasing the sector of that file, 4 kB: so long every interrupt is held off",
+        "erasing the sector of that file, 4 kB; every interrupt is blocked for this time",
     ),
     Figure(
         "program_ms", "ms", LESS, 0.2, 1,
-        "programming a page of it, 256 bytes: an eighth of what nine in one call take longer than "
-        "one",
+        "programming a page of it, 256 bytes: an eighth of the difference between nine in one call "
+        "and one",
     ),
     Figure(
         "clock_ppm", "ppm", SAME, 100, 0,
         "the board's microseconds against the host's; a crystal has 30 ppm, a host's clock and USB "
-        "are no better over some seconds",
+        "are not better over some seconds",
     ),
 )  # fmt: skip
-# These depend on how many motors there are and on what the rig file asks for
+# These depend on the number of motors and on the rig file
 OF_THE_RIG = frozenset(
     {
         *("tick_us", "tick_us_most", "tick_all_us", "tick_all_us_most", "late_us"),

@@ -1,9 +1,9 @@
-"""How long a board's flash takes to erase a sector and to program a page, each by itself.
+"""Times of a board's flash to erase a sector and to program a page, each by itself.
 
-Only a sector that belongs to a file of our own is touched past the file system, as framestep does
-for positions that it remembers (firmware/framestep/hal/rp2/flash.py): the file is one sector long,
-so it lies in one; that is found by its first bytes, which are random. If the power fails meanwhile
-the file has lost its content, and nothing else has changed; the next measurement writes it anew.
+This bypasses the file system, as framestep does for remembered positions
+(firmware/framestep/hal/rp2/flash.py), and touches one sector of a file that it makes itself. The
+file is one sector long, so it fills one; its random first bytes show which. If the power fails
+meanwhile, only that file has lost its content. The next measurement writes it again.
 """
 
 import ast
@@ -15,8 +15,8 @@ import numpy as np
 from ..errors import ToolError
 
 _ROUNDS = 5
-# Programmed in one call, which costs as much as for one page besides; they are copied from the
-# memory of uploaded moves, as the REPL has no such piece left
+# Pages in one call, whose own cost is the same as for one page. They are copied from the memory of
+# uploaded moves, because the REPL has no free piece of this size
 _PAGES = 9
 _SCRIPT = """
 import os, rp2
@@ -59,8 +59,8 @@ del prove_flash
 
 
 class FlashTimes(NamedTuple):
-    """In milliseconds: a file of 4 kB written, a sector of 4 kB erased, a page of 256 bytes
-    programmed; the last two None where the file's sector was not found."""
+    """Milliseconds to write a file of 4 kB, to erase a sector of 4 kB, to program a page of 256
+    bytes. The last two are None if the file's sector was not found."""
 
     file_ms: float
     erase_ms: float | None
@@ -68,7 +68,7 @@ class FlashTimes(NamedTuple):
 
 
 def measure(run: Callable[[str], str]) -> FlashTimes:
-    """Measure on the board whose REPL runs code, an Instrument's. ToolError where its file system
+    """Measure on a board. run: an Instrument's, for its REPL. Raises ToolError if the file system
     has no room."""
     found = ast.literal_eval(run(_SCRIPT.format(rounds=_ROUNDS, pages=_PAGES)).strip())
     if isinstance(found, str):
@@ -77,5 +77,5 @@ def measure(run: Callable[[str], str]) -> FlashTimes:
     if not rounds:
         return FlashTimes(file, None, None)
     erase, one, many = np.reshape(rounds, (-1, 3)).T
-    page = (many.min() - one.min()) / (_PAGES - 1)  # the least: a pass came between in the others
+    page = (many.min() - one.min()) / (_PAGES - 1)  # the minimum: passes interrupted the others
     return FlashTimes(file, float(np.median(erase)), float(page))

@@ -1,4 +1,4 @@
-"""What every measurement has: the board, the figures as they gather, where motors stand."""
+"""Common part of all measurements: the board, the figures so far, the motors' positions."""
 
 from collections.abc import Callable, Sequence
 
@@ -6,12 +6,12 @@ from ..payloads import MotorGetPosition
 from .board import Board
 
 STEEPEST = 4_000_000  # steps/s²
-WRAP_US = 1 << 32  # of the board's counter
+WRAP_US = 1 << 32  # of the board's microsecond counter
 
 
 class Gathering:
-    """Measures a board; the figures gather in `figures`. say: told what comes next. short: the
-    motors of one PIO block, and one frame rate."""
+    """Measures a board into `figures`. say: called with what comes next; short: only the motors of
+    one PIO block, and one frame rate."""
 
     def __init__(self, board: Board, say: Callable[[str], None], short: bool = False):
         self.board, self.client, self._say, self._short = board, board.client, say, short
@@ -23,8 +23,8 @@ class Gathering:
         return self.client.request(MotorGetPosition()).steps[: self.board.layout.motors]
 
     def _clocks(self) -> tuple[float, int]:
-        """The host's clock in seconds, and the board's in microseconds, at one moment: of some
-        looks, the one that took least."""
+        """Return the host's clock in seconds and the board's in microseconds at one moment, from
+        the quickest of some readings."""
         looks = []
         for _ in range(5):
             before = self.client.clock()
@@ -35,7 +35,7 @@ class Gathering:
         return host, own
 
     def _note(self, key: str, value: float, worst: Callable[..., float]) -> None:
-        """Keep the worst of a figure that is measured more than once."""
+        """Store a figure; of repeated measurements the worst one."""
         self.figures[key] = worst(value, self.figures.get(key, value))
 
     def _count(self, motor: int, made: int, moved: int) -> None:
@@ -44,16 +44,15 @@ class Gathering:
             self.complaints.append(f"motor {motor}: {made} steps at its pin, {moved} reported")
 
     def _away(self, motor: int, stands: Sequence[int], way: int) -> int:
-        """So many steps from where a motor stands: back where that is not past its begin, so that
-        it stays near that."""
+        """Return a target this many steps away, in the direction that stays closer to the start."""
         at = stands[motor - 1]
         return at - way if at - way >= self._began_at[motor - 1] else at + way
 
     def _up(self, motor: int) -> int:
-        """The level of a motor's direction pin when it counts up."""
+        """Return the level of a motor's direction pin when it counts up."""
         return 0 if self.board.settings(motor).get("invert") else 1
 
 
 def named(motors: Sequence[int]) -> str:
-    """Such as "motor 3" or "motors 1, 2"."""
+    """Return text such as "motor 3" or "motors 1, 2"."""
     return f"motor{'s' * (len(motors) > 1)} {', '.join(map(str, motors))}"

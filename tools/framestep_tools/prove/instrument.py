@@ -1,14 +1,13 @@
 """Edges of a board's pins, stamped by the board itself.
 
-State machines watch: those of motors that stand, as these wait for a command, and those that nobody
-uses. Each watches a pin with a program of eight instructions (watching.py), for which a place is
-taken beside what else a PIO block runs: a loop of two cycles counts x down, and at an edge x goes
-to the FIFO, from where DMA takes it to memory that the uploaded move leaves free. Then the machines
-get back what they had, and never know. All of them begin in the same cycle, so edges of several
-pins have one origin of time.
+State machines watch: unused ones, and those of motors at rest, which wait for a command. Each
+watches a pin with a program of eight instructions (watching.py), next to the other programs of its
+PIO block. A loop of two cycles counts x down; at an edge x goes to the FIFO, and by DMA to memory
+that the uploaded move leaves free. Afterwards the machines get back what they had. All machines
+begin in the same cycle, so edges of several pins have one origin of time.
 
-The board keeps running framestep as it is. What is sent to its REPL is small, as there are about
-10 kB for it: it reads and writes registers that these modules name.
+The board keeps running framestep unchanged. Scripts for its REPL are small, because it has about
+10 kB: they read and write registers that these modules name.
 """
 
 from collections.abc import Callable, Sequence
@@ -45,11 +44,11 @@ def store():
 
 @dataclass(frozen=True)
 class Edges:
-    """What was seen of a pin.
+    """Edges of a pin.
 
-    times_ns: of the edges that were kept, from the begin of the capture; level: that of the pin at
-    the begin; both: whether falling edges were stamped as well; count: of all edges that there
-    were, kept or not.
+    times_ns: times of the kept edges since the start of the capture; level: the pin's level at the
+    start; both: whether falling edges were stamped as well; count: number of all edges, kept or
+    not.
     """
 
     times_ns: np.ndarray
@@ -59,45 +58,45 @@ class Edges:
 
     @property
     def rises_ns(self) -> np.ndarray:
-        """The rising edges that were kept."""
+        """Return the times of the kept rising edges."""
         return self.times_ns[self.level :: 2] if self.both else self.times_ns
 
     @property
     def falls_ns(self) -> np.ndarray:
-        """The falling edges that were kept; none where only rising ones were stamped."""
+        """Return the times of the kept falling edges; none if only rising ones were stamped."""
         return self.times_ns[1 - self.level :: 2] if self.both else self.times_ns[:0]
 
 
 class Instrument:
-    """run: runs code on the board's REPL and gives what it printed; chip: its registers; clock_hz:
-    of its processor."""
+    """Watches a board's pins. run: runs code on its REPL and returns the output; chip: its
+    registers; clock_hz: its processor's clock."""
 
     def __init__(self, run: Callable[[str], str], chip: Registers, clock_hz: int):
         self._chip, self._hz = chip, clock_hz
-        self.begun_us = 0  # when the last capture began, by the board's counter of microseconds
+        self.begun_us = 0  # start of the last capture, by the board's microsecond counter
         run(_SCRIPT)
         self._registry = Registry(run)
 
     def now_us(self) -> int:
-        """The board's counter of microseconds, which wraps at 2^32."""
+        """Return the board's microsecond counter, which wraps at 2^32."""
         return self._registry.get(self._chip.microseconds)[0]
 
     def get(self, addresses: Sequence[int]) -> list[int]:
-        """What registers of the board hold."""
+        """Read registers of the board."""
         return self._registry.get(*addresses)
 
     def put(self, *pairs: tuple[int, int]) -> None:
-        """Write registers of the board: (address, word), in this order."""
+        """Write registers of the board, each (address, word), in this order."""
         self._registry.put(*pairs)
 
     def unused(self) -> frozenset[int]:
-        """The state machines that nothing has set up since the board's start, numbered from 0 over
-        all blocks."""
+        """Return the state machines that nothing has set up since the board's start, numbered from
+        0 over all blocks."""
         blocks = range(self._chip.blocks)
         return frozenset().union(*(unused(self._registry, block) for block in blocks))
 
     def blocks(self) -> list[int]:
-        """The PIO blocks that have room for the program that watches."""
+        """Return the PIO blocks with room for the watching program."""
         return [block for block in range(self._chip.blocks) if fits(self._registry, block)]
 
     def capture(
@@ -109,13 +108,13 @@ class Instrument:
         skip: int = 0,
         most: int = 1 << 20,
     ) -> list[Edges]:
-        """The edges of up to four pins while `during` runs, stamped by as many of these state
-        machines of one PIO block: unused ones, or those of motors that stand meanwhile.
+        """Return the edges of up to four pins while `during` runs.
 
-        both: falling edges as well; skip: so many edges of each pin are only counted before the
-        first that is kept; most: so many are kept of each, or as many as the memory that the pins
-        share out holds. Later ones are only counted.
-        CannotCapture if the motor of a machine moves or the block has no room for the program.
+        machines: one for each pin, all of one PIO block, unused or of motors at rest; both: stamp
+        falling edges as well; skip: number of edges of each pin that are only counted at first;
+        most: number that is kept of each pin, if the shared memory holds them. Later edges are only
+        counted. Raises CannotCapture if the motor of a machine moves, or if the block has no room
+        for the program.
         """
         if not 1 <= len(pins) <= min(len(machines), BLOCK_MACHINES):
             raise ValueError(f"one pin for each of {len(machines)} machines, not {len(pins)}")
@@ -128,7 +127,7 @@ class Instrument:
             self.begun_us = borrowed.begin()
             during()
         except BaseException:
-            with suppress(ToolError):  # the error that is under way tells more
+            with suppress(ToolError):  # the first error says more
                 borrowed.end()
             raise
         counts = borrowed.end()

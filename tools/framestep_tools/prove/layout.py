@@ -1,4 +1,4 @@
-"""Which motors are measured, and which state machines watch them."""
+"""Choice of the motors that are measured and the state machines that watch them."""
 
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -10,9 +10,12 @@ _PINS_AT_ONCE = 2  # steps and direction of a motor
 
 
 class Layout(NamedTuple):
-    """motors: how many the board has, motor 1 on state machine 0 and so on; servos: those of them
-    that are; left_out: {motor: why} of what else is not measured; unused: state machines that
-    nothing has set up; blocks: those of PIO that have room for the program that watches."""
+    """Motors and state machines of a board.
+
+    motors: number of motors, motor 1 on state machine 0 and so on; servos: motors that are servos;
+    left_out: {motor: why} of other motors that are not measured; unused: state machines that
+    nothing has set up; blocks: PIO blocks with room for the watching program.
+    """
 
     motors: int
     servos: Collection[int]
@@ -22,7 +25,7 @@ class Layout(NamedTuple):
 
     @property
     def measured(self) -> list[int]:
-        """The motors that are measured."""
+        """Return the motors to measure."""
         return [m for m in self._steppers if m not in self.left_out]
 
     @property
@@ -31,15 +34,17 @@ class Layout(NamedTuple):
 
     @property
     def groups(self) -> list[tuple[int, ...]]:
-        """The motors that are measured together: those of each PIO block."""
+        """Return the motors that are measured together, grouped by PIO block."""
         found: dict[int, list[int]] = {}
         for motor in self.measured:
             found.setdefault((motor - 1) // BLOCK_MACHINES, []).append(motor)
         return [tuple(motors) for motors in found.values()]
 
     def watchers(self, moving: Collection[int]) -> list[int]:
-        """The state machines that can watch while these motors move: of one block, the one that has
-        most of them; those first that no motor has."""
+        """Return state machines that can watch while these motors move.
+
+        They are of one block, the one with most of them; machines without a motor come first.
+        """
         standing = [m - 1 for m in self._steppers if m not in moving]
         best: list[int] = []
         for block in self.blocks:
@@ -51,7 +56,7 @@ class Layout(NamedTuple):
         return best
 
     def check(self) -> None:
-        """ToolError if there is nothing to measure, or nothing to watch it with."""
+        """Raise ToolError if there is nothing to measure, or no machine to watch with."""
         if not self.measured:
             why = ", ".join(f"motor {m} {text}" for m, text in self.left_out.items())
             raise ToolError(
@@ -71,7 +76,7 @@ class Layout(NamedTuple):
 def layout(
     data: Mapping[str, Any], rig: Mapping[str, Any], unused: Collection[int], blocks: Sequence[int]
 ) -> Layout:
-    """The layout of a board. data: its board's; rig: the settings in its rig file."""
+    """Return a board's layout. data: from its board.json; rig: settings of its rig file."""
     motors = [settings or {} for settings in rig.get("motors") or []]
     servos, left_out = set(), {}
     for motor, settings in enumerate(motors, 1):

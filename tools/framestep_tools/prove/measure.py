@@ -1,4 +1,4 @@
-"""What is measured, one figure of figures.py after another."""
+"""A whole measurement, one figure of figures.py after another."""
 
 from contextlib import suppress
 
@@ -16,8 +16,10 @@ class Measuring(Pins, Processor):
     """A whole measurement."""
 
     def everything(self) -> dict[str, float]:
-        """All of it, one after the other; motors stand again where they began. ToolError before
-        anything moves where something would keep them from it."""
+        """Measure everything, and bring the motors back to their start.
+
+        Raises ToolError, before anything moves, if something would keep a motor from moving.
+        """
         layout = self.board.layout
         self._began_at = self._stands()
         check(self.client, layout.measured, self._began_at)
@@ -56,7 +58,7 @@ class Measuring(Pins, Processor):
         return self.figures
 
     def _go_back(self) -> None:
-        """Every motor to where it stood at the begin, fast if its pulses allow it."""
+        """Bring every motor back to its start, fast if its pulses allow it."""
         for motor in self.board.layout.measured:
             with suppress(RequestRefused):
                 self.client.request(MotorSetSpeed(motor, STEADY_HZ, STEEPEST))

@@ -1,4 +1,4 @@
-"""What is measured at the pins: steps, edges, pulses, runs, DMX."""
+"""Measurements at the pins: steps, edges, pulses, runs, DMX."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -23,10 +23,10 @@ CRUISE, SHORT_CRUISE = 12_000, 4_000  # steps at constant velocity
 RATES = (5000, 3000, 1500, 600)  # steps/s of the four motors of a run
 RAMP = 25_000  # steps/s²
 RUN_S = 0.6
-HELD = 2  # frames at both ends of a run: a motor that holds there needs no roll
+HELD = 2  # frames at rest at both ends of a run, so the motors need no roll
 ROLL_MS = 200
 TURNING_HZ, TURNING_RAMP = 5_000, 100_000
-_BREAK_US = 60  # a longer low on a DMX line is no slot
+_BREAK_US = 60  # a longer low on a DMX line is a break
 
 
 class Pins(Gathering):
@@ -35,8 +35,10 @@ class Pins(Gathering):
     def _watched(
         self, moving: Sequence[int], pins_of_one: int = 1, only: Sequence[int] = ()
     ) -> Iterator[tuple[list[int], Sequence[int]]]:
-        """Which state machines watch which of these motors (or only those), so many pins of each;
-        with few machines some motors at a time."""
+        """Yield state machines with the moving motors (or only `only`) that they watch.
+
+        If there are few machines, they watch some motors at a time.
+        """
         machines = self.board.layout.watchers(moving)
         at_once = min(len(machines), BLOCK_MACHINES) // pins_of_one
         watched = only or moving
@@ -51,7 +53,7 @@ class Pins(Gathering):
         edge_key: str,
         only: Sequence[int] = (),
     ) -> None:
-        """Motors at a rate, all of them watched or only some."""
+        """Measure motors at a rate, all of them or only some."""
         try:
             for motor in motors:
                 self.client.request(MotorSetSpeed(motor, rate, STEEPEST))
@@ -70,7 +72,7 @@ class Pins(Gathering):
         rate_key: str,
         edge_key: str,
     ) -> None:
-        """Motors at this rate, which has been set; some of them are watched."""
+        """Move motors at this rate, which has been set, and watch some of them."""
         ramp = rate * rate // (2 * STEEPEST)
         cruise = SHORT_CRUISE if self._short else CRUISE
         before = self._stands()
@@ -99,7 +101,7 @@ class Pins(Gathering):
             self._note(edge_key, float(off) / 1000, max)
 
     def _together(self) -> None:
-        """As many motors at once as can be watched: all, if machines are left that no motor has;
+        """Measure as many motors at once as possible: all, if there are machines without a motor,
         else all but one, whose machine watches one of the others."""
         motors = self.board.layout.measured
         keys = "rate_together", "edge_together_us"
@@ -114,7 +116,7 @@ class Pins(Gathering):
             self._steady(moving, STEADY_HZ, *keys, only=[motor])
 
     def _turns(self, motors: Sequence[int]) -> None:
-        """To and fro: retargeted in motion, turned, stopped hard."""
+        """Measure motions to and fro: retargeted in motion, turned, stopped hard."""
         for machines, watched in self._watched(motors, pins_of_one=2):
             self._turn(machines, watched)
 
@@ -130,7 +132,7 @@ class Pins(Gathering):
                     client.request(MotorMove(motor, before[motor - 1] + way))
                 client.pump(0.04)
             client.wait_idle()
-            for way in (0, 200):  # turned at rest, however slow the host is
+            for way in (0, 200):  # turned at rest, even if the host is slow
                 for motor in motors:
                     client.request(MotorMove(motor, before[motor - 1] + way))
                 client.wait_idle()
@@ -138,7 +140,7 @@ class Pins(Gathering):
                 client.request(MotorMove(motor, before[motor - 1] + 2000))
             client.pump(0.1)
             client.request(MotorStopAll())
-            client.request(MotorStopAll())  # the second one is the hard stop (field note 4.4)
+            client.request(MotorStopAll())  # the second STOP_ALL is the hard stop (field note 4.4)
             client.wait_idle()
 
         board = self.board
@@ -162,7 +164,7 @@ class Pins(Gathering):
                 self._note("setup_us_least", float(setup.min()) / 1000, min)
 
     def _signed(self, motor: int, steps: Edges, turns: Edges) -> int:
-        """Steps up less steps down, by the level of the direction pin at each."""
+        """Return steps up minus steps down, by the level of the direction pin at each."""
         levels = turns.level ^ np.searchsorted(turns.times_ns, steps.rises_ns) & 1
         up = int(np.count_nonzero(levels == self._up(motor)))
         return up - (len(levels) - up)
@@ -184,7 +186,7 @@ class Pins(Gathering):
         fps_milli: int,
         key: str,
     ) -> None:
-        """A run of all these positions, of which those of some motors are watched."""
+        """Play these positions, and watch some of the motors."""
         client, board = self.client, self.board
         for motor in positions:
             client.request(MotorSetSpeed(motor, 20_000, STEEPEST))
@@ -228,7 +230,8 @@ class Pins(Gathering):
         self._note("go_ms", began - (gone[0] - host) * 1000 - ROLL_MS, max)
 
     def _dmx(self) -> None:
-        """The frames on the pin of DMX, all levels 0: each slot is low for 36 µs and high for 8."""
+        """Measure frames on the DMX pin with all levels 0: each slot is low for 36 µs, high for
+        8."""
         wiring = self.board.data.get("dmx")
         if not wiring or self.board.rig.get("dmx") is False:
             return
@@ -251,7 +254,8 @@ class Pins(Gathering):
 
 
 def trapezoids(fps_milli: int) -> list[np.ndarray]:
-    """Positions of four motors, frame by frame: from rest to their RATES, and to rest again."""
+    """Return positions of four motors, frame by frame: from rest to their RATES and back to
+    rest."""
     t = np.arange(round(RUN_S * fps_milli / 1000) + 1) * 1000 / fps_milli
     total = t[-1]
     moves = []

@@ -1,4 +1,4 @@
-"""What is measured of the processor, the ports, the memory and the flash."""
+"""Measurements of the processor, the ports, the memory and the flash."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -51,10 +51,10 @@ _LATE = re.compile(r"worst lateness of a tick in motion: (\d+) us")
 
 
 class Processor(Gathering):
-    """Asks, uploads, and looks at the clock while motors move."""
+    """Measures requests, uploads and the processor's load while motors move."""
 
     def _turning(self, seconds: float, motors: Sequence[int] = ()) -> None:
-        """These motors, or the first four, on their way for so long at least."""
+        """Keep these motors, or the first four, moving for at least this long."""
         stands = self._stands()
         for motor in motors or self.board.layout.groups[0]:
             way = round(TICK_HZ * (seconds + 0.2))
@@ -70,7 +70,7 @@ class Processor(Gathering):
             begun = client.clock()
             client.answer_to(client.send(kinds[i % len(kinds)]()))
             taken.append(1000 * (client.clock() - begun))
-            client.pump(0.0005 * (i % 7))  # at any moment of the board's passes
+            client.pump(0.0005 * (i % 7))  # at varying moments of the board's passes
         client.request(MotorStopAll())
         client.wait_idle()
         self.figures["reply_ms_median"] = float(np.median(taken))
@@ -92,7 +92,8 @@ class Processor(Gathering):
         client.request(requests[-1])
 
     def _passes(self) -> None:
-        """Passes of the main loop while four motors move, by something that counts around each."""
+        """Measure passes of the main loop while four motors move, with a wrapper around each
+        pass."""
         self._turning(WATCHED_S)
         self.client.pump(0.1)
         begun = self.client.clock()

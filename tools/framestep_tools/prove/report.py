@@ -1,4 +1,4 @@
-"""What `framestep prove` has found: a table, a file for programs, a page to attach to an issue."""
+"""Report of `framestep prove`: a table, a file for programs, a page to attach to an issue."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -12,14 +12,17 @@ from ..paths import BOARDS, version
 from .figures import FIGURES, OF_THE_RIG, WORSE
 
 EMULATED = Path(__file__).with_name("emulated.json")
-FORM = 1  # of the files
+FORM = 1  # version of the files' format
 
 
 @dataclass(frozen=True)
 class Report:
-    """board: its folder in boards/; where: its port; figures: what was measured; complaints: what
-    was wrong, as text; emulated: the figures beside them; remarks: what was measured otherwise than
-    on a board without a rig file, as text."""
+    """Result of a measurement.
+
+    board: its folder in boards/; where: its port; figures: measured values; complaints: texts about
+    faults; emulated: values for comparison; remarks: texts about differences from a board without a
+    rig file.
+    """
 
     board: str
     where: str
@@ -32,7 +35,7 @@ class Report:
 
     @property
     def rows(self) -> list[tuple[str, str, str, str, str]]:
-        """[(figure, measured, emulated, unit, verdict)]."""
+        """Return [(figure, measured, emulated, unit, verdict)]."""
         return [
             (
                 figure.key,
@@ -46,11 +49,11 @@ class Report:
 
     @property
     def worse(self) -> list[str]:
-        """The figures that are worse than those of the emulated board."""
+        """Return the figures that are worse than the emulated board's."""
         return [key for key, _, _, _, verdict in self.rows if verdict == WORSE]
 
     def as_json(self) -> dict[str, Any]:
-        """For programs."""
+        """Return the report for programs."""
         return {
             "form": FORM,
             "framestep": version(),
@@ -66,7 +69,7 @@ class Report:
         }
 
     def as_markdown(self) -> str:
-        """For an issue."""
+        """Return the report as Markdown, for an issue."""
         lines = [
             f"# framestep {version()} on {self.board}",
             "",
@@ -85,7 +88,7 @@ class Report:
         return "\n".join(lines) + "\n"
 
     def write(self, folder: Path) -> list[Path]:
-        """Write prove-<board>-<date>.json and .md; their paths."""
+        """Write prove-<board>-<date>.json and .md. Return their paths."""
         name = f"prove-{self.board}-{date.today().isoformat()}"
         texts = {".json": json.dumps(self.as_json(), indent=2) + "\n", ".md": self.as_markdown()}
         paths = []
@@ -101,7 +104,7 @@ class Report:
 
 
 def number(value: float | None) -> str:
-    """A figure as it stands in a table."""
+    """Format a figure for a table."""
     if value is None:
         return "–"
     if abs(value) >= 1000:
@@ -110,21 +113,23 @@ def number(value: float | None) -> str:
 
 
 class Emulated(NamedTuple):
-    """What an emulated board has measured. motors: how many of its motors were measured."""
+    """Figures of an emulated board. motors: number of its measured motors."""
 
     motors: int
     figures: Mapping[str, float]
 
     def beside(self, motors: int, plain: bool) -> dict[str, float]:
-        """The figures to compare those of a board with that many motors with; plain: its rig file
-        asks for nothing that costs time or memory, or changes pulses."""
+        """Return the figures for comparison with a board of this many motors.
+
+        plain: no setting of its rig file costs time or memory, or changes pulses.
+        """
         same = plain and motors == self.motors
         return {key: self.figures[key] for key in self.figures if same or key not in OF_THE_RIG}
 
 
 def emulated_boards() -> dict[str, Emulated]:
-    """{folder in boards/: what that board has measured, emulated}; ToolError where the figures are
-    those of another version."""
+    """Return {folder in boards/: figures of that emulated board}. Raises ToolError if the figures
+    are of another version."""
     found = json.loads(EMULATED.read_text(encoding="utf-8"))
     if found["framestep"] != version():
         raise ToolError(
@@ -135,7 +140,7 @@ def emulated_boards() -> dict[str, Emulated]:
 
 
 def renew(board: str, motors: int, figures: Mapping[str, float]) -> None:
-    """Keep these as the figures of an emulated board; those of another version go."""
+    """Store the figures of an emulated board, and drop those of other versions."""
     rounded = {key: float(f"{value:.6g}") for key, value in figures.items()}
     found = json.loads(EMULATED.read_text(encoding="utf-8"))
     boards = found["boards"] if found["framestep"] == version() else {}
@@ -145,7 +150,7 @@ def renew(board: str, motors: int, figures: Mapping[str, float]) -> None:
 
 
 def folder_of(name: str) -> str:
-    """The folder in boards/ of a board with this name."""
+    """Return the folder in boards/ of the board with this name."""
     for path in sorted(BOARDS.glob("*/board.json")):
         if json.loads(path.read_text(encoding="utf-8"))["name"] == name:
             return path.parent.name
@@ -153,7 +158,7 @@ def folder_of(name: str) -> str:
 
 
 def show(found: Report) -> None:
-    """Print the table, and what was wrong."""
+    """Print the table and the faults."""
     from rich.console import Console
     from rich.table import Table
 

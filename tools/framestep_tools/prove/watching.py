@@ -1,9 +1,13 @@
-"""The program with which a state machine watches a pin, and what its stamps mean."""
+"""The program of a state machine that watches a pin, and the meaning of its stamps."""
 
 import numpy as np
 
-CYCLES = 2  # of the loop: the resolution of a stamp
-HIGH, LOW, LENGTH = 2, 6, 8  # where a machine waits while its pin is high, low; instructions
+CYCLES = 2  # of the loop; also the resolution of a stamp
+HIGH, LOW, LENGTH = (
+    2,
+    6,
+    8,
+)  # addresses at which a machine waits while its pin is high, low; length in instructions
 
 _JMP_X, _JMP_PIN = 0x0040, 0x00C0  # RP2040 datasheet 3.4
 _ISR_X, _PUSH, _NOP = 0xA0C1, 0x8000, 0xA042
@@ -11,7 +15,7 @@ _STAMP, _PASS_BY = (_ISR_X, _PUSH), (_NOP, _NOP)
 
 
 def program(origin: int, both: bool) -> list[int]:
-    """The instructions that stamp a pin's edges, or its rising edges alone, from `origin` on."""
+    """Return the instructions, loaded at `origin`, that stamp a pin's edges or only rising ones."""
     return [
         *_STAMP,
         _JMP_X | origin + HIGH + 1,
@@ -23,10 +27,10 @@ def program(origin: int, both: bool) -> list[int]:
 
 
 def times_ns(stamps: np.ndarray, both: bool, skip: int, clock_hz: int) -> np.ndarray:
-    """Times of the edges of consecutive stamps, ns since the begin. skip: stamps before the first.
+    """Return the times of consecutive stamps, ns since the start. skip: stamps before the first.
 
-    A pass of the loop takes two cycles and counts one; an edge takes two more, counted by none, and
-    so does a falling edge that is passed by.
+    A turn of the loop takes two cycles and counts one. An edge takes two more cycles, which are not
+    counted. So does a falling edge that is not stamped.
     """
     before = np.append(0xFFFFFFFF, stamps[:-1]).astype(np.int64)
     passes = np.cumsum((before - stamps) & 0xFFFFFFFF)

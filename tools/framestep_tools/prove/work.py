@@ -1,4 +1,4 @@
-"""One measurement from its begin to its report."""
+"""One measurement, from its start to its report."""
 
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
@@ -10,7 +10,13 @@ from .measure import Measuring
 from .report import Emulated, Report
 
 _MICROPYTHON = "import sys\nprint(sys.version.split('; ')[-1])"
-_PLAIN = {"motors", "motor_count", "name", "dialect", "ports"}  # settings that cost nothing
+_PLAIN = {
+    "motors",
+    "motor_count",
+    "name",
+    "dialect",
+    "ports",
+}  # settings that cost no time or memory
 _PLAIN_MOTOR = {"invert", "enable_high", "pulse_us"}
 
 
@@ -27,10 +33,10 @@ def prove(
     emulated: Mapping[str, Emulated],
     say: Callable[[str], None],
 ) -> Report:
-    """Measure a board. emulated: the boards to compare it with; say: told what comes next.
+    """Measure a board. emulated: boards to compare it with; say: called with what comes next.
 
-    If the measurement breaks off, the report has the figures until then, and says so; ToolError if
-    there are none.
+    If the measurement breaks off, the report has the figures so far and says so. Raises ToolError
+    if there are none.
     """
     micropython = board.run(_MICROPYTHON).strip()
     measuring = Measuring(board, say, options.short)
@@ -38,7 +44,7 @@ def prove(
         with nullcontext() if options.with_drivers else board.drivers_off():
             measuring.everything()
     except ToolError as error:
-        if "upload_frames" not in measuring.figures:  # the first one
+        if "upload_frames" not in measuring.figures:  # the first figure
             raise
         measuring.complaints.append(f"the measurement broke off here: {error}")
     known = emulated.get(board.folder)
@@ -56,8 +62,8 @@ def prove(
 
 
 def is_plain(board: Board) -> bool:
-    """Whether the board runs its image without an overlay, and no setting of its rig file takes
-    time or memory."""
+    """Return whether the board runs its image without an overlay, and no setting of its rig file
+    costs time or memory."""
     motors = range(1, board.layout.motors + 1)
     return (
         not board.overlay
@@ -67,7 +73,7 @@ def is_plain(board: Board) -> bool:
 
 
 def _remarks(board: Board, known: Emulated | None, count: int, plain: bool) -> list[str]:
-    """What stands in the report about the board and its rig file."""
+    """Return the report's remarks about the board and its rig file."""
     found = [f"motor {m} was left out: it {why}" for m, why in board.layout.left_out.items()]
     if board.layout.servos:
         servos = ", ".join(map(str, sorted(board.layout.servos)))
@@ -75,7 +81,9 @@ def _remarks(board: Board, known: Emulated | None, count: int, plain: bool) -> l
     if board.overlay:
         found.append("an overlay is in use: edited modules replace the image's")
     if known is None:
-        found.append("no emulated board is of this kind, so nothing stands beside these figures")
+        found.append(
+            "no emulated board is of this kind, so these figures are compared with nothing"
+        )
     elif not plain or count != known.motors:
         found.append(
             "figures that depend on the rig file are not compared: the emulated board runs the "
