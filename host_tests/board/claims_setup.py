@@ -1,4 +1,4 @@
-"""Runs on the board: claims pins as an engine does, some microseconds after it was told."""
+"""Runs on the board: claims pins as an engine does, some microseconds after a request."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""Modules of the core by themselves, for tests that need a board with little else on it."""
+"""Single modules of the core, for tests that need a board with little else on it."""
 
 from collections.abc import Iterable
 
@@ -6,8 +6,8 @@ from framestep_tools.building.board_files import compiled, folded
 
 
 def board_modules(names: Iterable[str]) -> dict[str, bytes]:
-    """{device path: content} of the core's modules named so ("io/lights"), compiled as they are for
-    a board.
+    """Return {device path: content} of the core's modules with these names ("io/lights"), compiled
+    as for a board.
 
     Their constants keep their names: the tests' own programs import them.
     """

@@ -32,7 +32,7 @@ MODULES = (
 
 
 def port_files():
-    """What the ports need of the core, and the main loop that answers each frame with itself."""
+    """Return the core's files for the ports, and a main loop that echoes each frame."""
     return {
         **board_modules(MODULES),
         "/ports_echo.py": Path(__file__).with_name("ports_echo.py").read_bytes(),
@@ -40,8 +40,8 @@ def port_files():
 
 
 def power_cycle(emu):
-    """A board fresh from its start, and a host that has opened nothing: for the price of a start of
-    the chip, not of an emulator."""
+    """Return a board fresh from its start, and a host that has opened nothing, in the time of a
+    chip's start instead of an emulator's."""
     emu.cmd("usb", plugged=True)
     for port in range(2):
         emu.cmd("hold", port=port, on=False)
@@ -49,19 +49,19 @@ def power_cycle(emu):
         emu.cmd("open", port=port, on=False)
     emu.reset()
     for port in range(2):
-        emu.cmd("read", port=port)  # what the test before has not read
+        emu.cmd("read", port=port)  # what the test before did not read
     return emu
 
 
 def sealed(number, payload):
-    """A good frame with this payload."""
+    """Return a good frame with this payload."""
     data = struct.pack("<2sIHH", b"DF", number, 0x0123, len(payload)) + payload
     return data + struct.pack("<H", check_bytes(fletcher16(data, 0, len(data))))
 
 
 def frame(size, number, last=None):
-    """A good frame of `size` bytes in all, its payload random; with `last`, one that ends with this
-    byte."""
+    """Return a good frame of `size` bytes in total, its payload random; its last byte is `last`, if
+    given."""
     for seed in itertools.count(number):
         data = sealed(number, random.Random(seed).randbytes(size - 12))
         if last in (None, data[-1]):
@@ -73,7 +73,7 @@ def run(repl, code="loop(port, echo)"):
 
 
 def stop(repl):
-    """Ctrl-C into what runs."""
+    """Send Ctrl-C to the running program."""
     repl.serial.write(b"\x03")
     with pytest.raises(ReplError, match="KeyboardInterrupt"):
         repl.finish(2)

@@ -7,8 +7,8 @@ from framestep.protocol.frames import DAMAGED, FRAME, FrameReader
 
 
 class Echo:
-    """Reader and writer of the port. `damaged` counts bad frames, `frames` good ones; `limit` stops
-    taking bytes."""
+    """Reader and writer of the port. `damaged` counts bad frames, `frames` good ones; above `limit`
+    the reader takes no more bytes."""
 
     def __init__(self, size=4096):
         self.reader = FrameReader()
@@ -85,7 +85,7 @@ def loop(port, echo):
 
 
 def exchange(port, echo, count, frames):
-    """Take in so many frames, and send 70 bytes for each, with the heap locked."""
+    """Take `frames` frames, and send 70 bytes for each, with the heap locked."""
     reader = echo.reader
     print("go")
     micropython.heap_lock()

@@ -1,9 +1,9 @@
 """Runs on the board: kernel and engine, fed with segments.
 
-The test puts numbers in the place of the constants of `stepper`.
+The test puts numbers in place of the constants of `stepper`.
 """
 
-# ruff: noqa: F821 - `stepper` is not there, its names are numbers by then
+# ruff: noqa: F821 - the test replaces the names of `stepper` by numbers
 import time
 
 import machine
@@ -22,7 +22,7 @@ def configure(width, setup, invert):
         kernel.configure(i, engine.fifo(i), width, setup, invert)
 
 
-# A list of segments for all motors, fed as there is room
+# A list of segments for all motors, fed when there is room
 moves = []
 
 

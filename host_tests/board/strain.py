@@ -1,15 +1,15 @@
-"""Any requests in any order on the emulated board, while somebody works on its REPL: memory taken
-to the last byte, long C calls, Ctrl-C, files read, prints, bench commands.
+"""Any requests in any order on the emulated board, while a person works on its REPL: memory used to
+the last byte, long C calls, Ctrl-C, files read, prints, bench commands.
 
     make fuzz BOARD=emulator ARGS="--requests 20000 --seed 1 --quiet"
     ... --overlay framestep.pulse.tick framestep.motors.axis
 
-Every sound request is answered once and in time, whatever stops the motors is answered for, the
-motors end where their edges say, no tick in motion comes late, interrupts are not off for long, and
-the firmware is alive at the end. HARD_STOP 100 may come where the REPL keeps passes away for longer
-than queues last; how often it came, and why, is reported. quiet: nobody works on the REPL, and
-HARD_STOP 100 is a fault. overlay: these modules of the image are replaced by the same in RAM, as
-`framestep flash` does it with edited ones.
+Every valid request gets one answer in time, whatever stops the motors gets an answer, the motors
+end where their edges say, no tick in motion comes late, interrupts are not off for long, and the
+firmware runs at the end. HARD_STOP 100 may come if the REPL prevents passes for longer than queues
+last; the report says how often it came, and why. quiet: nobody works on the REPL, and HARD_STOP 100
+is a fault. overlay: these modules replace those of the image, in RAM, as `framestep flash` does it
+with edited ones.
 """
 
 import argparse
@@ -41,9 +41,9 @@ REST_S = 40
 CHUNK = 250
 REPLY = 0x8000
 
-# What somebody does on the REPL. What takes memory holds it in a function, so that it is free again
-# in any case; in small pieces, as any word in memory that looks like a pointer to one keeps that
-# one.
+# What a person does on the REPL. A function holds the memory that it takes, so that it is always
+# free again; in small pieces, because any word in memory that looks like a pointer to one keeps
+# it.
 HELPERS = """
 import gc, os, time
 def take(ms, size=1024):
@@ -97,11 +97,11 @@ BEARABLE = ("MemoryError", "KeyboardInterrupt")
 
 
 class Broken(AssertionError):
-    """What may not happen has; the text says what and when."""
+    """Something forbidden has happened; the text says what and when."""
 
 
 def pool():
-    """(type, payload) of every request in the scripts of host_tests/runtime."""
+    """Return (type, payload) of every request in the scripts of host_tests/runtime."""
     sys.path.insert(0, str(RUNTIME))
     try:
         scripts = [importlib.import_module(name).script() for name in SCRIPTS]
@@ -138,7 +138,7 @@ class Strain:
         self.number = 0
         self.counts: collections.Counter[str] = collections.Counter()
         self.slowest = 0  # ns
-        self.slowest_of = ""  # its request, and what ran on the REPL
+        self.slowest_of = ""  # that request, and what ran on the REPL
         self.told: collections.Counter[str] = collections.Counter()
         self.edges: collections.Counter[int] = collections.Counter()
         self.positions: list[int] = []
@@ -148,7 +148,7 @@ class Strain:
         self.busy = False  # the REPL runs something
         self.endless = False
         board.protocol.open_port(True)
-        # framestep is up: opening the REPL sends Ctrl-C, which would end its start
+        # this waits for the start of framestep: opening the REPL sends Ctrl-C, which would end it
         self.ask(m.MSG_HI)
         self.repl = board.emulator.repl()
         self.repl.exec(HELPERS)
@@ -176,7 +176,7 @@ class Strain:
             self.judge()
 
     def judge(self):
-        """Ticks are in time, interrupts are on, queues are filled."""
+        """Check that ticks are in time, interrupts on, queues filled."""
         self.late_us = max(self.late_us, self.timing.worst_late())
         if self.late_us > LATE_US:
             raise self.broken(f"a tick in motion was {self.late_us} µs late")
@@ -197,7 +197,7 @@ class Strain:
                 self.counts[f"HARD_STOP {frame.payload[0]}"] += 1
             return
         if frame.id in self.damaged:
-            return  # what is wrong with it may be told late
+            return  # its error may come late
         if frame.id in self.left:
             raise self.broken(f"an answer for the client before, type 0x{frame.type:X}")
         sent = self.waiting.pop(frame.id, None)
@@ -222,7 +222,7 @@ class Strain:
         self.counts["requests"] += 1
 
     def ask(self, kind, payload=b""):
-        """The payload of the answer."""
+        """Return the payload of the answer."""
         self.send(kind, payload)
         while self.waiting:
             self.pass_time(5)
@@ -234,7 +234,7 @@ class Strain:
             f" the last of which were\n" + "\n".join(self.recent)
         )
 
-    # ---- what comes
+    # ---- what happens
 
     def spoilt(self, payload):
         dice, changed = self.dice, bytearray(payload)
@@ -246,7 +246,7 @@ class Strain:
         return bytes(changed)
 
     def play(self):
-        """An upload, a run and its GO, whatever else comes meanwhile."""
+        """Do an upload, a run and its GO, whatever else happens meanwhile."""
         dice = self.dice
         frames = dice.choice((2, 12, 40))
         self.send(m.MSG_MOTOR_STOP_ALL, b"")
@@ -270,7 +270,7 @@ class Strain:
         self.wander(dice.choice((20, 800)))
 
     def virtual(self):
-        """A rig of any type, its motors fast or slow; a motion of it, and what ends that."""
+        """Configure a rig of any type, with fast or slow motors; begin a motion, and end it."""
         dice = self.dice
         self.send(m.MSG_MOTOR_STOP_ALL, b"")
         self.wander(400)
@@ -313,7 +313,7 @@ class Strain:
             self.wander(dice.choice((10, 300)))
 
     def wander(self, ms):
-        """Time passes, with work on the REPL."""
+        """Let time pass, with work on the REPL."""
         end = self.board.now_ns + ms * 1_000_000
         while self.board.now_ns < end:
             self.work()
@@ -326,11 +326,11 @@ class Strain:
             payload = self.spoilt(payload)
         chance = dice.random()
         self.turns += 1
-        # by count and not by chance, so that short runs have them too, whatever the board answers
+        # by count and not by chance, so that short runs have them too, whatever the answers
         if self.turns % 100 == 50:
             data = bytearray(encode(kind, payload, 0x7FFF0000))
             data[dice.randrange(2, len(data))] ^= 1 << dice.randrange(8)
-            self.send(m.MSG_HI, b"")  # in front of it, as damage may swallow what follows
+            self.send(m.MSG_HI, b"")  # before it, because damage may swallow what follows
             while self.waiting:
                 self.pass_time(5)
             self.damage(bytes(data))
@@ -349,7 +349,7 @@ class Strain:
             self.send(kind, payload)
 
     def damage(self, data):
-        """What comes back for it counts nothing; a while later all is as before."""
+        """Send damaged bytes; ignore the answer, and expect no effect a while later."""
         self.counts["damaged"] += 1
         self.damaged.add(int.from_bytes(data[2:6], "little"))
         self.board.protocol.receive(data)
@@ -358,7 +358,7 @@ class Strain:
         self.board.protocol.transmit()
 
     def leave(self):
-        """The host closes the port, and comes back."""
+        """Close the host's port, and open it again."""
         self.counts["closed"] += 1
         self.board.protocol.open_port(False)
         self.board.run_until(self.board.now_ns + self.dice.choice((30, 300)) * 1_000_000)
@@ -373,7 +373,7 @@ class Strain:
     # ---- the REPL's end
 
     def work(self):
-        """Begin something on the REPL, or see whether it has ended; Ctrl-C ends what would not."""
+        """Start something on the REPL, or see whether it has ended; Ctrl-C ends endless work."""
         dice = self.dice
         serial = self.repl.serial
         if self.busy:
@@ -383,7 +383,7 @@ class Strain:
             serial.timeout = 0
             self.heard += serial.read(100_000)
             out, *ended = self.heard.split(b"\x04", 2)
-            # the firmware may say something before the prompt or after
+            # the firmware may print something before or after the prompt
             if len(ended) < 2 or b">" not in ended[1]:
                 return
             self.busy = False
@@ -404,7 +404,7 @@ class Strain:
             self.counts["REPL"] += 1
 
     def calm(self):
-        """The REPL stands at its prompt."""
+        """Wait until the REPL is at its prompt."""
         for _ in range(400):
             if not self.busy:
                 return
@@ -412,10 +412,10 @@ class Strain:
             self.pass_time(20)
         raise self.broken(f"{self.piece!r} on the REPL does not end")
 
-    # ---- all of it
+    # ---- the whole
 
     def check(self):
-        """At rest: where the motors say they are they have been brought by their edges."""
+        """Compare at rest: the motors' positions are those of their edges."""
         if self.estop:
             self.estop = False
             self.board.emulator.set_pin(ESTOP, 0)
@@ -448,8 +448,8 @@ class Strain:
 
     faults = 0
     late_us = 0  # of the worst tick in motion
-    masked_us = 0.0  # the longest that interrupts were off
-    least_queued = 1000  # ticks, of a motor in motion with more to come
+    masked_us = 0.0  # the longest time with interrupts off
+    least_queued = 1000  # ticks, of a motor in motion with more planned
     heard = b""
     piece = ""
     answer = None
@@ -476,7 +476,7 @@ class Strain:
         self.check()
         alive = "(lambda it: (it.alive, it.failure))(__import__('framestep.boot').boot.runner)"
         for _ in range(5):
-            # what had filled the memory may not be found free at once
+            # memory that was full may not be free at once
             with contextlib.suppress(ReplError):
                 if self.repl.eval(alive) != (True, None):
                     raise self.broken("the firmware is not alive")

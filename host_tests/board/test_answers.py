@@ -1,5 +1,5 @@
-"""How soon requests are answered while motors play, by the emulated clock, with the model of the
-flash cache."""
+"""How soon requests get their answers while motors play, by the emulated clock, with the model of
+the flash cache."""
 
 import numpy as np
 import pytest
@@ -13,8 +13,8 @@ from framestep_tools.simulator.boards import EmulatedBoard
 
 WORST_MS = 10  # design.md's goal
 WORST_VIRTUAL_MS = 15
-EDGE_MS = 10  # from GO to the first edge, 3 of them until the ramp comes to the first step
-APART_NS = 1000  # of the motors' first edges
+EDGE_MS = 10  # from GO to the first edge, 3 of them until the ramp's first step
+APART_NS = 1000  # between the motors' first edges
 
 
 @pytest.fixture(scope="module")
@@ -41,13 +41,13 @@ def test_right_after_go_and_in_play(session, fps):
 
 @pytest.mark.parametrize("again", [False, True], ids=["first", "again"])
 def test_from_go_to_the_first_edge(session, again):
-    """READY for 300 ms, what waits is there already: acknowledgement and edges at once, those of
-    all motors in step."""
+    """After 300 ms in READY everything is prepared: the acknowledgement and the edges come at once,
+    those of all motors in step."""
     client = session.client
     board = session.board
     session.prepare({motor: np.arange(20) * 2000 for motor in range(1, 9)}, 60_000, 25)
     if again:
-        client.request(MotorSetSpeed(1, 70_000, STEEPEST))  # what had been planned is dropped
+        client.request(MotorSetSpeed(1, 70_000, STEEPEST))  # drops what was planned
     client.pump(0.3)
     assert client.request(MotorStatus()).idle
     board.emulator.trace_start(board.pins.pins)

@@ -1,5 +1,5 @@
-"""The frozen image: positions, light levels and triggers of a long move share memory, and are
-played. What does not fit is told."""
+"""The frozen image: positions, light levels and triggers of a long move share memory and are
+played. The firmware says what does not fit."""
 
 from itertools import pairwise
 
@@ -14,17 +14,17 @@ from host_tests.board.test_io import DMX_PIN, Wire
 from host_tests.end_to_end.session import Session, run_request
 
 FRAMES, MOTORS, CHANNELS, FPS = 2000, 8, 32, 24
-FIRST, LAST = 1970, 1984  # scene frames that are played
+FIRST, LAST = 1970, 1984  # the scene frames played
 
 
 def changes(levels):
-    """The levels that differ from the one before."""
+    """Return the levels that differ from the one before."""
     return [int(new) for old, new in pairwise(levels) if new != old]
 
 
 def test_two_thousand_frames_with_lights_and_triggers():
-    """Eight motors, 32 channels that change at random at each frame and a trigger on each one fit;
-    what is played is seen on the wire and on the pins."""
+    """Eight motors, 32 channels that change at random at each frame and a trigger at each frame
+    fit; they are played correctly on the wire and on the pins."""
     random = np.random.default_rng(14)
     levels = random.integers(0, 256, (CHANNELS, FRAMES))
     outputs = random.integers(0, 4, FRAMES)

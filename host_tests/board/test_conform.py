@@ -1,6 +1,6 @@
 """`framestep conform` against the emulated board through its port, as `make emu` serves it.
 
-Short, and nothing that is judged by a clock: how fast the board is emulated is up to the computer.
+They are short, and no clock judges: the computer decides how fast it emulates the board.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ from framestep_tools.errors import DONE
 
 @contextlib.contextmanager
 def served(rig):
-    """The lines that `make emu` prints: its pseudo-terminal, its address."""
+    """Yield the lines that `make emu` prints: its pseudo-terminal, its address."""
     process = subprocess.Popen(
         [sys.executable, "-m", "framestep_tools.simulator.emu", "--speed", "1",
          "--tcp", "127.0.0.1:0", "--rig", str(rig)],
@@ -37,7 +37,7 @@ def served(rig):
 
 @pytest.fixture
 def conform(capsys):
-    """The command on a device: its last line, what it complains."""
+    """Return the command on a device, which gives its last line and its errors."""
 
     def run(device, *subjects):
         words = [word for subject in subjects for word in ("--subject", subject)]
@@ -50,7 +50,7 @@ def conform(capsys):
 
 
 def test_no_false_alarm(conform, tmp_path):
-    """By either port, one after the other."""
+    """Over either port, one after the other."""
     rig = tmp_path / "rig.json"
     rig.write_text('{"motor_count": 2}')
     with served(rig) as (terminal, tcp):

@@ -1,5 +1,5 @@
-"""TMC2209 drivers on the emulated board's UART, simulated chips at the other end: set up before
-they are enabled, and stopped by a fault."""
+"""TMC2209 drivers on the emulated board's UART, with simulated chips at the other end: the firmware
+sets them up before it enables them, and their faults stop it."""
 
 import numpy as np
 import pytest
@@ -34,8 +34,8 @@ RIG = {
 
 
 class DrivenBoard(EmulatedBoard):
-    """A board whose driver UART leads to chips, once `connected`; they begin to answer within half
-    a millisecond."""
+    """A board whose driver UART leads to chips, after connect(); they answer within half a
+    millisecond."""
 
     def __init__(self, **settings):
         self.connected = False
@@ -60,11 +60,11 @@ class DrivenBoard(EmulatedBoard):
             if answers:
                 self.emulator.uart_send(UART, answers)
             if until_output:
-                return  # who waits for output asks again
+                return  # the caller asks again
 
     def connect(self):
-        """The drivers get their supply."""
-        self.emulator.uart_read(UART)  # what has been asked so far nobody has heard
+        """Switch the drivers' supply on."""
+        self.emulator.uart_read(UART)  # nobody has heard the requests so far
         self.connected = True
 
     def said(self):
@@ -79,7 +79,7 @@ def talk():
 
 @pytest.fixture
 def moving(talk):
-    """The same, with drivers that are set up."""
+    """Yield the same, with drivers that are set up."""
     if not talk.board.connected:
         talk.board.connect()
         talk.run(2.0)
@@ -87,7 +87,7 @@ def moving(talk):
 
 
 def enables(talk):
-    """[(motor, level, time in s)] of the enable pins since the last forget()."""
+    """Return [(motor, level, time in s)] of the enable pins since the last forget()."""
     found = []
     for motor in (1, 2, 3, 4):
         signal = talk.trace().signals.get(f"enable{motor}")
@@ -107,7 +107,7 @@ def test_nothing_moves_before_the_drivers_answer(talk):
 
 
 def test_set_up_then_enabled(talk):
-    """The supply comes on: every register arrives, whole and confirmed, and only then a driver is
+    """With the supply on, every register arrives, complete and confirmed, and only then a driver is
     switched on."""
     board = talk.board
     talk.forget()
@@ -136,8 +136,8 @@ def test_set_up_then_enabled(talk):
 
 
 def test_watching_delays_neither_tick_nor_reply(moving):
-    """Edges while the drivers are asked are as even as without: a constant velocity in constant
-    intervals. Answers come within the 10 ms that they may take beside motion."""
+    """While the firmware checks the drivers, edges are as even as without: a constant velocity has
+    constant intervals. Answers come within the 10 ms allowed in motion."""
     talk = moving
     for motor in (2, 3):
         talk.speed(motor, 10_000, 100_000)
@@ -192,7 +192,7 @@ def test_a_fault_in_motion(moving):
     assert trust[2] == (positions.KNOWN, positions.SET)
     assert talk.position(3) == talk.made(3)
     talk.refuse(m.ERR_GENERAL, MotorMove(2, 0))
-    # cooled down: set up again, and not moved until it is asked to
+    # cooled down: set up again, and at rest until the next request
     talk.forget()
     board.chips[1].status &= ~0x02
     talk.run(1.5)
@@ -207,7 +207,7 @@ def test_a_fault_in_motion(moving):
 
 
 def test_one_port_tells_it_with_ctrl_c():
-    """`ports: 1`: the host gets nothing but messages; what could not be said comes with the REPL's
+    """`ports: 1`: the host gets only messages; the firmware's texts come with the REPL's
     prompt."""
     with DrivenBoard(ports=1) as board:
         talk = Session(board, motors=4, reply_s=0.1)
@@ -221,7 +221,7 @@ def test_one_port_tells_it_with_ctrl_c():
         talk.run(0.8)
         assert [message for _, message in talk.events(HardStop)] == [HardStop(m.HARD_STOP_FAULT)]
         assert talk.ask(GetCondition()).bits & m.CONDITION_DRIVER
-        talk.accept(MotorMove(1, 100))  # the LED shows no fault any more, but there was one
+        talk.accept(MotorMove(1, 100))  # the LED no longer shows the fault
         talk.run(0.3)
         assert talk.bytes_for(b"", 0.1) == []
         talk.port.write(b"\r\x03")

@@ -1,7 +1,7 @@
-"""The firmware as a board gets it: both dialects, the REPL beside a run, nothing allocated, one
-port for both.
+"""The firmware as on a board: both dialects, the REPL during a run, no allocation, one port for
+both.
 
-What the motors do is in test_realtime.py; how the ports behave by themselves in test_usb_port.py
+test_realtime.py tests how the motors move; the ports alone are the subject of test_usb_port.py
 and test_stdin_port.py.
 """
 
@@ -21,7 +21,7 @@ FRAMES = 40
 
 
 def move(session, motors=(1, 2, 3, 4), frames=FRAMES):
-    """Positions that begin where the motors are."""
+    """Return positions that begin where the motors are."""
     stands = session.positions
     k = np.arange(frames)
     return {
@@ -75,7 +75,7 @@ def assert_form(session, wide):
 
 
 def test_form_of_the_answers(session):
-    """Field note 1.4, and that the next host is greeted again (1.5) by a rig that has come to rest
+    """Field note 1.4; the next host is greeted again (1.5) by a rig that has come to rest
     (1.11)."""
     assert_form(session, wide=False)
     session.leave()
@@ -93,8 +93,8 @@ def test_form_of_the_answers_in_the_other_dialect():
 
 
 def test_repl_beside_a_run(session):
-    """Whoever works on the REPL meanwhile, calculating and collecting garbage, disturbs neither
-    edges nor answers."""
+    """A program on the REPL that calculates and collects garbage disturbs neither edges nor
+    answers."""
     positions = move(session)
     stands = load(session, positions)
     repl = session.board.emulator.repl()
@@ -113,8 +113,8 @@ def test_repl_beside_a_run(session):
 
 
 def test_nothing_is_allocated(session):
-    """Over a whole session the heap grows by no byte; what the REPL itself takes is measured first
-    and taken off."""
+    """Over a whole session the heap grows by no byte, apart from the bytes for the REPL itself,
+    which are measured first."""
     positions = move(session)
     repl = session.board.emulator.repl()
     repl.exec("import gc")
@@ -123,7 +123,7 @@ def test_nothing_is_allocated(session):
         return repl.eval("gc.mem_alloc()")
 
     def between(work):
-        """Bytes taken from before to after; garbage counts, as nothing is collected in between."""
+        """Return the bytes allocated by work(), including garbage: nothing is collected."""
         repl.exec("gc.collect()\ngc.disable()")
         before = taken()
         work()
@@ -142,14 +142,14 @@ def test_nothing_is_allocated(session):
         session.refuse(Ack.ERR_RANGE, MotorMove(9, 2**30))
         session.wait_idle()
 
-    whole_session()  # what is made at the first time of anything
+    whole_session()  # allocates whatever is made once
     own = between(lambda: session.run(2.0))
     assert between(whole_session) == own
 
 
 def test_one_port():
-    """`ports: 1`: the protocol on the REPL's port. A move from upload to RT_END, then Ctrl-C gives
-    the REPL back."""
+    """`ports: 1`: the protocol on the REPL's port. A move from upload to RT_END, then Ctrl-C
+    returns to the REPL."""
     with EmulatedBoard({"ports": 1}) as board:
         session = Session(board)
         positions = move(session, (1, 2))
@@ -165,8 +165,8 @@ def test_one_port():
             return board.protocol.transmit()
 
         assert typed(b"\r\x03").endswith(b">>> ")
-        # it is a REPL as any other: Ctrl-C ends a program, what an exception in the core says is
-        # seen
+        # it is an ordinary REPL: Ctrl-C ends a program, and the text of an exception in the core
+        # is visible
         assert b">>> " not in typed(b"while True: pass\r\r")
         assert b"KeyboardInterrupt" in typed(b"\x03")
         typed(b"import framestep.repl\r")
@@ -182,9 +182,9 @@ def test_one_port():
 
 
 def test_one_port_closed_within_a_frame():
-    """There is no DTR to be seen. A frame's beginning left by the client before is never carried
-    out, nor any mixture of it with what comes next: that is damaged at most. And the next client's
-    first request is answered."""
+    """There is no DTR. The beginning of a frame from an earlier client never has an effect, nor
+    does a mixture of it with later bytes: at most that is damaged. The next client's first request
+    gets its answer."""
     with EmulatedBoard({"ports": 1}) as board:
         port = board.protocol
         left = (

@@ -1,5 +1,5 @@
-"""What goes wrong on the emulated board: every edge until the motors stand, the outputs, and what
-the host is told.
+"""Faults on the emulated board: every edge until the motors rest, the outputs, and the messages to
+the host.
 
 E-stop and limit switches in motion and an exception in the main loop are in test_io.py.
 """
@@ -40,8 +40,7 @@ def hang(urgent):
         pass
 b.controller.axes.feed = hang
 """
-# Ticks queued, of the motor in motion with more to come that has the fewest, at the least of so
-# many looks
+# The fewest ticks queued of a motor in motion with more planned, in this many looks
 QUEUED = f"""
 import framestep.boot as b
 def least(looks):
@@ -61,7 +60,7 @@ def handler():
     raise ValueError("in a handler")
 b.controller.handlers[0x21] = handler
 """
-# Waits of 2 ms each, more of them than the FIFO holds; in one go, as a loop would let other code in
+# Waits of 2 ms each, more than the FIFO holds; in one line, as a loop would let other code run
 OVERFLOW = f"""
 import machine, framestep.boot as b
 fifo = b.hal.engine.fifo(4)
@@ -82,7 +81,7 @@ def levels(found):
 
 
 def start(found, *moves):
-    """Outputs on, motors on their way. Where they stood."""
+    """Switch outputs on and start motors. Return where these were."""
     before = found.positions
     found.forget()
     found.accept(p.GioOut(1), p.GioCam(m.GIO_CAM_SHUTTER), *moves)
@@ -92,13 +91,13 @@ def start(found, *moves):
 
 
 def away(found, steps=30_000):
-    """Moves of motors 1 and 2 that take seconds."""
+    """Return moves of motors 1 and 2 that take seconds."""
     return p.MotorMove(1, found.position(1) + steps), p.MotorMove(2, found.position(2) - steps)
 
 
 def ramped_down(found, motor, before, failed, within):
-    """The motor came to rest after the fault at its own deceleration, inside its limits, and no
-    step is missing."""
+    """Assert that the motor came to rest after the fault with its own deceleration, within its
+    limits; return the position of its steps."""
     times, signs = found.steps(motor)
     assert 0 < times[-1] - failed < within
     assert_within(times, signs, VELOCITY * 1.001, ACCELERATION)
@@ -107,9 +106,9 @@ def ramped_down(found, motor, before, failed, within):
 
 
 def starts_again(found):
-    """After a reset: the board comes up, the host opens its port and is greeted."""
+    """Wait for a board after a reset: the host opens its port and is greeted."""
     emulator = found.board.emulator
-    # from here on: where the port is still open, the board may tell all before it is opened again
+    # from here on: if the port is still open, the board may send messages before the host is back
     found.client.events.clear()
     emulator.wait_usb(after=emulator.ns, ports=2)
     found.leave()
@@ -124,7 +123,7 @@ def trust(found):
 
 @pytest.fixture(scope="module")
 def rig():
-    """Moved by one test after the other; each leaves it at rest."""
+    """Yield a session that all tests use in turn; each leaves it at rest."""
     found = session()
     with found.board:
         yield found
@@ -156,7 +155,7 @@ def test_the_port_is_dropped_in_the_middle_of_a_run(rig):
 
 
 def test_a_queue_that_is_not_filled_in_time(rig):
-    """The main loop has other things to do for a second and a half, and comes back."""
+    """The main loop does something else for a second and a half, then continues."""
     before = start(rig, *away(rig))
     repl = rig.board.emulator.repl()
     repl.exec("import framestep.boot as b\nb.controller.axes.feed = lambda urgent: None")
@@ -180,7 +179,7 @@ def test_a_queue_that_is_not_filled_in_time(rig):
 
 
 def test_a_command_that_finds_its_fifo_full(rig):
-    """Of motor 5, which stands: its position is lost, all others ramp down and keep theirs."""
+    """Of motor 5, which is at rest: its position is lost, all others ramp down and keep theirs."""
     before = start(rig, *away(rig))
     failed = rig.now
     rig.board.emulator.repl().exec(OVERFLOW)
@@ -196,8 +195,8 @@ def test_a_command_that_finds_its_fifo_full(rig):
 
 
 def test_a_host_that_takes_nothing(rig):
-    """Its port is open, but nobody reads: no request would get an answer, so nobody could stop the
-    rig."""
+    """Its port is open, but it does not read: no request would get an answer, so nothing could stop
+    the rig."""
     before = start(rig, *away(rig, 80_000))
     emulator = rig.board.emulator
     emulator.cmd("hold", port=1, on=True)
@@ -214,7 +213,7 @@ def test_a_host_that_takes_nothing(rig):
 
 
 def test_positions_outlive_the_power(rig):
-    """After two seconds at rest they are kept; the first motion spoils what is kept before its
+    """After two seconds at rest they are saved; the first motion clears what is saved before its
     first step."""
     emulator = rig.board.emulator
     rig.accept(
@@ -245,7 +244,7 @@ def test_positions_outlive_the_power(rig):
 
 
 def test_an_exception_inside_a_handler(rig):
-    """Ends the passes; a power cycle starts the board again."""
+    """It ends the passes; a power cycle starts the board again."""
     before = start(rig, *away(rig))
     emulator = rig.board.emulator
     emulator.repl().exec(RAISE)
@@ -263,7 +262,7 @@ def test_an_exception_inside_a_handler(rig):
     assert emulator.pin(ENABLE) == 0
     emulator.cmd("reset")
     emulator.advance(310)
-    assert emulator.pin(ENABLE) == 1  # the drivers are off long before the rest has been loaded
+    assert emulator.pin(ENABLE) == 1  # the drivers are off long before the rest is loaded
     starts_again(rig)
     rig.accept(p.MotorMove(1, rig.position(1) + 100))
     rig.wait_idle()
@@ -280,7 +279,7 @@ def test_a_main_loop_that_hangs(rig):
     emulator = rig.board.emulator
     assert emulator.pin(ENABLE) == 0
     emulator.events(clear=True)
-    # the watchdog's time cut short, to spare this computer some
+    # a shorter time of the watchdog saves computing time
     emulator.repl().start(
         f"import framestep.boot as b\nb.hal.watchdog.arm({TIMEOUT_MS // 4})\n" + HANG
     )
@@ -306,8 +305,7 @@ def test_a_main_loop_that_hangs(rig):
 
 
 def test_how_long_the_main_loop_may_be_away(rig, capsys):
-    """What is queued for the motor that has the least, at its worst: the figures that the README
-    has."""
+    """The shortest queue of any motor, at its worst: these are the README's figures."""
     motors = range(1, 7)
     for motor in motors:
         rig.speed(motor, VELOCITY, ACCELERATION)
@@ -346,8 +344,8 @@ def test_how_long_the_main_loop_may_be_away(rig, capsys):
 
 
 def test_a_call_that_takes_longer_than_the_watchdog_waits(rig):
-    """On the REPL, in C, in motion: the motors ramp down, nothing is lost, the host is told, and
-    all goes on."""
+    """On the REPL, in C, in motion: the motors ramp down, nothing is lost, the host hears of it,
+    and all continues."""
     for motor in (1, 2):
         rig.speed(motor, VELOCITY, ACCELERATION)
         rig.accept(p.MotorResetPosition(motor, 0))
@@ -355,7 +353,7 @@ def test_a_call_that_takes_longer_than_the_watchdog_waits(rig):
     emulator = rig.board.emulator
     emulator.events(clear=True)
     repl = emulator.repl()
-    # the watchdog's time cut short, to spare this computer some
+    # a shorter time of the watchdog saves computing time
     failed = rig.now
     repl.start(
         f"import framestep.boot as b\nb.hal.watchdog.arm({TIMEOUT_MS // 5})\nsum(range(110000))"
@@ -378,8 +376,8 @@ def test_a_call_that_takes_longer_than_the_watchdog_waits(rig):
 
 
 def test_a_tick_that_has_died(rig):
-    """While a call on the REPL takes long: nothing looks after the motors any more, so the board
-    starts again."""
+    """During a long call on the REPL: nothing controls the motors any more, so the board starts
+    again."""
     start(rig, p.MotorMove(1, rig.position(1) + 30_000), p.MotorMove(2, rig.position(2) - 30_000))
     emulator = rig.board.emulator
     emulator.events(clear=True)
@@ -399,7 +397,7 @@ def test_a_tick_that_has_died(rig):
 
 def test_the_watchdog_leaves_the_repl_alone(rig):
     """A soft reset at rest, as mpremote makes one before it copies files: framestep starts again,
-    nothing strikes."""
+    and the watchdog does not act."""
     rig.accept(p.MotorMove(1, rig.position(1) + 100))
     rig.wait_idle()
     emulator = rig.board.emulator

@@ -1,5 +1,5 @@
-"""`framestep flash` and `framestep rig edit`, whole, on an emulated board that runs freely: one
-board for all, in order."""
+"""The whole of `framestep flash` and `framestep rig edit`, on an emulated board that runs freely:
+one board for all tests, in order."""
 
 import os
 import re
@@ -28,9 +28,9 @@ PATIENCE_S = 300
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
-    """A board with the image, and the paths of its two ports.
+    """Yield a board with the image, and the paths of its two ports.
 
-    It is no faster than a real one: what it does while the tools work is of no use here.
+    It is no faster than a real one: the tests do not need what it does while the tools work.
     """
     with (
         Emulator(images.frozen(), files={"/rig.json": RIG}, lockstep=False, speed=1) as emu,
@@ -45,7 +45,7 @@ def bench(tmp_path_factory):
 
 @pytest.fixture
 def flash(bench, capsys, monkeypatch):
-    """Run the command as if these modules had been edited; return what it prints."""
+    """Run the command as if these modules were edited; return what it prints."""
 
     def run(changes=None, *options, status=0):
         modules = board_modules() | (changes or {})
@@ -60,14 +60,14 @@ def flash(bench, capsys, monkeypatch):
 
 
 def files(bench):
-    """{path: content} on the board's file system."""
+    """Return {path: content} on the board's file system."""
     dump = bench.folder / "files.bin"
     bench.emu.cmd("flash_dump", file=str(dump), fs=True)
     return read_image(dump.read_bytes())
 
 
 def steps(bench):
-    """Pulses that 500 steps make."""
+    """Return the pulses that 500 steps make."""
     with Client.open(bench.protocol, timeout_s=PATIENCE_S) as client:
         client.request(MotorSetSpeed(1, 2000, 10_000))
         bench.emu.trace_start([STEP])
@@ -78,7 +78,7 @@ def steps(bench):
 
 
 def test_nothing_was_edited(bench):
-    """The command in a process of its own, on the modules of this very checkout."""
+    """The command in its own process, with the modules of this checkout."""
     command = ["make", "-s", "flash", f"PORT={bench.repl}", f"ARGS=--protocol {bench.protocol}"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -88,7 +88,7 @@ def test_nothing_was_edited(bench):
 
 
 def test_edited_modules_are_copied_and_removed(bench, flash):
-    """An edit, the same again, one that cannot start, a clean board."""
+    """An edit, the same again, an edit that cannot start, a clean board."""
     good = seven_more()
     said = flash(good)
     assert f"copying 1/1 {overlay.FOLDER}/{BACKLASH}" in said
@@ -166,8 +166,8 @@ def test_refused_while_something_moves(bench, flash):
 
 
 def edit(bench, monkeypatch, capsys, old, new, *file, status=0):
-    """`framestep rig edit` with an editor that replaces text, and nothing to answer questions
-    with."""
+    """Run `framestep rig edit` with an editor that replaces text, and without answers to
+    questions."""
     monkeypatch.setenv("EDITOR", f"sed -i 's/{old}/{new}/'")
     monkeypatch.delenv("VISUAL", raising=False)
     monkeypatch.setattr("builtins.input", lambda question: "n")
@@ -193,8 +193,8 @@ def test_rig_edit(bench, monkeypatch, capsys):
 
 
 def test_one_port(bench, flash, monkeypatch, capsys):
-    """Where Ctrl-C ends the controller, it is asked before whether anything moves."""
-    port = serial.Serial(bench.repl, timeout=1)  # of a host that does not ask for the port alone
+    """If Ctrl-C ends the controller, the command asks before it whether anything moves."""
+    port = serial.Serial(bench.repl, timeout=1)  # a host that does not claim the port for itself
     with Client(port, PATIENCE_S) as client:
         client.request(MotorSetSpeed(1, 100, 10_000))
         client.request(MotorMove(1, 1_000_000))

@@ -1,4 +1,4 @@
-"""Homing on the emulated board, its switch opened by the edges on the motor's pins."""
+"""Homing on the emulated board; the edges on the motor's pins open its switch."""
 
 import pytest
 
@@ -28,11 +28,11 @@ RUN_ON = SPEED**2 / (2 * 4 * 20000)  # steps of the hard stop
 
 
 class Rail:
-    """Motor 1 moves it by its edges; at a step and below it opens the switch."""
+    """A rail that motor 1 moves by its edges; at a step and below it opens the switch."""
 
     def __init__(self, session, at, bounce=(), stuck=None):
-        """bounce: levels that the switch has, one each millisecond, whenever it changes. stuck: a
-        level that it does not leave once it has it."""
+        """bounce: levels of the switch after each change, one each millisecond. stuck: a level that
+        it keeps once it has it."""
         self.session = session
         self.emulator = session.board.emulator
         self.at = at
@@ -74,8 +74,9 @@ def session():
 
 
 def test_home(session):
-    """While a call in C on the REPL holds the main loop up for more than a second, the motor comes
-    to its switch: it stops by the hard stop nevertheless, and homing goes on. The REPL is told."""
+    """While a call in C on the REPL holds the main loop up for more than a second, the motor
+    reaches its switch: it makes the hard stop nevertheless, and homing continues. The REPL shows
+    it."""
     repl = session.board.emulator.repl()
     repl.exec("import time")
     rail = Rail(session, -700)
@@ -94,7 +95,7 @@ def test_home(session):
 
 
 def test_stop(session):
-    """Within the fast approach, with soft limits that do not count as the position is lost."""
+    """In the fast approach; soft limits do not count, because the position is lost."""
     session.board.emulator.repl().exec(
         "import framestep.boot as b; b.controller.axes.positions.put(0, 0, 0)"
     )
@@ -109,7 +110,7 @@ def test_stop(session):
 
 
 def lost(session):
-    """As after power-up: the position is lost, without soft limits."""
+    """Yield the state after power-up: the position is lost, without soft limits."""
     session.board.emulator.repl().exec(
         "import framestep.boot as b; b.controller.axes.positions.put(0, 0, 0)"
     )
@@ -127,7 +128,7 @@ def test_bounce(session, bounce):
     rail.run_until_at_rest()
     assert trust(session) == (KNOWN, HOMED)
     assert session.position(1) == 1000 + BACK
-    # found up to as many milliseconds late as it bounces
+    # the switch may be found as many milliseconds late as it bounces
     assert -len(bounce) <= rail.steps - (-400 + BACK) <= 1
     assert session.events(p.HardStop) == []
 
@@ -141,7 +142,7 @@ def test_bounce(session, bounce):
     ],
 )
 def test_switch_that_does_not_work(session, at, stuck, reason, low, high):
-    """The motor comes no further than its travel, or than it backs off; its position is lost."""
+    """The motor goes no further than its travel or its back-off; its position is lost."""
     lost(session)
     rail = Rail(session, at, stuck=stuck)
     session.accept(p.Home())

@@ -1,5 +1,5 @@
-"""`make image`: the UF2 boots on the emulated board and is framestep, with a user's files
-counting."""
+"""`make image`: the UF2 boots on the emulated board and is framestep, with effect of a user's
+files."""
 
 import os
 import struct
@@ -23,9 +23,9 @@ CODE_OF_A_FUNCTION = 12  # offset of the pointer to its machine code (py/objfun.
 
 @pytest.fixture(scope="module")
 def firmware(tmp_path_factory):
-    """What a board's boot ROM makes of the UF2 (github.com/microsoft/uf2): an image from the start
-    of the flash."""
-    # not ARGS of a `make test ARGS=...`, which make would hand on
+    """Return what a board's boot ROM makes of the UF2 (github.com/microsoft/uf2): an image from the
+    start of the flash."""
+    # without ARGS of a `make test ARGS=...`, which make would pass on
     clean = {
         name: value
         for name, value in os.environ.items()
@@ -55,7 +55,7 @@ def firmware(tmp_path_factory):
 
 
 def test_it_boots(firmware):
-    """A drag onto the board is all: framestep runs, the user's rig file counts, motors move."""
+    """After a drag onto the board framestep runs, the user's rig file counts, and motors move."""
     with Emulator(firmware, files={"/rig.json": '{"name": "my crane"}'}) as emu:
         emu.wait_usb(10_000, ports=2)
         with Client(emu.serial(1)) as client:
@@ -70,7 +70,7 @@ def test_it_boots(firmware):
         tick = "id(__import__('framestep.pulse.tick', None, None, ('Header',)).Header.tick)"
         code = repl.eval(f"__import__('machine').mem32[{tick} + {CODE_OF_A_FUNCTION}]")
         assert RAM <= code < RAM + RAM_SIZE, "the tick runs from RAM, not through the flash cache"
-        # numbers in a frozen tuple are no objects, with which a pass could not calculate
+        # numbers in a frozen tuple are not objects, or a pass could not calculate with them
         looked = (
             "[id(bits) & 1 for bits, _ in "
             "__import__('framestep.io.tmc2209', None, None, ('WORDS',)).WORDS]"
@@ -80,8 +80,8 @@ def test_it_boots(firmware):
 
 
 def test_the_longest_move_that_is_promised(firmware):
-    """As many frames as HI tells, for all motors, their steps per frame changing by 511 all the
-    time."""
+    """As many frames as HI reports, for all motors, with steps per frame that always change by
+    511."""
     with Emulator(firmware) as emu:
         emu.wait_usb(10_000, ports=2)
         with Client(emu.serial(1)) as client:
@@ -115,7 +115,8 @@ def test_a_main_py_on_the_board_goes_first(firmware):
 
 
 def test_kernels_that_run_from_ram(firmware):
-    """Those of framestep_tools.building.ram_functions, by their places in the firmware."""
+    """The kernels of framestep_tools.building.ram_functions, by their addresses in the
+    firmware."""
     elf = CACHE / "build" / "image-pico" / "firmware.elf"
     said = subprocess.run(["arm-none-eabi-nm", elf], capture_output=True, text=True, check=True)
     places = {line.split()[2]: int(line.split()[0], 16) for line in said.stdout.splitlines()}

@@ -1,6 +1,6 @@
-"""Onto an emulated board as a user does it: by the command `framestep` of the package, unpacked
-from its wheel, without the sources, a compiler or the modules that only Unix has. An image is
-dropped onto a folder that stands for the board's drive; then a move."""
+"""Installation on an emulated board as a user does it: by the command `framestep` of the package,
+unpacked from its wheel, without the sources, a compiler or the modules that only Unix has. It drops
+an image onto a folder in place of the board's drive; then comes a move."""
 
 import socket
 import threading
@@ -24,8 +24,8 @@ def free_port():
 
 @pytest.fixture
 def bare_board(tmp_path):
-    """A board with BOOTSEL held: its drive, and where its protocol port will be once a UF2 file has
-    come."""
+    """Yield a board with BOOTSEL held: its drive, and where its protocol port will be after a UF2
+    file has come."""
     drive, port = drive_in(tmp_path / "RPI-RP2"), free_port()
     stop, started = threading.Event(), []
 

@@ -1,5 +1,5 @@
-"""The emulated board: DMX decoded off the wire, pins, E-stop and limit switches during motion,
-every edge judged."""
+"""The emulated board: DMX decoded from the wire, pins, E-stop and limit switches during motion,
+with every edge judged."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def session(rig=None):
 
 
 class Wire:
-    """What comes out of the DMX pin, decoded from its edges alone."""
+    """What leaves the DMX pin, decoded from its edges alone."""
 
     def __init__(self, board):
         self.emulator = board.emulator
@@ -31,8 +31,8 @@ class Wire:
         self.emulator.trace_read()
 
     def frames(self, records):
-        """[(start of break, break, mark after break in ns, slots, longest gap between slots in
-        ns)]"""
+        """Return [(start of break, break, mark after break in ns, slots, longest gap between slots
+        in ns)]."""
         mine = records[records["pin"] == DMX_PIN]
         times, levels = mine["t"].astype(np.int64), mine["level"]
         falls = times[levels == 0]
@@ -40,7 +40,7 @@ class Wire:
         found = []
         breaks = np.flatnonzero(ends - falls > 80_000)
         for k, at in enumerate(breaks[:-1]):
-            begin = ends[at]  # of the mark
+            begin = ends[at]  # the mark's
             until = falls[breaks[k + 1]]
             inside = (times >= begin) & (times < until)
             slots, gaps = self.slots(times[inside], levels[inside], until)
@@ -52,7 +52,7 @@ class Wire:
 
     @staticmethod
     def slots(times, levels, until):
-        """Bytes of a frame by sampling in the middle of each bit; 8 data bits, two stop bits."""
+        """Return a frame's bytes by samples in the middle of bits; 8 data bits, two stop bits."""
         slots = bytearray()
         longest = 0
         at = 1  # times[0] is the rise that begins the mark
@@ -73,8 +73,8 @@ class Wire:
 
 
 def test_dmx_on_the_wire():
-    """Standard: ANSI E1.11; frames at 40 a second or better, whole states only, whatever the motors
-    do."""
+    """Standard: ANSI E1.11; 40 frames a second or more, and only complete states, whatever the
+    motors do."""
     board_session, board = session()
     with board:
         wire = Wire(board)
@@ -88,7 +88,7 @@ def test_dmx_on_the_wire():
         check_timing(frames)
         for frame in frames:
             assert frame[3] == b"\0" + levels
-        # A ramp, while eight motors move: each frame is one state of the lights, and they follow
+        # A ramp while eight motors move: each frame is one state of the lights, and they follow
         # the line
         for motor in EIGHT:
             board_session.speed(motor, 50_000, 200_000)
@@ -130,8 +130,8 @@ def check_timing(frames):
 
 
 def ramp_edges(rig):
-    """Times of the steps of four motors, and by how many microseconds a tick came late at worst
-    meanwhile."""
+    """Return the times of the steps of four motors, and how late a tick came at worst meanwhile,
+    microseconds."""
     board_session, board = session(rig)
     motors = (1, 2, 3, 4)
     with board:
@@ -152,13 +152,13 @@ def ramp_edges(rig):
 
 
 def test_ticks_are_not_delayed():
-    """Step for step the same intervals with DMX ramping on all channels as with none at all."""
+    """The intervals are the same with DMX ramping on all channels as without any."""
     (with_dmx, late), (without, late_without) = ramp_edges(None), ramp_edges({"dmx": False})
     for a, b in zip(with_dmx, without, strict=True):
         assert len(a) == len(b) == 4000
         assert np.abs(np.diff(a) - np.diff(b)).max() < 100e-9
-    # Planning a motion holds a tick off for some 80 µs if it is just then due; edges move from 1800
-    # µs on.
+    # Planning a motion delays a tick by some 80 µs if the tick is due just then; edges move from
+    # 1800 µs on.
     assert max(late, late_without) < 150
 
 
@@ -196,7 +196,7 @@ def test_pins():
 
 
 def test_estop():
-    """Pressed while eight motors cruise, and in the middle of a run of two."""
+    """Press it while eight motors cruise, and in the middle of a run of two."""
     board_session, board = session({"estop": "nc"})
     with board:
         board.emulator.set_pin(ESTOP_PIN, 0)
@@ -214,7 +214,7 @@ def test_estop():
             assert deceleration(times, signs, pressed + 0.004) == pytest.approx(400_000, rel=0.05)
             intervals = np.diff(times[times > pressed + 0.005])
             assert (np.diff(intervals) > -2e-6).all()  # slower and slower
-        # two ticks of pulses on their way, and a ramp of 20 000 steps/s at 400 000 steps/s²
+        # two ticks of pulses are queued, and a ramp of 20 000 steps/s at 400 000 steps/s²
         assert max(last) < 0.050 + 0.004
         assert max(last) - min(last) < 10e-6  # all of them in the same tick
         assert not board_session.events(p.RtEnd)
@@ -242,7 +242,7 @@ def begin(board_session):
 
 
 def pull(board_session, board):
-    """Press the E-stop and let half a second pass; when it was pressed."""
+    """Press the E-stop and let half a second pass; return when it was pressed."""
     board_session.client.events.clear()
     pressed = board_session.now
     board.emulator.set_pin(ESTOP_PIN, 1)
@@ -255,7 +255,7 @@ def pull(board_session, board):
 
 
 def stopped(board_session, motor, start):
-    """Times and directions of a motor's steps; none of them was lost on the way down."""
+    """Return times and directions of a motor's steps; the ramp down lost none."""
     times, signs = board_session.steps(motor)
     assert start[motor] + signs.sum() == board_session.position(motor)
     return times, signs
@@ -296,8 +296,8 @@ def test_limit():
 
 
 def test_an_exception():
-    """What ends the main loop: motors ramp down, outputs go to their safe levels, the host is
-    told."""
+    """It ends the main loop: motors ramp down, outputs go to their safe levels, and the host hears
+    of it."""
     board_session, board = session({"outputs": [{"pin": 26}, {"pin": 22, "safe": "on"}]})
     with board:
         for motor in (1, 2):

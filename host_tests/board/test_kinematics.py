@@ -1,5 +1,5 @@
-"""The kinematics of the virtual axes as machine code of the RP2040: the bits of CPython, in less
-than a millisecond."""
+"""The kinematics of the virtual axes as machine code of the RP2040: the same bits as on CPython, in
+less than a millisecond."""
 
 from framestep_tools.bench.virtual_cost import virtual_update_us
 from framestep_tools.bench.virtual_precision import RIGS

@@ -1,5 +1,5 @@
 """A program on the REPL that switches interrupts off, as drivers of LED strips do: either no edge
-moves, or it is a fault."""
+moves, or there is a fault."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
-"""The store of light levels and triggers as the board's machine code: it answers as on CPython, and
-in time."""
+"""The store of light levels and triggers as machine code of the board: it answers as on CPython,
+and in time."""
 
 from pathlib import Path
 

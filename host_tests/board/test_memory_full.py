@@ -1,5 +1,5 @@
-"""Not a byte of memory is left for anybody: every request is answered, every stop works, and the
-REPL tells it."""
+"""With not a byte of memory free, every request gets its answer, every stop works, and the REPL
+says so."""
 
 import pytest
 
@@ -23,9 +23,8 @@ from host_tests.end_to_end.session import Session, assert_within
 ESTOP, OUTPUT = 19, 22
 VELOCITY, ACCELERATION = 10_000, 50_000
 RIG = {"estop": "nc", "outputs": [{"pin": OUTPUT}], "dmx": False}
-# Takes all memory in ever smaller pieces. While the output is on, something on the REPL holds
-# interrupts off, which is a fault where motors move. Once the output has been on, off and on again,
-# it lets go of the memory.
+# Takes all memory in ever smaller pieces. While the output is on, it switches interrupts off, which
+# is a fault if motors move. Once the output has been on, off and on again, it frees the memory.
 FILL = f"""
 import gc, time, machine
 pin = machine.Pin({OUTPUT})
@@ -69,11 +68,11 @@ def board():
 
 @pytest.fixture(scope="module")
 def full(board):
-    """A session while a program on the REPL has all memory."""
+    """Yield a session while a program on the REPL has all memory."""
     session = Session(board, reply_s=0.1)
     session.positions_before = move(session, frames=40)
     session.stands = load(session, session.positions_before)
-    session.accept(MotorStopAll())  # the run is uploaded and ends again before it began
+    session.accept(MotorStopAll())  # the run is uploaded and ends before it began
     session.run(0.3)
     session.forget()
     session.speed(8, VELOCITY, ACCELERATION)
@@ -138,7 +137,7 @@ def test_a_run(full):
 
 
 def test_a_fault_and_words_for_all_of_it(full):
-    """Words need no memory, either."""
+    """Texts need no memory, either."""
     under_way(full)
     full.accept(GioOut(1))
     full.run(0.4)
@@ -153,7 +152,7 @@ def test_a_fault_and_words_for_all_of_it(full):
 
 
 def test_what_is_released_is_free(emulator):
-    """Though something still points to it: any word of machine code may seem to."""
+    """Even if something seems to point to it, as any word of machine code may."""
     repl = emulator(firmware=images.frozen(), files={"/main.py": b""}).repl()
     repl.exec(
         "import gc\n"

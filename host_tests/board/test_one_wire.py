@@ -1,5 +1,5 @@
-"""The FYSETC ERB on the emulated board: each driver's UART is one pin, which PIO talks and listens
-on. The bits on the pins are decoded, and chips answer on the same pins, bit by bit."""
+"""The FYSETC ERB on the emulated board: each driver's UART is one pin, which PIO writes and reads.
+The test decodes the bits on the pins, and chips answer on the same pins, bit by bit."""
 
 import numpy as np
 
@@ -16,12 +16,12 @@ RIG = {
 }
 BIT_NS = 1e9 / chip.BAUD
 SLICE_NS = 500_000
-WRITES = 12  # registers that are set
-SET_UP_S = 2.0  # the longest that this may take
+WRITES = 12  # registers to set
+SET_UP_S = 2.0  # the longest time for it
 
 
 def decode(times, levels, until):
-    """[(start, byte)] of the characters whose stop bit lies before `until`: 8N1."""
+    """Return [(start, byte)] of the characters whose stop bit comes before `until`: 8N1."""
     found = []
     at = 0
     while at < len(times):
@@ -39,7 +39,7 @@ def decode(times, levels, until):
 
 
 class DrivenBoard(EmulatedBoard):
-    """Chips on the pins, as long as time passes here."""
+    """A board with chips on the pins, while time passes here."""
 
     def __init__(self):
         super().__init__(RIG, board="fysetc_erb")
@@ -50,9 +50,9 @@ class DrivenBoard(EmulatedBoard):
         for pin in PINS:
             self.emulator.set_pin(pin, None)
         begun = self.emulator.ns
-        self.emulator.reset()  # the chips hear this start from its first bit
+        self.emulator.reset()  # the chips receive from the first bit of this start
         self.emulator.trace_start([*self.pins.pins, *PINS])
-        self._records()  # the levels that the pins begin with
+        self._records()  # the first levels of the pins
         while not self._configured(begun):
             self.run_until(self.now_ns + 20 * SLICE_NS)
 
@@ -80,7 +80,7 @@ class DrivenBoard(EmulatedBoard):
                 return
 
     def _serve(self):
-        """Hear what was said in this slice, to the end of the telegram, and answer."""
+        """Receive what was sent in this slice, to the end of the telegram, and answer."""
         records = self._records()
         talks = [pin for pin in PINS if (records["pin"] == pin).any()]
         if not talks:
@@ -102,7 +102,7 @@ class DrivenBoard(EmulatedBoard):
         self._records()
 
     def _asked(self):
-        """Whether the last telegram gets an answer, which is 8 bytes behind the echo of 4."""
+        """Whether the last telegram gets an answer: 8 bytes after the echo of 4."""
         return len(self.wire.telegrams) > 0 and len(self.wire.telegrams[-1][1]) == 4
 
 
@@ -113,7 +113,7 @@ def test_set_up_over_one_pin_each():
         limit = talk.now + SET_UP_S
         while any(len(driver.writes) < WRITES for driver in board.chips) and talk.now < limit:
             talk.run(0.05)
-        talk.run(0.1)  # nor does any more follow
+        talk.run(0.1)  # and no more follows
         for driver, run_ma in zip(board.chips, (800, 300), strict=True):
             assert driver.damaged == 0
             assert len(driver.writes) == WRITES

@@ -1,5 +1,5 @@
 """Modules in /overlay replace the image's. If the board cannot start with them, it starts without
-them. test_flash.py has the command that puts them there."""
+them. test_flash.py tests the command that puts them there."""
 
 import pytest
 
@@ -25,7 +25,7 @@ def firmware():
 
 
 def ident_of(board):
-    """ID of a board's image, as framestep_image has it."""
+    """Return the ID of a board's image, as in framestep_image."""
     return images.image_module(board, board_modules("armv6m", board)).split("'")[1]
 
 
@@ -35,7 +35,7 @@ def ident(firmware):
 
 
 def edited(name, more="", old="", new=""):
-    """A module with a text replaced, and lines added at its end."""
+    """Return a module with a text replaced, and lines added at its end."""
     source = board_sources("pico")[name].decode()
     assert not old or source.count(old) == 1
     text = (source.replace(old, new) + more).encode()
@@ -43,19 +43,19 @@ def edited(name, more="", old="", new=""):
 
 
 def on_board(ident, modules):
-    """Files of a board with this overlay."""
+    """Return the files of a board with this overlay."""
     listing = " ".join([ident, *map(overlay.dotted, modules)]).encode()
     files = {f"{overlay.FOLDER}/{name}": content for name, content in modules.items()}
     return {**files, overlay.LIST: listing}
 
 
 def seven_more(more=""):
-    """backlash.py that makes seven steps more going up."""
+    """Return a backlash.py that makes seven steps more upward."""
     return {BACKLASH: edited(BACKLASH, more, MOTOR, MOTOR.replace("step", "7 + step"))}
 
 
 def pulses(emu):
-    """Pulses that 500 steps make."""
+    """Return the pulses that 500 steps make."""
     with Client(emu.serial(1)) as client:
         client.request(Hi())
         emu.trace_start([STEP])
@@ -71,8 +71,8 @@ def condition(emu):
 
 
 def test_modules_of_an_overlay_run(firmware, ident):
-    """They import frozen modules of their own package, and the other way round; one that is
-    compiled into RAM, and after a soft reset too."""
+    """They import frozen modules of their own package, and these import them; one is compiled into
+    RAM; after a soft reset, too."""
     files = on_board(ident, {**seven_more(), TICK: edited(TICK)})
     with Emulator(firmware, files=files) as emu:
         emu.wait_usb(10_000, ports=2)

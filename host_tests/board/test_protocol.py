@@ -21,7 +21,7 @@ ONCE = {"deadline": None, "phases": [Phase.generate], "suppress_health_check": l
 
 
 def run(emulator, module, call, lines):
-    """What a script of the runtime layer answers on the board to these lines."""
+    """Return what a script of the runtime layer answers on the board to these lines."""
     files = board_modules(MODULES.split())
     files |= {f"/{module}.py": (RUNTIME / f"{module}.py").read_bytes(), "/lines": "".join(lines)}
     repl = emulator(files=files).repl()

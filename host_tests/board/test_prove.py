@@ -1,4 +1,4 @@
-"""`framestep prove` on the emulated board: what the board says of its pins is what the emulator
+"""`framestep prove` on the emulated board: what the board measures on its pins is what the emulator
 saw."""
 
 import numpy as np
@@ -23,7 +23,7 @@ def board():
 
 
 def record(board, pins, motors, both, skip):
-    """A move of some motors: the board's own edges, and the emulator's."""
+    """Return the edges of a move of some motors: the board's own, and the emulator's."""
     client, emulator = board.client, board.chip.emulator
     stands = client.request(MotorGetPosition()).steps
 
@@ -45,8 +45,8 @@ def record(board, pins, motors, both, skip):
     [((1, 2, 3, 4), True, 0), ((5, 6, 7, 8), False, 0), ((2, 3), True, 75), ((6,), False, 1000)],
 )
 def test_the_board_sees_what_the_emulator_sees(board, motors, both, skip):
-    """Each edge within the two cycles of the loop, of all pins from one origin; every edge
-    counted."""
+    """Every edge counts, and is within the two cycles of the loop, with one origin for all
+    pins."""
     steps = [board.step(motor) for motor in motors]
     pins = steps + [board.direction(m) for m in motors] if len(motors) < 3 and both else steps
     found, seen = record(board, pins, motors, both, skip)
@@ -65,7 +65,7 @@ def test_the_board_sees_what_the_emulator_sees(board, motors, both, skip):
 
 
 def test_the_motors_that_watched_move_as_before(board):
-    """What was borrowed has been given back: steps of the motors of both blocks add up."""
+    """The tool has returned what it borrowed: the steps of the motors of both blocks are right."""
     client, emulator = board.client, board.chip.emulator
     before = client.request(MotorGetPosition()).steps
     pins = [board.step(motor) for motor in range(1, 9)]
@@ -84,7 +84,7 @@ def test_the_motors_that_watched_move_as_before(board):
 
 
 def test_the_drivers_stay_off_while_motors_move(board):
-    """Whatever framestep wants of the pin; afterwards it has it back."""
+    """Whatever framestep does with the pin; afterwards it has the pin again."""
     client, emulator = board.client, board.chip.emulator
     pin = board.data["enable"]
     at = client.request(MotorGetPosition()).steps[0]
@@ -104,8 +104,8 @@ def test_the_drivers_stay_off_while_motors_move(board):
 
 
 def test_a_measurement_in_short(board):
-    """Nothing to complain of, every figure is there, and what edges tell is as in the file of the
-    emulated board."""
+    """There are no complaints, every figure is there, and the figures of edges are those in the
+    emulated board's file."""
     before = board.client.request(MotorGetPosition()).steps
     report = prove(board, Options(short=True), emulated_boards(), lambda line: None)
     assert not report.complaints
@@ -147,7 +147,7 @@ RIG = {"motor_count": 6, "motors": [{}, {}, {}, {"servo": {"pin": SERVO_PIN, "at
 
 
 def test_machines_that_no_motor_has_watch_as_well():
-    """Those are left as nothing had used them, a servo's pulses go on, and one machine sees a motor
+    """The tool leaves them as if unused, a servo's pulses continue, and one machine watches a motor
     of its own block while all others move."""
     with emulated(rig=RIG) as board:
         unused = board.instrument.unused()

@@ -1,5 +1,5 @@
-"""Pulses of the real kernel and PIO program on the emulated RP2040: every edge on the pins, and
-what it costs."""
+"""Pulses of the real kernel and PIO program on the emulated RP2040: every edge on the pins, and the
+cost."""
 
 import re
 from fractions import Fraction
@@ -31,13 +31,13 @@ class Board:
         self.exec(SETUP.read_text())
 
     def exec(self, code):
-        """Run code in which the kernel's constants, which the board does not know by name, stand as
-        stepper.NAME."""
+        """Run code with the kernel's constants as stepper.NAME, which the test replaces by
+        numbers."""
         return self.repl.exec(_CONSTANT.sub(lambda m: str(getattr(stepper, m[1])), code)).strip()
 
     def play(self, profile, ms, motors=MOTORS, rest=True, brake=ONE // 10, meanwhile="", pins=None):
-        """Play a motion on the first motors, and give the edges; `cost_us` and `worst_us` are those
-        of the ticks."""
+        """Play a motion on the first motors, and return the edges; `cost_us` and `worst_us` are the
+        ticks'."""
         segments = [(*segment, 0, PER_TICK) for segment in profile.segments(rest)]
         for i in range(0, len(segments), 20):
             self.exec(f"moves.extend({segments[i : i + 20]})")
@@ -55,11 +55,11 @@ class Board:
         return self
 
     def rises(self, motor=0):
-        """Times of the rising edges, ns."""
+        """Return the times of the rising edges, ns."""
         return edge_times(self.edges, FIRST_PIN + 2 * motor, 1).astype(float)
 
     def falls(self, motor=0):
-        """Times of the falling edges, ns; a trace begins with the level that a pin has."""
+        """Return the times of the falling edges, ns; a trace begins with a pin's level."""
         return edge_times(self.edges, FIRST_PIN + 2 * motor, 0).astype(float)[1:]
 
     def turns(self, motor=0):
@@ -76,13 +76,13 @@ def board():
 
 @pytest.fixture
 def pulses(board):
-    """The board with all motors at rest on 0."""
+    """Return the board with all motors at rest on 0."""
     board.exec("end()\nfresh()\nconfigure(0, 625, False)\ntime.sleep_ms(20)")
     return board
 
 
 def errors_us(board, profile, motor=0, ticks=None, skipped=0.0):
-    """Errors of the edges against the ideal, less their median."""
+    """Return the errors of the edges against the ideal, less their median."""
     ideal, _ = profile.steps()
     if ticks is not None:
         ideal = ideal[ideal < ticks]
@@ -108,14 +108,14 @@ def test_steady(pulses, rate, motors):
 
 
 def test_ramp(pulses):
-    """design: 2 µs in a ramp of 100 000 steps/s². And the same edges as the model of the engine has
-    them."""
+    """design: 2 µs in a ramp of 100 000 steps/s². The edges are those of the model of the
+    engine."""
     profile = trapezoid(400, Fraction(1, 10), 20)
     board = pulses.play(profile, 840)
     for motor in range(MOTORS):
         error = errors_us(board, profile, motor)
         assert np.abs(error[:-1]).max() < 2
-        # where the velocity is nothing, the last bit of the position is long
+        # near rest the last bit of the position takes long
         assert abs(error[-1]) < 50
     assert (board.place, board.spread, board.faults, board.mode) == (
         profile.end,
@@ -123,7 +123,7 @@ def test_ramp(pulses):
         0,
         stepper.IDLE,
     )
-    # all motors in step: what lies between two of them is the microsecond of the clock and the code
+    # all motors are in step: two of them differ by the microsecond of the clock and the code
     # between
     first = np.array([board.rises(motor) for motor in range(MOTORS)])
     assert np.ptp(first, axis=0).max() < 2500
@@ -136,7 +136,7 @@ def test_ramp(pulses):
     "width, setup_us, invert", [(0, 5, False), (4, 20, True), (15, 100, False)]
 )
 def test_pulses_and_turns(pulses, width, setup_us, invert):
-    """Pulse width and set-up time as they were asked for, and each edge as in the model."""
+    """Pulse width and set-up time are as set, and each edge as in the model."""
     pulses.exec(f"configure({width}, {setup_us * PER_US}, {invert})")
     profile = Profile([(60, Fraction(1, 10)), (120, Fraction(-1, 10)), (60, Fraction(1, 10))])
     board = pulses.play(profile, 260, 1)
@@ -151,7 +151,7 @@ def test_pulses_and_turns(pulses, width, setup_us, invert):
     model = bench.engines[0]
     model_turns = np.array(model.turns)
     assert np.array_equal(np.diff(rises), np.diff(model.rises) * NS)
-    # The model has direction pins change a cycle late; the first change belongs to the start, timed
+    # In the model direction pins change a cycle late; the first change belongs to the start, timed
     # by the clock.
     there, here = (
         times[times > first] - first
@@ -164,8 +164,8 @@ def test_pulses_and_turns(pulses, width, setup_us, invert):
 
 @pytest.mark.parametrize("after_us, away_us", [(500, 200), (500, 1000), (50, 2000)])
 def test_interrupts_off_for_a_while(pulses, after_us, away_us):
-    """No edge moves. after_us: from a tick to the hole; the tick is then late by what the hole goes
-    beyond the next."""
+    """No edge moves. after_us: from a tick to the gap; the next tick is late if the gap goes beyond
+    it."""
     profile = Profile([(160, 0)], v=Fraction(20_000, 1000))
     meanwhile = (
         "time.sleep_ms(20)\n"
@@ -182,8 +182,8 @@ def test_interrupts_off_for_a_while(pulses, after_us, away_us):
 
 @pytest.mark.parametrize("after_us, away_us", [(900, 2000), (500, 50_000)])
 def test_interrupts_off_for_too_long(pulses, after_us, away_us):
-    """A fault and a ramp from what velocity is left: no edge faster than before, no burst, no step
-    lost or added."""
+    """A fault and a ramp from the remaining velocity: no edge is faster than before, there is no
+    burst, and no step is lost or added."""
     rate, brake = 20_000, 1000  # a brake of 1000 steps/s each ms
     profile = Profile([(160, 0)], v=Fraction(rate, 1000))
     meanwhile = f"time.sleep_ms(20)\naway({after_us}, {away_us})"
@@ -197,7 +197,7 @@ def test_interrupts_off_for_too_long(pulses, after_us, away_us):
         gaps = np.diff(rises)[100:]
         assert gaps.min() > 0.99e9 / rate
         if away_us > 1000 * rate / brake:
-            # the ramp would have been over by the end of the hole
+            # the ramp would have ended by the end of the gap
             assert gaps.max() < 1.01e9 / rate
             continue
         hole = int(np.argmax(gaps > 1.5e9 / rate))
@@ -205,7 +205,7 @@ def test_interrupts_off_for_too_long(pulses, after_us, away_us):
         assert len(after) > 50
         assert after.max() <= rate - brake + 1
         assert (np.diff(after) < 20).all()
-    # what comes next is exact again
+    # the next motion is exact again
     pulses.exec(
         "kernel.state[stepper.FAULTS] = 0\n"
         "for b in kernel.blocks: b[stepper.POSITION] = b[stepper.FAULT] = 0"

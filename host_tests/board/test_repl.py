@@ -1,5 +1,5 @@
-"""The operator's side on the emulated board: bench commands beside a run, LED, faults in words, how
-not to start."""
+"""The operator's side on the emulated board: bench commands during a run, LED, faults in words, how
+to prevent the start."""
 
 import pytest
 
@@ -13,7 +13,7 @@ from host_tests.end_to_end.session import Session, run_request
 
 LED, JUMPER = 25, 27
 
-BEAT_NS = 128_000_000  # of the LED; beats are counted from power-on
+BEAT_NS = 128_000_000  # of the LED; beats count from power-on
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def session():
 
 
 def led(board, levels=16):
-    """What the LED shows in this many beats, in the middle of each; the first may be any."""
+    """Return the LED's levels in this many beats, in the middle of each; the first may be any."""
     shown = ""
     now = board.emulator.ns // BEAT_NS * BEAT_NS + BEAT_NS // 2
     for beat in range(1, levels + 1):
@@ -33,13 +33,13 @@ def led(board, levels=16):
 
 
 def shows(pattern, shown):
-    """Whether a piece of that pattern, repeated, is what the LED showed."""
+    """Whether the LED showed a piece of that pattern, repeated."""
     return shown in 3 * pattern
 
 
 def test_bench_commands_beside_a_run(session):
-    """An import, printing, measuring and collecting while four motors run: every edge is where it
-    is to be."""
+    """An import, printing, measuring and collecting while four motors run: every edge is in its
+    place."""
     board = session.board
     repl = board.emulator.repl()
     assert shows(CONNECTED, led(board))
@@ -86,8 +86,7 @@ while struck < {count}:
 
 
 def test_ctrl_c_beside_a_run(session):
-    """It ends a program on the REPL each time, also where it strikes in a pass, and moves no
-    edge."""
+    """It always ends a program on the REPL, also if it comes during a pass, and moves no edge."""
     positions = move(session, frames=60)
     stands = load(session, positions)
     session.accept(RtGo())
@@ -105,7 +104,7 @@ def test_ctrl_c_beside_a_run(session):
 
 
 def test_jog_by_keys(session):
-    """On the prompt, as a person has it."""
+    """At the prompt, as for a person."""
     board = session.board
     repl = board.emulator.repl()
     serial = repl.serial
@@ -127,12 +126,12 @@ def test_jog_by_keys(session):
 
 
 def test_faults_in_words(session):
-    """What stopped the motors stands on the REPL, and the LED shows it; then an exception, with its
+    """The REPL shows what stopped the motors, and so does the LED; then an exception, with its
     traceback."""
     board = session.board
     repl = board.emulator.repl()
     repl.exec("import time, framestep.boot as b")
-    # more than are kept until they can be told
+    # more lines than are kept until the REPL can show them
     text = repl.exec(
         "b.runner.task = lambda: [b.hal.report_driver(1, 'does %d' % i) for i in range(20)]\n"
         "time.sleep_ms(100)"
@@ -141,7 +140,7 @@ def test_faults_in_words(session):
     assert text.splitlines() == ["framestep: drivers: 4 earlier lines are lost", *lines]
     repl.exec("import framestep.repl; move(1, 40000)")
     session.run(0.3)
-    # a file is written, which holds off interrupts
+    # this writes a file, which blocks interrupts
     text = repl.exec("with open('/x', 'w') as f: f.write('x' * 600)\ntime.sleep_ms(800)")
     assert (
         "framestep: the interrupt came too late, so pulses broke off; the motors were ramped down"
@@ -190,7 +189,7 @@ def test_bootsel_and_jumper_keep_it_from_starting():
     with Emulator(images.frozen("skr_pico")) as emulator:
 
         def found():
-            """What there is of framestep once main.py has ended."""
+            """Return what exists of framestep after main.py."""
             boot = "__import__('framestep.boot').boot"
             return emulator.repl().eval(
                 f"({boot}.hal is not None, {boot}.hal is not None and {boot}.runner.alive)"

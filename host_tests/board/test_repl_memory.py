@@ -1,5 +1,5 @@
-"""What the REPL does with the memory that framestep leaves it: every command with every example rig
-file, files that are written, rig files that are judged."""
+"""What the REPL can do with the memory that framestep leaves: every command with every example rig
+file, writing files, judging rig files."""
 
 import json
 
@@ -17,7 +17,7 @@ from host_tests.board.test_overlay import edited, ident_of, on_board
 
 HOME = {"limit": 1, "travel": 3000, "back_off": 400}
 START_MS = 3000  # from power-on until framestep runs, with a margin
-# Beside the examples: features that take memory
+# Besides the examples: features that take memory
 FEATURES = {
     "homing": ("pico", {"limits": [{"low": 22}], "motors": [{"home": HOME}]}),
     "homing and drivers": (
@@ -27,7 +27,7 @@ FEATURES = {
     "a servo": ("pico", {"motors": [{}, {"servo": {}}]}),
     "positions that are kept": ("pico", {"remember_positions": True}),
 }
-# What each command prints at least. home(1) and move() are refused with some rigs.
+# The least that each command prints. home(1) and move() are refused with some rigs.
 COMMANDS = {
     "status()": "motor 1",
     "timing()": "interrupts: ",
@@ -37,7 +37,7 @@ COMMANDS = {
     "move(1, 200)": "",
     "stop()": "",
 }
-# All memory is taken but for single pieces of 640 bytes; an open file takes 636
+# All memory is taken except for single pieces of 640 bytes; an open file takes 636
 FRAGMENTED = """
 held = []
 try:
@@ -92,7 +92,7 @@ def test_every_command_works_beside_an_overlay(module):
 
 
 def test_a_ctrl_c_while_the_board_starts_changes_nothing():
-    """mpremote sends one as soon as the port is there."""
+    """mpremote sends one as soon as the port appears."""
     rig = json.dumps({"name": "starting"}).encode()
     with Emulator(firmware=images.frozen(), files={"/rig.json": rig}, boot=False) as emulator:
         emulator.wait_usb(10_000, ports=1)
@@ -105,7 +105,7 @@ def test_a_ctrl_c_while_the_board_starts_changes_nothing():
 
 
 def test_too_little_memory_is_a_sentence():
-    """A program on the REPL has taken what there was."""
+    """A program on the REPL has taken all memory."""
     with EmulatedBoard({"name": "full"}, trace=False) as board:
         repl = board.emulator.repl()
         repl.exec("import framestep.repl")
@@ -117,7 +117,7 @@ def test_too_little_memory_is_a_sentence():
 
 @pytest.fixture(scope="module")
 def refused():
-    """The REPL of a board whose rig file it refuses."""
+    """Yield the REPL of a board that rejects its rig file."""
     rig = json.dumps({"motor_count": 99}).encode()
     with (
         Emulator(

@@ -19,7 +19,7 @@ RIG = {"motors": [{}, {"servo": {"pin": PIN}}, {}]}
 
 
 def test_it_follows_the_path_that_a_step_motor_takes():
-    """Both play the same move. Each pulse has the position of its moment."""
+    """Both play the same move. Each pulse has the position at its time."""
     with EmulatedBoard(RIG) as board:
         session = Session(board, reply_s=0.1)
         assert board.pins.levels[PIN] == "servo2"
@@ -48,8 +48,8 @@ def test_it_follows_the_path_that_a_step_motor_takes():
 
 
 def test_a_soft_reset_in_mid_pulse():
-    """What the reset cuts off ends before framestep starts again, as pins that a program had go
-    low. Then there are no pulses until the motor is to move."""
+    """A pulse that the reset cuts off ends before framestep starts again, because the pins of a
+    program go low. Then no pulses come until the motor is to move."""
     servo = {"pin": PIN, "rate_hz": 333, "low_us": 500, "high_us": 2500, "low": 0, "high": 2000}
     rig = json.dumps({"motors": [{"servo": servo}]}).encode()
     with Emulator(images.frozen("pico"), files={"/rig.json": rig}) as emu:
@@ -57,7 +57,7 @@ def test_a_soft_reset_in_mid_pulse():
         repl, port = emu.serial(0), emu.serial(1)
         client = Client(port)
         cut = []
-        while not any(cut):  # at five sixths of all moments a pulse is on its way
+        while not any(cut):  # a pulse is in progress five sixths of the time
             assert len(cut) < 5
             client.request(p.Hi())
             client.request(p.MotorMove(1, 2000 - len(cut)))

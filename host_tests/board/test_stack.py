@@ -1,4 +1,4 @@
-"""Whatever of MicroPython's stack a program on the REPL has in use: the controller goes on, and
+"""However much of MicroPython's stack a program on the REPL uses: the controller continues, and
 nothing is written below the stack, where the heap ends.
 """
 
@@ -20,9 +20,9 @@ from host_tests.end_to_end.session import Session, assert_within
 VELOCITY, ACCELERATION = 10_000, 50_000
 STEPS = 12_000
 BOTTOM, TOP = 0x2004_0000, 0x2004_2000
-SPARE = 200  # bytes of the stack that nothing has come to
+SPARE = 200  # bytes of the stack that nothing reaches
 ESTOP = 19
-# Calls itself until the stack is full, again and again
+# Calls itself until the stack is full, repeatedly
 RUNAWAY = """
 def runaway(n):
     runaway(n + 1)
@@ -57,7 +57,7 @@ def session():
 
 
 def test_what_the_largest_pass_takes(session):
-    """From the prompt on, with all that comes on top of it."""
+    """From the prompt on, including everything on top of it."""
     repl = session.repl
     prompt = repl.eval("__import__('micropython').stack_use()")
     repl.exec(LOW)
@@ -91,7 +91,7 @@ def test_a_runaway_recursion_while_a_motor_moves(session):
 
 
 def test_the_estop_acts_in_a_runaway_recursion(session):
-    """Pressed at any depth: its interrupt runs to its end, where MicroPython's limit would end
+    """Pressed at any depth: its interrupt runs to its end, although MicroPython's limit would end
     it."""
     session.speed(8, VELOCITY, ACCELERATION)
     session.repl.exec(LOW)
@@ -100,7 +100,7 @@ def test_the_estop_acts_in_a_runaway_recursion(session):
         begin = session.position(8)
         session.accept(MotorMove(8, begin + STEPS))
         session.repl.start(RUNAWAY)
-        session.run(0.15 + turn * 0.0913)  # within a second, so that every timer strikes at times
+        session.run(0.15 + turn * 0.0913)  # within a second, so that every timer expires sometimes
         session.board.emulator.set_pin(ESTOP, 1)
         session.wait_idle(20)
         session.board.emulator.set_pin(ESTOP, 0)
@@ -111,7 +111,7 @@ def test_the_estop_acts_in_a_runaway_recursion(session):
     assert session.repl.eval("low()") <= TOP - BOTTOM - SPARE
 
 
-# What a program on the REPL finds: the limit lies behind the stack's top, and is one of the two.
+# What a program on the REPL finds: the limit comes after the stack's top, and is one of the two.
 FIND = f"""
 from array import array
 import framestep.boot
@@ -136,7 +136,7 @@ try:
 except ValueError:
     seen.append(mem32[limit])
 """
-# what has passes told, and does not end
+# makes passes report, and does not end
 TOLD = """
 __import__("time").sleep_ms(300)
 try:
@@ -157,8 +157,8 @@ def test_an_exception_leaves_the_limit_as_it_was(session):
 
 
 def test_a_ctrl_c_while_something_is_told(session):
-    """With the REPL's port full, which is waited for: what is told is cut short, the Ctrl-C is the
-    program's, the passes go on, and programs have no more of the stack than before."""
+    """The REPL's port is full and makes passes wait: the report is cut short, the Ctrl-C goes to
+    the program, the passes continue, and programs have no more stack than before."""
     repl = session.repl
     repl.exec(FIND)
     repl.start(TOLD)
@@ -171,12 +171,12 @@ def test_a_ctrl_c_while_something_is_told(session):
     assert repl.eval("struck") is True
     assert repl.eval("mem32[limit]") == REPL_STACK
     assert repl.eval("framestep.boot.runner.alive") is True
-    session.run(0.1)  # the client's clock has stood still
+    session.run(0.1)  # the client's clock was stopped
     assert session.client.request(MotorStatus()).moving == []
 
 
 def test_the_limit_after_a_soft_reset():
-    """MicroPython sets it when power comes on alone: framestep's second start finds its own."""
+    """MicroPython sets it only at power-on: framestep's second start finds its own."""
     with EmulatedBoard({"dmx": False}) as board:
         repl = board.emulator.repl()
         repl.enter()

@@ -33,8 +33,8 @@ def emu():
 
 @pytest.fixture
 def stdin(emu):
-    """(emulator, REPL, its port): the board, fresh from its start, with a StdinPort made, not
-    started."""
+    """Return (emulator, REPL, its port): the board, fresh from its start, with a StdinPort that is
+    made but not started."""
     power_cycle(emu)
     repl = emu.repl()
     repl.exec(STDIN_SETUP)
@@ -43,8 +43,8 @@ def stdin(emu):
 
 @pytest.fixture(params=["rp2", "plain"])
 def any_stdin(request, stdin):
-    """The same; "plain" is what a chip gets of whose USB nothing is known, and whose reads have no
-    time limit."""
+    """Return the same; "plain" is for a chip whose USB is not known, and its reads have no time
+    limit."""
     if request.param == "plain":
         stdin[1].exec(
             "import framestep.hal.ports.stdin_port as module\n"
@@ -59,15 +59,15 @@ def enter_single_port(repl, turn="echo.turn"):
 
 
 def leave_single_port(repl):
-    """As mpremote does it."""
+    """Leave the port as mpremote does."""
     repl.serial.write(b"\r\x03")
     with pytest.raises(ReplError, match="KeyboardInterrupt"):
         repl.finish(2)
 
 
 def test_single_port_every_length(any_stdin):
-    """Each frame is answered, Ctrl-C among its bytes; a Ctrl-C between frames gives the REPL back,
-    in working order."""
+    """Each frame gets its answer, also with Ctrl-C among its bytes; a Ctrl-C between frames returns
+    to a working REPL."""
     _emu, repl, port = any_stdin
     enter_single_port(repl)
     late = [
@@ -138,7 +138,7 @@ def test_single_port_nothing_allocates(stdin):
     port.timeout = 1
     for n in range(1000):
         data = frame(12 + n % 200, n)
-        if n % 50 == 49:  # stops half-way
+        if n % 50 == 49:  # stops in the middle
             port.write(data[: len(data) // 2])
             emu.advance(30)
             data = data[len(data) // 2 :]
@@ -149,7 +149,7 @@ def test_single_port_nothing_allocates(stdin):
 
 def test_single_port_frame_that_stops(any_stdin):
     """A host that stops within a frame holds the main loop up once, for 20 ms at most; the rest may
-    come any time."""
+    come at any time."""
     emu, repl, port = any_stdin
     data = frame(300, 1)
     for part in (1, 2, 5, 9, 10, 11, 73, 74, 75, 200, 299):
@@ -169,10 +169,10 @@ def test_single_port_frame_that_stops(any_stdin):
 
 
 def test_single_port_frame_that_goes_on(stdin):
-    """The host goes on while the read of its frame is being ended: no byte is lost, and none put
-    in."""
+    """The host continues while the read of its frame ends: no byte is lost, and none is
+    inserted."""
     emu, repl, port = stdin
-    for gap_us in range(9900, 17500, 200):  # the host goes on while the read is being ended
+    for gap_us in range(9900, 17500, 200):  # the host continues while the read ends
         data = sealed(gap_us, bytes(random.Random(gap_us).choices((0, 0, 0xFF, 0x44), k=100)))
         enter_single_port(repl)
         port.write(data[:20])
@@ -186,7 +186,7 @@ def test_single_port_frame_that_goes_on(stdin):
 
 
 def test_single_port_frame_given_up(any_stdin):
-    """Once the reader has given a frame up, the next one is served and Ctrl-C counts again."""
+    """After the reader has dropped a frame, the next one is served and Ctrl-C counts again."""
     emu, repl, port = any_stdin
     enter_single_port(repl)
     port.write(frame(300, 1)[:100])
@@ -213,7 +213,7 @@ def test_single_port_frame_given_up(any_stdin):
 
 
 def test_single_port_ctrl_c_in_noise(any_stdin):
-    """Among bytes that are no frames Ctrl-C is noise, until the line has been quiet."""
+    """Among bytes that are not frames Ctrl-C is noise, until the line has been quiet."""
     emu, repl, port = any_stdin
     enter_single_port(repl)
     port.write(bytes(range(256)))
@@ -229,8 +229,8 @@ def test_single_port_ctrl_c_in_noise(any_stdin):
 
 
 def test_single_port_host_that_does_not_read(stdin):
-    """Writing never holds the main loop up; `open` tells that nobody collects, and what comes
-    meanwhile is dropped."""
+    """Writing never holds the main loop up; `open` says that nobody reads, and bytes written
+    meanwhile are dropped."""
     emu, repl, port = stdin
     repl.exec(
         "seen = []\n"

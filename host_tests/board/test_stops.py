@@ -1,5 +1,5 @@
-"""Requests close upon each other on the emulated board, where planning takes its time and ticks go
-on meanwhile."""
+"""Requests that follow each other closely on the emulated board, where planning takes time and
+ticks continue meanwhile."""
 
 import pytest
 
@@ -32,8 +32,8 @@ def session():
     "requests", [2 * [MotorStopAll()], [MotorStopAll()], []], ids=["hard stop", "stop", "move"]
 )
 def test_a_move_at_once_after_a_stop(session, motor, requests):
-    """Motion 10 to 70 ms old: the plan is made in time or waits, and no queue runs dry (HARD_STOP
-    100)."""
+    """The motion is 10 to 70 ms old: the plan is ready in time or waits, and no queue runs dry
+    (HARD_STOP 100)."""
     for k in range(12):
         session.ask(MotorMove(motor, 3000 if k % 2 else -3000))
         session.run(0.010 + 0.0052 * k)
@@ -46,8 +46,8 @@ def test_a_move_at_once_after_a_stop(session, motor, requests):
 
 
 def test_a_stream_of_anything(session):
-    """Jogs to and fro, stops and moves every few milliseconds, of a plain pair and of one with jerk
-    limit and play."""
+    """Jogs to and fro, stops and moves every few milliseconds, of a plain pair and of a pair with
+    jerk limit and play."""
     requests = [MotorJog, MotorMove, MotorStop, MotorJog]
     for k in range(60):
         for motor in 1, 3:

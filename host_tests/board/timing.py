@@ -7,13 +7,13 @@ import struct
 from framestep.pulse import stepper
 from framestep_tools.payloads import HardStop
 
-# the most that a tick may be late while a motor moves; from 1813 µs on pulses would break off
+# the latest that a tick may come while a motor moves; from 1813 µs on pulses would break off
 LATE_US = 200
-MASKED_US = 140  # the longest that interrupts may be off, but for writing of the flash
+MASKED_US = 140  # the longest time with interrupts off, except for writing to flash
 
 
 class Timing:
-    """Measures the board of a session. `late_us` and `masked_us`: the last judged() found."""
+    """Measures the board of a session. `late_us` and `masked_us` come from the last judged()."""
 
     def __init__(self, session, repl=None):
         self.session = session
@@ -30,11 +30,11 @@ class Timing:
         return struct.unpack(f"<{count}i", base64.b64decode(data))
 
     def worst_late(self):
-        """The worst lateness of a tick in motion since begin(), microseconds."""
+        """Return the worst lateness of a tick in motion since begin(), microseconds."""
         return self._words(self.address, stepper.HEADER_WORDS)[stepper.WORST_LATE]
 
     def queued(self):
-        """Ticks queued of the motor in motion with more to come that has the fewest, or None."""
+        """Return the fewest ticks queued of a motor in motion with more planned, or None."""
         address = self._words(self.address, stepper.HEADER_WORDS)[stepper.FIRST]
         least = None
         while address:
@@ -54,7 +54,7 @@ class Timing:
         return least
 
     def run(self, seconds):
-        """Let time pass, and keep in `least_queued` the fewest ticks that queued() shows."""
+        """Let time pass, and keep in `least_queued` the fewest ticks of queued()."""
         for _ in range(round(seconds * 100)):
             self.session.run(0.01)
             ticks = self.queued()
@@ -62,11 +62,11 @@ class Timing:
                 self.least_queued = min(self.least_queued, ticks)
 
     def masked(self):
-        """The longest that interrupts were off since begin(), microseconds."""
+        """Return the longest time with interrupts off since begin(), microseconds."""
         return self.emulator.cycles()["masked"]["us"]
 
     def begin(self):
-        """Forget what has been measured."""
+        """Forget the measurements."""
         self.repl.exec(f"framestep.boot.hal.kernel.state[{stepper.WORST_LATE}] = 0")
         self.session.board.run_until(self.emulator.ns)
         self.emulator.cycles(clear=True)
@@ -74,7 +74,7 @@ class Timing:
 
     @contextlib.contextmanager
     def judged(self, stops=False):
-        """Fail if a tick in motion comes late meanwhile, interrupts are off for long, or the board
+        """Fail if meanwhile a tick in motion comes late, interrupts are off for long, or the board
         reports a HARD_STOP.
 
         stops: HARD_STOPs of switches may come.
