@@ -1,4 +1,4 @@
-"""axes.toml: what the axes of a move's file are to the motors.
+"""axes.toml: the motors and units of the axes in another program's file.
 
     [[axis]]
     name = "pan"                  # heads its column in move.csv
@@ -6,7 +6,7 @@
     steps_per_unit = 222.2222
     unit = "deg"
 
-docs/use/formats.md has all of the keys.
+docs/use/formats.md lists all keys.
 """
 
 import os
@@ -29,24 +29,24 @@ FEWEST, MOST = 1e-6, 1e9  # steps per unit
 
 
 class AxesFileError(ToolError):
-    """An axes.toml with a mistake, or that cannot be read: the key, what was found, what is
-    allowed."""
+    """An axes.toml has a mistake or cannot be read. The text has the key, what was found and what
+    is allowed."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """One axis: its motor, and what the numbers in a file mean in steps.
+    """One axis: its motor, and the conversion between a file's numbers and steps.
 
     name: in move.csv; in_file: in the other file
     motor: from 1
     steps_per_unit: from FEWEST to MOST, of `unit`
-    zero: the position, in `unit`, of step 0
-    limits: the lowest and the highest position, in `unit`
+    zero: position of step 0, in `unit`
+    limits: lowest and highest position, in `unit`
     invert: whether steps count down while the position rises
-    file_unit: of the numbers in a file that does not name its unit
-    hold: the position, in `unit`, of an axis that the file has not
+    file_unit: unit of the numbers in a file that does not name it
+    hold: position, in `unit`, of an axis that the file does not have
 
-    `read_axes` makes `in_file` the name and `file_unit` the unit where the file has none.
+    If the file lacks them, `read_axes` sets `in_file` to the name and `file_unit` to the unit.
     """
 
     name: str
@@ -61,11 +61,11 @@ class Axis:
     hold: float | None = None
 
     def steps(self, position: float) -> int:
-        """The step nearest to a position in `unit`."""
+        """Return the step nearest to a position in `unit`."""
         return round((position - self.zero) * self._steps_per_unit)
 
     def position(self, steps: int) -> float:
-        """The position, in `unit`, of a step."""
+        """Return the position of a step, in `unit`."""
         return steps / self._steps_per_unit + self.zero
 
     @property
@@ -73,7 +73,7 @@ class Axis:
         return -self.steps_per_unit if self.invert else self.steps_per_unit
 
     def check(self, steps: int, frame: int) -> None:
-        """ToolError, with frame and axis, for a step beyond the limits or beyond 32 bits."""
+        """Raise ToolError, with frame and axis, for a step beyond the limits or beyond 32 bits."""
         if self.limits:
             low, high = self.limits
             ends = sorted((self.steps(low), self.steps(high)))
@@ -113,7 +113,7 @@ def _word(value: Any) -> bool:
 
 
 _UNITS_TEXT = "one of " + ", ".join(f'"{unit}"' for unit in UNITS)
-# {key: what is allowed, in words and as a check}
+# {key: allowed values, in words and as a check}
 KEYS: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "name": ("a text", _word),
     "motor": (
@@ -136,8 +136,11 @@ _NEEDED = [field.name for field in fields(Axis)][:3]
 
 
 def read_axes(path: str | os.PathLike) -> list[Axis]:
-    """The axes in their motors' order; AxesFileError, with the key and what is allowed, if the
-    file is not there or not as described in docs/use/formats.md."""
+    """Read the axes, in the order of their motors.
+
+    Raises AxesFileError, with the key and what is allowed, if the file is missing or not as
+    described in docs/use/formats.md.
+    """
     try:
         with open(path, "rb") as file:
             content = tomllib.load(file)

@@ -1,4 +1,4 @@
-"""A move's path before anything moves, as a picture: `framestep check --plot`."""
+"""`framestep check --plot`: a picture of a move's path before anything moves."""
 
 import os
 from pathlib import Path
@@ -11,9 +11,9 @@ _SAMPLES = 4000
 
 
 def plot(found: MoveVerdict, path: str | os.PathLike) -> None:
-    """Draw position, velocity and acceleration of each motor over the run, with what is set.
+    """Draw position, velocity and acceleration of each motor over the run, with its limits.
 
-    The file's ending says what it becomes: png, svg, pdf.
+    The file's ending decides the format: png, svg, pdf.
     """
     import matplotlib
 
@@ -45,7 +45,7 @@ def plot(found: MoveVerdict, path: str | os.PathLike) -> None:
             axis.plot(t, value, linewidth=1)
             low, high = min(value), max(value)
             for limit in limits:
-                # a limit far away would press the curve flat
+                # a distant limit would flatten the curve
                 if limit is not None and abs(limit) <= 2 * max(abs(low), abs(high), 1):
                     axis.axhline(limit, color="tab:red", linewidth=0.8, linestyle="--")
             for edge in (0, frames * 1000 / run.fps_milli):

@@ -2,9 +2,9 @@
 writes it again.
 
 Each axis runs through knots of (frame, steps, steps per frame), joined by quintics with zero
-acceleration at the knots. The move has what a real one has: the track is already rolling at the
-first frame and the pan still turning at the last (so there is a pre-roll and a post-roll), the
-track holds in the middle, the swing turns back.
+acceleration at the knots. As in real moves, the track is already rolling at the first frame and the
+pan is still turning at the last one, so there is a pre-roll and a post-roll. The track holds in the
+middle, and the swing turns back.
 """
 
 import csv
@@ -23,7 +23,7 @@ AXES = {
 
 
 def quintic(frames: np.ndarray, knots: list[tuple[int, int, int]]) -> np.ndarray:
-    """Position at each frame in whole steps."""
+    """Return the position at each frame in whole steps."""
     steps = np.zeros(len(frames))
     for (start, p, v), (end, q, w) in pairwise(knots):
         span = end - start
@@ -38,7 +38,7 @@ def quintic(frames: np.ndarray, knots: list[tuple[int, int, int]]) -> np.ndarray
 
 
 def main() -> None:
-    """Write the CSV beside this file."""
+    """Write the CSV next to this file."""
     frames = np.arange(1, FRAMES + 1)
     columns = [frames, *(quintic(frames, knots) for knots in AXES.values())]
     with open(Path(__file__).with_name("camera_move.csv"), "w", newline="") as file:

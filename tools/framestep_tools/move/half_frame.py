@@ -1,20 +1,22 @@
-"""Where motors are half a frame before and after a frame, on the path that framestep plays: what
-go-motion needs of a move (field note 7.2), worked out as the firmware does."""
+"""Positions half a frame before and after a frame, on the path that framestep plays.
+
+Go-motion needs them (field note 7.2). They are calculated as in the firmware.
+"""
 
 from array import array
 from collections.abc import Sequence
 
 from framestep.moves.path import path
 
-_FAR = 2**30 - 1  # stands for no soft limit
+_FAR = 2**30 - 1  # means no soft limit
 _BOUNDS = array("i", [-_FAR, _FAR, 0])
 _HALF_FRAME = 24  # a slope is in twelfths of a step per frame
 
 
 def ends(steps: Sequence[int], index: int) -> tuple[int, int]:
-    """Position in steps at angle 0 and at angle 360 of the frame with this index.
+    """Return the positions in steps at angle 0 and at angle 360 of the frame with this index.
 
-    steps: of the whole upload. Beyond its ends the path goes straight on.
+    steps: positions of the whole upload. Beyond its ends the path goes straight on.
     """
     last = len(steps) - 1
     slopes = [_slope(steps, min(max(index + i, 0), last)) for i in (-1, 0, 1)]
@@ -26,7 +28,7 @@ def ends(steps: Sequence[int], index: int) -> tuple[int, int]:
 
 
 def _window(steps: Sequence[int], index: int) -> array:
-    """The five positions around a frame; before the first and behind the last they repeat."""
+    """Return the five positions around a frame. Beyond the ends the end positions repeat."""
     last = len(steps) - 1
     window = array("i", [0] * path.WINDOW_WORDS)
     window[path.MOST] = path.MONOTONE

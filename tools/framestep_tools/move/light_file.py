@@ -1,8 +1,8 @@
-"""Light levels and triggers of a move kept as CSV: a column `frame`, then a column per DMX channel
-(`5` or `dmx 5`, levels 0 to 255) or output (`output 2`, 1 where it is on, else 0).
+"""Light levels and triggers of a move as CSV: a column `frame`, then a column per DMX channel (`5`
+or `dmx 5`, levels 0 to 255) or output (`output 2`, 1 if it is on, else 0).
 
-The frames are those of the move, from its first one on. After the last line of the file a light
-keeps its level, and outputs are off.
+The frames are the move's, from its first one on. After the last line lights keep their levels, and
+outputs are off.
 """
 
 import os
@@ -34,8 +34,8 @@ _PER_MESSAGE = (messages.LARGEST_PAYLOAD - _MASK) // 8
 
 @dataclass(frozen=True)
 class Lights:
-    """`levels`: 0 to 255 for each frame, by DMX channel. `outputs`: 0 or 1 for each frame, by
-    general output, from 1."""
+    """`levels`: by DMX channel, 0 to 255 for each frame. `outputs`: by general output from 1, 0 or
+    1 for each frame."""
 
     start_frame: int
     levels: dict[int, list[int]]
@@ -43,13 +43,13 @@ class Lights:
 
     @property
     def end_frame(self) -> int:
-        """The last scene frame that has a line."""
+        """Number of the last scene frame in the file."""
         columns = [*self.levels.values(), *self.outputs.values()]
         return self.start_frame + len(columns[0]) - 1
 
     def check(self, start_frame: int, end_frame: int, device: DeviceInfo) -> None:
-        """MoveFileError if these are not lights of a move over these scene frames, or not ones
-        that the device has."""
+        """Raise MoveFileError if the frames do not match a move's scene frames, or the device lacks
+        a channel or output."""
         if self.start_frame != start_frame:
             raise MoveFileError(
                 f"the lights begin at frame {self.start_frame}, "
@@ -57,7 +57,7 @@ class Lights:
             )
         if self.end_frame > end_frame:
             raise MoveFileError(
-                f"the lights end at frame {self.end_frame}, behind the move's last frame, "
+                f"the lights end at frame {self.end_frame}, after the move's last frame, "
                 f"{end_frame}"
             )
         for what, wanted, there in (
@@ -72,7 +72,7 @@ class Lights:
                 )
 
     def requests(self) -> Iterator[Request[Ack]]:
-        """What uploads them, between a move's begin and end."""
+        """Yield the requests that upload them, between a move's begin and end."""
         for channel, levels in self.levels.items():
             for index in range(0, len(levels), _PER_SECTION):
                 last = LAST_SECTION if index + _PER_SECTION >= len(levels) else 0
@@ -90,7 +90,7 @@ class Lights:
 
 
 def read_lights(path: str | os.PathLike) -> Lights:
-    """Read a table of lights; MoveFileError, with the line, if it is not as described above."""
+    """Read a table of lights. Raises MoveFileError, with the line, for a mistake."""
     (_, frames), *columns = read_frames(path, "the lights", "<channel>,output <number>…")
     lights = Lights(frames[0], {}, {})
     for name, values in columns:
@@ -109,7 +109,7 @@ def read_lights(path: str | os.PathLike) -> Lights:
 
 
 def _column(name: str, path: str | os.PathLike) -> tuple[str, int]:
-    """ "channel" or "output", and its number."""
+    """Return "channel" or "output", and its number."""
     found = _COLUMN.fullmatch(name)
     if found:
         kind = "channel" if found["channel"] else "output"

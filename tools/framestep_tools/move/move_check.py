@@ -1,8 +1,8 @@
-"""What a move asks of the motors before anything moves: `framestep check`.
+"""`framestep check`: what a move asks of the motors, before anything moves.
 
-Whether a motor can do it is decided by the firmware itself: each motor's positions are uploaded to
-a simulated board that is set as the motor is, and a run is prepared there. How fast and how steep
-the path becomes is worked out from the same path in floating point (reference.py).
+The firmware itself decides whether a motor can do it: each motor's positions are uploaded to a
+simulated board with the motor's settings, and a run is prepared there. Velocity and acceleration
+come from the same path in floating point (reference.py).
 """
 
 from collections.abc import Mapping
@@ -24,14 +24,14 @@ from .move_file import Move
 from .move_peaks import FRAMES, POST_ROLL, PRE_ROLL, Peak, Peaks, peaks
 
 FITS, STEEP, REFUSED = "fits", "too steep", "refused"
-_SHORTEST_ROLL_S = 0.002  # of a motor that moves (framestep.moves.run_plan)
+_SHORTEST_ROLL_S = 0.002  # for a motor that moves (framestep.moves.run_plan)
 _WINDOW = 4
-_ROUNDED = 1e-3  # rest is on a whole step, so a ramp may be so much steeper
+_ROUNDED = 1e-3  # a ramp may be steeper by this part, because rest is on a whole step
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What is set for a motor: steps/s, steps/s², soft limits in steps (None: none)."""
+    """A motor's settings: steps/s, steps/s², soft limits in steps (None: none)."""
 
     velocity: int = DEFAULT_VELOCITY
     acceleration: int = DEFAULT_ACCELERATION
@@ -41,8 +41,8 @@ class Setting:
 
 @dataclass(frozen=True)
 class Device:
-    """The board that shall play: its rig file, its kind, how many motors it has (None: as many as
-    that kind) and how many frames of eight motors it holds (None: as many as a simulated one)."""
+    """The board that will play the move: its rig file, its kind, its number of motors (None: as
+    that kind) and of frames of eight motors (None: as a simulated one)."""
 
     rig: Mapping[str, Any]
     board: str = "pico"
@@ -52,8 +52,11 @@ class Device:
 
 @dataclass(frozen=True)
 class MotorVerdict:
-    """What the run asks of a motor. `verdict`: FITS; STEEP, played as uploaded although it needs
-    more than the motor's acceleration; REFUSED. `reason` says why it does not fit."""
+    """What the run asks of a motor.
+
+    verdict: FITS; STEEP, played as uploaded although it needs more than the motor's acceleration;
+    or REFUSED. reason: why it does not fit.
+    """
 
     motor: int
     name: str
@@ -66,7 +69,7 @@ class MotorVerdict:
 
 @dataclass(frozen=True)
 class MoveVerdict:
-    """`reason` says why the move as a whole is refused though each motor's is not, else ""."""
+    """Verdict on a move. reason: why the whole is refused although each motor fits, else ""."""
 
     run: RtRunMove
     motors: list[MotorVerdict]
@@ -74,16 +77,16 @@ class MoveVerdict:
 
     @property
     def refused(self) -> bool:
-        """Whether the board would not play it."""
+        """Whether the board would refuse it."""
         return bool(self.reason) or any(each.verdict == REFUSED for each in self.motors)
 
     @property
     def fits(self) -> bool:
-        """Whether every motor can do all that is asked."""
+        """Whether every motor can do everything."""
         return not self.reason and all(each.verdict == FITS for each in self.motors)
 
     def place(self, peak: Peak) -> tuple[str, float]:
-        """PRE_ROLL, FRAMES or POST_ROLL, and the scene frame, of a peak's time."""
+        """Return PRE_ROLL, FRAMES or POST_ROLL, and the scene frame, of a peak."""
         run = self.run
         step = 1 if run.end_frame >= run.start_frame else -1
         frame = run.start_frame + step * peak.seconds * run.fps_milli / 1000
@@ -98,7 +101,7 @@ class MoveVerdict:
 def check(
     move: Move, run: RtRunMove, settings: Mapping[int, Setting], device: Device
 ) -> MoveVerdict:
-    """Judge a run of a move. run: as it would be asked of the board. settings: by motor."""
+    """Judge a run of a move. run: the request for the board; settings: by motor."""
     motors = []
     for motor, steps in move.positions.items():
         setting = settings.get(motor, Setting())
@@ -120,13 +123,13 @@ def check(
 def _ask(
     move: Move, run: RtRunMove, settings: Mapping[int, Setting], device: Device
 ) -> tuple[str, str]:
-    """Verdict and reason for these motors, from a simulated board of their own."""
+    """Return verdict and reason for these motors, from a separate simulated board."""
     with _board(device) as board, Client(LockstepPort(board)) as client:
         client.greet()
         try:
             for motor, steps in move.positions.items():
                 setting = settings.get(motor, Setting())
-                # at its first frame, inside its limits
+                # places it at its first frame, inside its limits
                 client.request(
                     MotorResetPosition(motor, int(steps[run.start_frame - move.start_frame]))
                 )
@@ -148,7 +151,7 @@ def _ask(
 
 
 def _told(refusal: str) -> str:
-    """A refusal without the name of the request that was refused."""
+    """Return a refusal without the name of the refused request."""
     return refusal.partition(" was refused: ")[2] or refusal
 
 
@@ -159,12 +162,12 @@ def _board(device: Device) -> SimulatedBoard:
             room = board.upload_bytes_for(device.frames)
     board = SimulatedBoard(device.rig, device.motors, device.board, room)
     board.wire_switches()
-    board.run_until(board.slice_ns * 50)  # switches are read until then
+    board.run_until(board.slice_ns * 50)  # time to read the switches
     return board
 
 
 def _path(move: Move, motor: int, run: RtRunMove, setting: Setting) -> Reference:
-    """The ideal path of a motor in this run."""
+    """Return the ideal path of a motor in this run."""
     steps = move.positions[motor]
     first, last = run.start_frame - move.start_frame, run.end_frame - move.start_frame
     limits = (setting.lower, setting.upper)
@@ -175,7 +178,7 @@ def _path(move: Move, motor: int, run: RtRunMove, setting: Setting) -> Reference
         ms or (max(abs(v) / setting.acceleration, _SHORTEST_ROLL_S) * 1000 if v else 0)
         for ms, v in zip((run.preroll_ms, run.postroll_ms), ends, strict=True)
     )
-    # A move that is too fast for that is refused; it is shown as it would have to be played.
+    # A move that is too fast for that is refused, but shown as it would have to be played.
     fastest = np.abs(np.diff(steps)).max(initial=0) * run.fps_milli / 1000
     velocities = {motor: setting.velocity} if fastest <= setting.velocity else None
     return Reference(
@@ -183,12 +186,12 @@ def _path(move: Move, motor: int, run: RtRunMove, setting: Setting) -> Reference
     )
 
 
-# ---- what is set
+# ---- settings
 
 
 def settings_of(client: Client, motors: list[int]) -> dict[int, Setting]:
-    """What a device has set for motors; those that it does not have are left out. RequestRefused
-    where it does not tell."""
+    """Read a device's settings of motors, without motors that it does not have. Raises
+    RequestRefused if it does not report them."""
     there = (client.info or client.greet()).motors
     found = {}
     for motor in motors:
@@ -205,11 +208,11 @@ def settings_of(client: Client, motors: list[int]) -> dict[int, Setting]:
     return found
 
 
-# ---- as it is shown
+# ---- output
 
 
 def lines(found: MoveVerdict) -> list[str]:
-    """As text, a few lines per motor."""
+    """Return the verdict as text, a few lines per motor."""
     said = []
     for each in found.motors:
         top, limits = each.peaks, each.setting
@@ -247,7 +250,7 @@ def _or(limit: int | None) -> str:
 
 
 def for_programs(found: MoveVerdict) -> dict[str, Any]:
-    """As what JSON can hold."""
+    """Return the verdict as values for JSON."""
 
     def told(peak: Peak) -> dict[str, Any]:
         part, frame = found.place(peak)

@@ -1,4 +1,4 @@
-"""From what a file holds to steps per frame, and back."""
+"""Conversion from a file's content to steps per frame, and back."""
 
 import math
 from collections.abc import Callable
@@ -9,8 +9,10 @@ from .move_file import Move
 from .move_formats.recording import FIRST_FRAME, Channel, Column, Recording, Table
 from .move_formats.units import factor
 
-LONGEST = 1_000_000  # frames; more than any controller takes, and a slip of the pen in a file
-_CLOSE = 1e-6  # frames: how near the end of a file its last frame may be
+LONGEST = (
+    1_000_000  # frames; more than any controller accepts, so probably a typing error in a file
+)
+_CLOSE = 1e-6  # frames: a last frame this close to the end of a file counts as inside
 _FEWEST_DECIMALS = 4
 
 
@@ -21,11 +23,11 @@ def to_move(
     fps: float | None = None,
     start: int | None = None,
 ) -> tuple[Move, list[str]]:
-    """A move of the axes in their motors' order, and the names in the file that no axis has.
+    """Return a move of the axes in their motors' order, and the file's names without an axis.
 
-    fps: frames per second, for a file in seconds and only for one; start: number of the first
-    frame (None: that of the file, or 1). ToolError if an axis is not in the file, its unit is of
-    another kind, or a position lies beyond its limits, with the frame.
+    fps: frames per second, only for a file in seconds; start: number of the first frame (None: the
+    file's, or 1). Raises ToolError if an axis is not in the file, its unit is of another kind, or a
+    position is beyond its limits, with the frame.
     """
     if recording.seconds and fps is None:
         raise ToolError(f"{path} is in seconds: name the frames per second by --fps")
@@ -59,7 +61,7 @@ def to_move(
 
 
 def _places(begin: float, end: float, fps: float | None, path: str) -> Callable[[int], float]:
-    """Where in the file the move's frames are, by their index."""
+    """Return a function from a frame's index to its place in the file."""
     if (end - begin) * (fps or 1) > LONGEST:
         raise ToolError(f"{path}: expected at most {LONGEST} frames, found {begin:g} to {end:g}")
     if fps is not None:
@@ -69,7 +71,7 @@ def _places(begin: float, end: float, fps: float | None, path: str) -> Callable[
 
 
 def _assigned(channels: list[Channel], axes: list[Axis], path: str) -> list[Channel | None]:
-    """The channel of each axis; None for those that hold."""
+    """Return the channel of each axis, or None for an axis that holds."""
     if channels and not any(channel.name for channel in channels):
         moving = [axis for axis in axes if axis.hold is None]
         if len(channels) != len(moving):
@@ -83,7 +85,7 @@ def _assigned(channels: list[Channel], axes: list[Axis], path: str) -> list[Chan
 
 
 def _named(axis: Axis, channels: list[Channel], path: str) -> Channel:
-    """The channel with an axis's name, in capitals or not where only one is so."""
+    """Return the channel with an axis's name. Capitals only count if several names match."""
     for same in (str, str.lower):
         found = [channel for channel in channels if same(channel.name) == same(axis.in_file)]
         if len(found) == 1:
@@ -95,7 +97,7 @@ def _named(axis: Axis, channels: list[Channel], path: str) -> Channel:
 
 
 def _position(axis: Axis, channel: Channel | None, path: str) -> Callable[[float], float]:
-    """An axis's position in its unit, by the place in the file."""
+    """Return a function from a place in the file to an axis's position in its unit."""
     if channel is None:
         hold = axis.hold or 0.0
         return lambda place: hold
@@ -110,10 +112,10 @@ def _position(axis: Axis, channel: Channel | None, path: str) -> Callable[[float
 
 
 def to_table(move: Move, axes: list[Axis]) -> Table:
-    """What is written of a move: the axes that do not hold, in their files' units.
+    """Return a move for export: the axes that do not hold, in their files' units.
 
-    ToolError if the move has other motors than the axes, or a position lies beyond its limits, with
-    the frame.
+    Raises ToolError if the move has other motors than the axes, or if a position is beyond its
+    limits, with the frame.
     """
     if len(move.positions) != len(axes):
         raise ToolError(
@@ -130,7 +132,7 @@ def to_table(move: Move, axes: list[Axis]) -> Table:
 
 def _column(axis: Axis, steps: list[int]) -> Column:
     times = factor(axis.unit, axis.file_unit) or 1.0
-    # A hundredth of a step, so that rounding gives each step again
+    # A hundredth of a step, so rounding gives the same steps again
     decimals = max(_FEWEST_DECIMALS, math.ceil(math.log10(axis.steps_per_unit / times)) + 2)
     values = [axis.position(step) * times for step in steps]
     return Column(axis.in_file, axis.file_unit, decimals, values)

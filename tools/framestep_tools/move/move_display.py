@@ -1,4 +1,4 @@
-"""A move under way as it is shown: a progress bar and where the motors are, live on a terminal."""
+"""Display of a playing move: a progress bar and the motors' positions, live on a terminal."""
 
 import sys
 from collections.abc import Iterator, Mapping
@@ -13,14 +13,14 @@ from rich.table import Table
 from ..client.client import Event
 from ..payloads import Positions
 
-LINE_EVERY_S = 1.0  # of the device's time, where there is no terminal to draw on
+LINE_EVERY_S = 1.0  # of the device's time, if the output is not a terminal
 
 
 class MoveDisplay:
-    """The play head on its way from frame `first` to frame `last`, and a line per motor.
+    """The play head between frame `first` and frame `last`, and a line per motor.
 
-    names: of the motors that are shown. quiet: where there is no terminal say nothing, instead of
-    a line now and then.
+    names: names of the motors to show; quiet: without a terminal print nothing, instead of a line
+    now and then.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class MoveDisplay:
 
     @contextmanager
     def running(self) -> Iterator[None]:
-        """Draw while this lasts."""
+        """Draw during this context."""
         if not self.console.is_terminal:
             yield
             return
@@ -54,21 +54,21 @@ class MoveDisplay:
         self.live = None
 
     def phase(self, text: str) -> None:
-        """Say what happens now."""
+        """Show what happens now."""
         if self.live:
             self.progress.update(self.task, description=text)
         elif not self.quiet:
             self.console.print(text)
 
     def warn(self, text: str) -> None:
-        """Say something that is not as it should be, above what is drawn or on standard error."""
+        """Print a warning above the drawing, or on standard error."""
         if self.live:
             self.console.print(text)
         else:
             print(text, file=sys.stderr, flush=True)
 
     def show(self, event: Event) -> None:
-        """An event from the device; positions are drawn."""
+        """Show an event from the device; positions are drawn."""
         report = event.message
         if not isinstance(report, Positions):
             return
@@ -84,7 +84,7 @@ class MoveDisplay:
             self.console.print(f"  frame {frame:6.1f}  {steps}")
 
     def advance(self, frame: float) -> None:
-        """The play head is there."""
+        """Draw the play head at a frame."""
         way = (frame - self.first) * (1 if self.last >= self.first else -1)
         self.progress.update(
             self.task,
@@ -100,14 +100,14 @@ class MoveDisplay:
 
 
 class ShotDisplay(MoveDisplay):
-    """Frames that are shot one by one: how many of `count` are done. names: as above."""
+    """Frames that are shot one by one, and how many of `count` are done. names: as above."""
 
     def __init__(self, names: Mapping[int, str], count: int, console: Console):
         super().__init__(names, 0, count, console, quiet=True)
         self.progress.update(self.task, text=f"0 of {count} frames")
 
     def shot(self, done: int, frame: int) -> None:
-        """So many frames are shot; `frame` is the one that is or was at work."""
+        """Show that `done` frames are shot; `frame` is the present or last one."""
         self.progress.update(
             self.task,
             completed=done,
@@ -116,11 +116,11 @@ class ShotDisplay(MoveDisplay):
         )
 
     def advance(self, frame: float) -> None:
-        """The play head does not say how many are shot."""
+        """Ignore the play head: it does not show how many frames are shot."""
 
 
 def motor_table(names: Mapping[int, str], report: Positions) -> Table:
-    """Where motors are, a line each; those that the device does not have are left out."""
+    """Return a table of positions, without motors that the device does not have."""
     motors = Table(box=None)
     for title in ("motor", "axis", "steps"):
         motors.add_column(title, justify="right")

@@ -1,5 +1,5 @@
-"""Moves kept as CSV: a column `frame`, then a column per motor in the order of the motors,
-positions in steps."""
+"""Moves as CSV: a column `frame`, then a column per motor in their order, with positions in
+steps."""
 
 import csv
 import io
@@ -11,11 +11,11 @@ from ..errors import ToolError
 
 EXAMPLES = Path(__file__).parent
 CAMERA_MOVE = EXAMPLES / "camera_move.csv"
-_LONGEST = 80  # characters of a line that is told
+_LONGEST = 80  # characters of a line in an error text
 
 
 class MoveFileError(ToolError):
-    """A file that is no move; the text names the line."""
+    """A file is not a move. The text names the line."""
 
 
 @dataclass(frozen=True)
@@ -28,31 +28,33 @@ class Move:
 
     @property
     def frames(self) -> int:
-        """How many frames the move has."""
+        """Number of frames."""
         return len(next(iter(self.positions.values())))
 
     @property
     def end_frame(self) -> int:
-        """The last scene frame."""
+        """Number of the last scene frame."""
         return self.start_frame + self.frames - 1
 
     def section(self, first: int, last: int) -> dict[int, list[int]]:
-        """Positions at the scene frames from `first` to `last`, both included; backward if `last`
-        comes first."""
+        """Return positions at the scene frames from `first` to `last`, including both; backward if
+        `last` comes first."""
         step = 1 if last >= first else -1
         frames = range(first - self.start_frame, last + step - self.start_frame, step)
         return {motor: [steps[i] for i in frames] for motor, steps in self.positions.items()}
 
 
 def or_example(path: Path) -> Path:
-    """The file, or where there is none, the example of that name which framestep brings."""
+    """Return the file, or framestep's example of that name if there is no such file."""
     example = EXAMPLES / path.name
     return example if path.name == str(path) and not path.exists() and example.exists() else path
 
 
 def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
-    """Read a move; MoveFileError, with the line, if the file is not there or not as described
-    above. What spreadsheets make of such a file is read as well: see read_frames()."""
+    """Read a move. Raises MoveFileError, with the line, if the file is missing or wrong.
+
+    Variants that spreadsheets write are accepted: see read_frames().
+    """
     (_, frames), *motors = read_frames(path, "the move", "<motor 1>,<motor 2>…")
     return Move(
         frames[0],
@@ -62,13 +64,13 @@ def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
 
 
 def read_frames(path: str | os.PathLike, what: str, columns: str) -> list[tuple[str, list[int]]]:
-    """The columns of a table that has a line for each frame: their names and whole numbers, the
-    frames first. MoveFileError, with the line, for anything else.
+    """Read a table with a line for each frame. Return the names and whole numbers of its columns,
+    frames first. Raises MoveFileError, with the line.
 
-    what, columns: what the file is and which columns follow the frames, for error texts.
+    what, columns: kind of the file and the columns after the frames, for error texts.
 
-    What spreadsheets make of such a file is read as well: a byte order mark, ;, tabs or blanks
-    between the columns, 12.0 for 12, blank lines at the end, empty columns behind the last, FRAME
+    Variants that spreadsheets write are accepted: a byte order mark; semicolons, tabs or blanks
+    between the columns; 12.0 for 12; empty lines at the end; empty columns after the last; FRAME
     for frame.
     """
     rows = rows_of(text_of(path, what), path)
@@ -93,7 +95,7 @@ def read_frames(path: str | os.PathLike, what: str, columns: str) -> list[tuple[
 
 
 def text_of(path: str | os.PathLike, what: str = "the move") -> str:
-    """The text of a move's file; MoveFileError if there is none. what: as for read_frames()."""
+    """Read the text of a move's file. Raises MoveFileError. what: as for read_frames()."""
     try:
         with open(path, encoding="utf-8-sig") as file:
             return file.read()
@@ -106,16 +108,16 @@ def text_of(path: str | os.PathLike, what: str = "the move") -> str:
 
 
 def separator_of(text: str) -> str:
-    """What stands between the columns of a table: of tab, ; and , what its header has most of; a
-    blank if it has none of them."""
+    """Return the separator of a table's columns: the most frequent of tab, ; and , in its header,
+    or a blank if it has none of them."""
     first = text.split("\n", 1)[0]
     most = max("\t;,", key=first.count)
     return most if most in first else " "
 
 
 def rows_of(text: str, path: str | os.PathLike) -> list[list[str]]:
-    """The rows of a table, without blank lines at the end and without empty columns behind those
-    of the header; MoveFileError, with the line, if its quotes are not as they should be."""
+    """Return the rows of a table, without empty lines at the end and empty columns after the
+    header's. Raises MoveFileError, with the line, for wrong quotes."""
     reader = csv.reader(text.splitlines(), delimiter=separator_of(text), skipinitialspace=True)
     try:
         rows = [[cell.strip() for cell in row] for row in reader]
@@ -132,7 +134,7 @@ def rows_of(text: str, path: str | os.PathLike) -> list[list[str]]:
 
 
 def write_move(path: str | os.PathLike, move: Move) -> None:
-    """Write a move for `read_move`; MoveFileError if it cannot be written."""
+    """Write a move for `read_move`. Raises MoveFileError."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(["frame", *(move.names[motor] for motor in move.positions)])
@@ -142,9 +144,9 @@ def write_move(path: str | os.PathLike, move: Move) -> None:
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:
-    """Write a move's file as a whole or not at all; MoveFileError if it cannot be written.
+    """Write a move's file completely or not at all. Raises MoveFileError.
 
-    What is no file, /dev/stdout for example, is written to and not replaced.
+    A path that is not a file, such as /dev/stdout, is written to and not replaced.
     """
     target = Path(path).resolve()
     plain = target.is_file() or not target.exists()
@@ -161,13 +163,13 @@ def write_text(path: str | os.PathLike, text: str) -> None:
 
 
 def shown(row: list[str]) -> str:
-    """A row as it is told: one line, of a bearable length."""
+    """Return a row for an error text: one line of limited length."""
     text = ",".join(row)
     return repr(text if len(text) <= _LONGEST else text[:_LONGEST] + "…")
 
 
 def _numbers(row: list[str], header: list[str], where: str) -> list[int]:
-    """A row's whole numbers, one a column; MoveFileError for anything else."""
+    """Return a row's whole numbers, one a column. Raises MoveFileError for anything else."""
     if len(row) != len(header):
         raise MoveFileError(f"{where}: expected {len(header)} whole numbers, found {shown(row)}")
     numbers = []

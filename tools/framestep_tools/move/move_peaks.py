@@ -1,5 +1,7 @@
-"""How fast, how steep and how far the path of a run becomes, and where: from the coefficients of
-its cubics, so nothing falls between two samples."""
+"""Peaks of velocity, acceleration, jerk and position of a run's path, and their times.
+
+They come from the coefficients of its cubics, so no peak is missed between two samples.
+"""
 
 from typing import NamedTuple
 
@@ -7,23 +9,23 @@ import numpy as np
 
 from ..judge.reference import Reference
 
-_SAME = 1e-4  # of a value
+_SAME = 1e-4  # as a part of a value
 _SAME_STEPS = 0.01
 PRE_ROLL, FRAMES, POST_ROLL = "pre-roll", "frames", "post-roll"
 
 
 class Peak(NamedTuple):
-    """A value, and when it is reached: seconds after the first frame."""
+    """A value and its time, in seconds after the first frame."""
 
     value: float
     seconds: float
 
 
 class Peaks(NamedTuple):
-    """Of one motor: the greatest velocity (steps/s), acceleration (steps/s²) and jerk (steps/s³)
-    as magnitudes, and the ends of its way in steps.
+    """Peaks of one motor: magnitudes of velocity (steps/s), acceleration (steps/s²) and jerk
+    (steps/s³), and its lowest and highest position in steps.
 
-    The jerk is that within the cubics; at a frame the acceleration may jump.
+    Jerk is measured within the cubics; at a frame the acceleration may jump.
     """
 
     velocity: Peak
@@ -34,13 +36,14 @@ class Peaks(NamedTuple):
 
 
 def peaks(path: Reference, motor: int) -> Peaks:
-    """The peaks of a motor's path from the begin of its pre-roll to the end of its post-roll."""
+    """Return the peaks of a motor's path, from the start of its pre-roll to the end of its
+    post-roll."""
     t, pieces = path.pieces(motor)
-    c = pieces[1:-1].T  # those between the two rests
+    c = pieces[1:-1].T  # the pieces between the two rests
     begins, span = t[:-1], np.diff(t)
 
     def within(x: np.ndarray) -> np.ndarray:
-        """Those of these times after the pieces' begins that lie in their pieces, else 0."""
+        """Return these times, relative to the pieces' starts, or 0 for a time outside its piece."""
         return np.where(np.isfinite(x) & (x > 0) & (x < span), x, 0)
 
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -51,7 +54,7 @@ def peaks(path: Reference, motor: int) -> Peaks:
     ends = [np.zeros(len(span)), span]
 
     def at(times: list[np.ndarray], value) -> tuple[np.ndarray, np.ndarray]:
-        """Values at times after the pieces' begins, and when that is."""
+        """Return values at times relative to the pieces' starts, and the absolute times."""
         return (
             np.concatenate([value(x) for x in times]),
             np.concatenate([begins + x for x in times]),
@@ -76,7 +79,9 @@ def _same(values: np.ndarray) -> float:
 
 
 def _greatest(values: np.ndarray, seconds: np.ndarray, same: float) -> Peak:
-    """The greatest of these values, and the first time at which one is within `same` of it: frames
-    last whole microseconds, so an even motion is not quite as fast in all."""
+    """Return the largest value, and the first time at which a value is within `same` of it.
+
+    Frames last whole microseconds, so a uniform motion does not have exactly equal velocities.
+    """
     greatest = values.max()
     return Peak(float(greatest), float(seconds[values >= greatest - same].min()))

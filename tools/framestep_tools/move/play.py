@@ -1,4 +1,4 @@
-"""Playing an uploaded move from the pre-roll to rest: `framestep play`."""
+"""`framestep play`: play an uploaded move from the pre-roll to rest."""
 
 from ..client.client import Client, Event
 from ..client.state import Stopped, is_stopped, too_steep, why_stopped
@@ -9,10 +9,10 @@ _ENDLESS = float("inf")
 
 
 def play(client: Client, run: RtRunMove, display: MoveDisplay) -> None:
-    """Run what has been uploaded, and wait until the motors stand on the end frame.
+    """Run the uploaded move, and wait until the motors rest on the end frame.
 
-    A loop ends only when something stops it. Stopped, with the reason, where a run that is no loop
-    ends before its last frame; RequestRefused (client.py) where the device does not take it.
+    A loop ends only when something stops it. Raises Stopped, with the reason, if another run ends
+    before its last frame, and RequestRefused (client.py).
     """
     reached = run.start_frame * 1000
 
@@ -22,7 +22,7 @@ def play(client: Client, run: RtRunMove, display: MoveDisplay) -> None:
             reached = event.message.move_time
         display.show(event)
 
-    client.events.clear()  # what has stopped motors before counts no more
+    client.events.clear()  # forget earlier stops
     try:
         client.on_event = display.show
         display.phase("to the pre-roll")

@@ -1,4 +1,4 @@
-"""Shooting frames one by one with the motors in motion: `framestep shoot`."""
+"""`framestep shoot`: shoot frames one by one with the motors in motion."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -21,14 +21,13 @@ _RANGE = re.compile(r"(?P<first>-?\d{1,9})(?:-(?P<last>-?\d{1,9}))?")
 
 
 class FramesError(ToolError):
-    """Frames that are none, or too many."""
+    """Text is not a list of frames, or has too many."""
 
     status = USAGE
 
 
 def frames_of(texts: Sequence[str]) -> list[int]:
-    """Scene frames from texts such as 7, 1-48, 48-1 (backward) and 1-5,9; FramesError for anything
-    else."""
+    """Parse scene frames such as 7, 1-48, 48-1 (backward) and 1-5,9. Raises FramesError."""
     found: list[int] = []
     for text in ",".join(texts).split(","):
         match = _RANGE.fullmatch(text.strip())
@@ -52,11 +51,11 @@ def frames_of(texts: Sequence[str]) -> list[int]:
 
 @dataclass(frozen=True)
 class Shots:
-    """How frames are shot: how long the shutter is open (ms), for how many degrees of the way from
-    half a frame before to half a frame after, pauses in seconds.
+    """How frames are shot: exposure in ms, degrees of the motion from half a frame before to half a
+    frame after that are exposed, pauses in seconds.
 
-    move: the upload, and `motors` of it that are in motion while the shutter is open; None: those
-    that the device has been told to blur.
+    move, motors: the upload, and its motors that move while the shutter is open. None: the motors
+    that the device has set to blur.
     """
 
     exposure_ms: int
@@ -67,7 +66,7 @@ class Shots:
     pause_s: float = 0.0
 
     def request(self, frame: int) -> RtShootFrame2:
-        """What shoots a frame. The shutter is open in the middle of the way."""
+        """Return the request for a frame. The shutter is open in the middle of the motion."""
         opens = (_FULL_TURN - self.shutter_angle) // 2
         motors = []
         if self.move:
@@ -84,17 +83,16 @@ def shoot(
     display: ShotDisplay,
     done: Callable[[int], None],
 ) -> None:
-    """Shoot frames of the upload, one after the other; `done` is told each that is.
+    """Shoot frames of the upload, one after the other. `done` is called with each shot frame.
 
-    Stopped, with the reason, where something stops the motors; RequestRefused (client.py) where the
-    device does not take a frame.
+    Raises Stopped, with the reason, if something stops the motors, and RequestRefused (client.py).
     """
     client.events.clear()  # what has stopped motors before counts no more
     client.on_event = display.show
     try:
         for count, frame in enumerate(frames):
             display.shot(count, frame)
-            # motors that do not blur have to be there as well, and lights
+            # places motors that do not blur, and sets lights
             client.request(RtPositionFrame(frame))
             client.wait_idle(timeout_s=_ENDLESS)
             client.request(shots.request(frame))
@@ -114,7 +112,7 @@ def shoot(
 
 
 def spans(frames: Sequence[int]) -> str:
-    """Frames as they would be typed: 1-12, 15."""
+    """Return frames as a user would type them: 1-12, 15."""
     found: list[list[int]] = []
     for frame in frames:
         if (

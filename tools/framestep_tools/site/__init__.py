@@ -1,1 +1,1 @@
-"""Static pages: framestep in a browser tab, on an emulated board."""
+"""Static pages: the documents, and framestep on an emulated board in a browser tab."""

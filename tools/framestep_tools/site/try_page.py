@@ -1,7 +1,7 @@
 """`make try`: a page that runs framestep in a browser tab, on an emulated board.
 
-Any plain web server can give it away. The board runs the image that `make image` builds, in a Web
-Worker; the page of `framestep console` is before it. Nothing is loaded from elsewhere.
+Any plain web server can serve it. A Web Worker runs the board with the image of `make image`; the
+page of `framestep console` controls it. Nothing is loaded from other hosts.
 """
 
 import json
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def make(out: Path, rig: dict[str, Any] = RIG) -> None:
-    """Write the page into a folder, which is emptied first. `rig` is the board's rig file."""
+    """Write the page into a folder, which is emptied first. rig: the board's rig file."""
     firmware = images.frozen(BOARD, show=True)
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
@@ -66,7 +66,7 @@ def make(out: Path, rig: dict[str, Any] = RIG) -> None:
 
 
 def _setup(rig: dict[str, Any]) -> dict[str, Any]:
-    """What the page has to know of the board and what is wired to it."""
+    """Return what the page needs to know of the board and its wiring."""
     board = Rig(rig, board_data(BOARD))
     return {
         "image": f"{BOARD}.uf2",
@@ -79,7 +79,7 @@ def _setup(rig: dict[str, Any]) -> dict[str, Any]:
 
 
 def _files(firmware: Path, rig: dict[str, Any]) -> bytes:
-    """The beginning of a file system that has the rig file; behind it all is erased."""
+    """Return the beginning of a file system with the rig file. The rest of it is erased flash."""
     area = uf2.from_flash(firmware.read_bytes(), uf2.RP2040).file_system()
     assert area
     image = littlefs_image.make_image(

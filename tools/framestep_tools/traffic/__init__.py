@@ -1,1 +1,1 @@
-"""What goes over the line between a host and a controller: recorded, shown, compared, replayed."""
+"""Traffic between a host and a controller: recorded, shown, compared, replayed."""

@@ -1,11 +1,10 @@
-"""Compares two conversations of one host: each request's answer, what was sent unasked, where the
-motors came to rest.
+"""Compares two conversations of one host: answers, unasked messages, final positions.
 
-What depends on time or on the surroundings is compared by kind only, unless Rules.exact says
-otherwise: positions under way, where the play head was left, MOTOR_STATUS, general inputs, a
-device's name, version and memory, and framestep's own messages about conditions. Positions at rest
-are compared by value: once MOTOR_STATUS has told that nothing moves, and nothing has been asked to
-move since.
+Unless Rules.exact is set, values that depend on time or surroundings are compared by kind only:
+positions under way, the last play head, MOTOR_STATUS, general inputs, a device's name, version and
+memory, and framestep's own messages about conditions. Positions at rest are compared by value. A
+motor is at rest if MOTOR_STATUS has reported that nothing moves and no later request moves
+anything.
 """
 
 from collections.abc import Iterator
@@ -20,14 +19,14 @@ from .log import DEVICE, HOST, REPLAY_IDS, Entry
 from .sniffer import describe, meaning
 
 _MOVES = {kind for kind, cls in p.REQUESTS.items() if cls.MOVES}
-_TURNS = {p.HardStop.TYPE, p.RtEnd.TYPE, p.RtGo.TYPE}  # unasked, and no matter of time
+_TURNS = {p.HardStop.TYPE, p.RtEnd.TYPE, p.RtGo.TYPE}  # unasked messages that do not depend on time
 _OF_THE_MOMENT = (p.Status, p.InputLevels, p.Condition, p.Exceeded)
 
 
 @dataclass(frozen=True)
 class Rules:
-    """What counts as the same. steps: by how many positions at rest may differ; ignored: names of
-    messages whose answers are not compared; exact: by value even what depends on time."""
+    """What counts as equal. steps: allowed difference of positions at rest; ignored: names of
+    messages whose answers are not compared; exact: compare by value even what depends on time."""
 
     steps: int = 0
     ignored: frozenset[str] = frozenset()
@@ -35,8 +34,8 @@ class Rules:
 
 
 def names_known(names: list[str]) -> frozenset[str]:
-    """Names of messages as the specification has them, MSG_ in front or not. ToolError for one
-    that is none."""
+    """Return the specification's names of messages, given with or without MSG_. Raises ToolError
+    for an unknown one."""
     found = frozenset(name.upper().removeprefix("MSG_") for name in names)
     for name in sorted(found - set(TYPE_NAMES.values())):
         raise ToolError(f"{name} is not a message; framestep sniff shows their names")
@@ -45,8 +44,7 @@ def names_known(names: list[str]) -> frozenset[str]:
 
 @dataclass
 class Asked:
-    """A request and what was answered to it. `rests`: whether nothing moved, as far as the host
-    could know."""
+    """A request and its answer. `rests`: whether nothing moved, as far as the host could know."""
 
     time_s: float
     frame: Frame | None
@@ -56,8 +54,8 @@ class Asked:
 
 @dataclass
 class Conversation:
-    """What one host asked, what it was told unasked that is no matter of time, and the last
-    positions that it was told at rest."""
+    """One host's requests, the unasked messages that do not depend on time, and the last reported
+    positions at rest."""
 
     asked: list[Asked] = field(default_factory=list)
     turns: list[tuple[float, Frame]] = field(default_factory=list)
@@ -67,7 +65,7 @@ class Conversation:
 
 
 def conversation(entries: list[Entry]) -> Conversation:
-    """What a log tells, sorted."""
+    """Sort the entries of a log into a conversation."""
     found = Conversation()
     open_requests: dict[tuple[int, int], Asked] = {}
     for entry in entries:
@@ -98,7 +96,7 @@ def conversation(entries: list[Entry]) -> Conversation:
 
 
 def differences(before: list[Entry], now: list[Entry], rules: Rules) -> Iterator[str]:
-    """Sentences about what is not the same in a replay as in its log; none if all is."""
+    """Yield sentences about differences between a log and its replay."""
     old, new = conversation(before), conversation(now)
     for one, other in zip(old.asked, new.asked, strict=False):
         for text in _answers(one, other, rules):
@@ -147,7 +145,7 @@ def _same(one: Frame, other: Frame, rests: bool, rules: Rules) -> bool:
         return True
     old, new = meaning(one, False), meaning(other, False)
     if _accepted(old) and _accepted(new):
-        return True  # the dialects differ in it (field note 1.4)
+        return True  # the dialects differ here (field note 1.4)
     if type(old) is not type(new) or old is None:
         return False
     if isinstance(old, Ack) or rules.exact:
@@ -176,7 +174,7 @@ def _same_values(old: Any, new: Any, rests: bool, rules: Rules) -> bool:
 
 
 def _kind(info: p.DeviceInfo) -> p.DeviceInfo:
-    """Without what differs between devices of one kind."""
+    """Remove values that differ between devices of one kind."""
     return replace(info, name="", major=0, minor=0, revision=0, upload_frames=0)
 
 
@@ -189,7 +187,7 @@ def _near(old: tuple[int, ...], new: tuple[int, ...] | None, rules: Rules) -> bo
 
 
 def _unasked(old: Conversation, new: Conversation, rules: Rules) -> Iterator[str]:
-    """HARD_STOP, RT_END, RT_GO: which, with what in them, and in which order."""
+    """Compare HARD_STOP, RT_END and RT_GO with their values and their order."""
     was, told = (
         [(t, f) for t, f in each.turns if type_name(f.type) not in rules.ignored]
         for each in (old, new)
@@ -205,4 +203,4 @@ def _unasked(old: Conversation, new: Conversation, rules: Rules) -> Iterator[str
             for each in (other, one)
         ]
         yield f"{at:10.4f} s  unasked: {texts[0]} instead of {texts[1]}"
-        return  # what follows is shifted
+        return  # later messages are shifted, so do not compare them

@@ -8,7 +8,7 @@
     9.500000 close
 
 `>` is the host, `<` the device; `open` and `close` are the host's port (DTR). Each line has one
-frame, or bytes that belong to none, exactly as they came. What stands behind a `#` is for people.
+frame, or bytes outside frames, exactly as they came. Text after a `#` is for people.
 """
 
 import time
@@ -21,17 +21,17 @@ from ..errors import ToolError
 
 HOST, DEVICE, OPEN, CLOSE = ">", "<", "open", "close"
 HEADING = "# framestep sniff 1"
-REPLAY_IDS = range(0x7E00_0000, 0x7E01_0000)  # of questions that a replay asks on its own account
-_LONGEST = 0xFFFF  # payload: what the length field can hold
+REPLAY_IDS = range(0x7E00_0000, 0x7E01_0000)  # IDs of a replay's own requests
+_LONGEST = 0xFFFF  # bytes of a payload, limited by the length field
 
 
 class LogError(ToolError):
-    """A file that is no log of traffic; the text names the line."""
+    """A file is not a traffic log. The text names the line."""
 
 
 class Entry(NamedTuple):
-    """What happened: `time_s` from the beginning; `who` is HOST, DEVICE, OPEN or CLOSE; `data` is
-    one frame's bytes, or bytes that belong to none."""
+    """One entry. `time_s`: seconds from the beginning; `who`: HOST, DEVICE, OPEN or CLOSE; `data`:
+    one frame's bytes, or bytes outside frames."""
 
     time_s: float
     who: str
@@ -39,23 +39,23 @@ class Entry(NamedTuple):
 
     @property
     def frame(self) -> Frame | None:
-        """The frame, None for bytes that are none."""
+        """The frame, or None for bytes outside frames."""
         decoder = FrameDecoder(_LONGEST)
         found = decoder.feed(self.data)
         return found[0] if len(found) == 1 and not decoder.skipped else None
 
     @property
     def damaged(self) -> bool:
-        """Whether this began as a frame whose checksum is wrong."""
+        """Whether these bytes are a frame with a wrong checksum."""
         decoder = FrameDecoder(_LONGEST)
         decoder.feed(self.data)
         return bool(decoder.damaged)
 
 
 class Recorder:
-    """Makes entries of bytes as they pass, however these are cut up, and hands each to `tell`.
+    """Makes entries of passing bytes, however they are divided, and calls `tell` with each.
 
-    `clock` gives seconds; the first entry is at 0.
+    clock: returns seconds; the first entry is at 0.
     """
 
     def __init__(self, tell: Callable[[Entry], None], clock: Callable[[], float] = time.monotonic):
@@ -70,7 +70,7 @@ class Recorder:
         return now - self._began
 
     def passed(self, who: str, data: bytes) -> None:
-        """Bytes of HOST or DEVICE."""
+        """Record bytes of HOST or DEVICE."""
         now = self._now()
         loose = b""
         for raw, frame in self._decoders[who].pieces(data):
@@ -85,14 +85,14 @@ class Recorder:
             self._tell(Entry(now, who, loose))
 
     def port(self, is_open: bool) -> None:
-        """The host opens or closes its port."""
+        """Record that the host opens or closes its port."""
         now = self._now()
         if not is_open:
             self.end()
         self._tell(Entry(now, OPEN if is_open else CLOSE))
 
     def end(self) -> None:
-        """What has begun as a frame is not going to be one."""
+        """End the recording; an unfinished frame becomes bytes outside frames."""
         now = self._now()
         for who, decoder in self._decoders.items():
             if begun := decoder.reset():
@@ -100,7 +100,7 @@ class Recorder:
 
 
 class LogWriter:
-    """Writes entries to a file as they come, each with its meaning behind it."""
+    """Writes entries to a file as they come, each with its meaning after it."""
 
     def __init__(self, file: TextIO, subject: str, describe: Callable[[Entry], str]):
         self._file, self._describe = file, describe
@@ -114,19 +114,19 @@ class LogWriter:
 
     def _put(self, line: str) -> None:
         self._file.write(line + "\n")
-        self._file.flush()  # what is there when the cable is pulled or the computer stops
+        self._file.flush()  # so the entry survives a pulled cable or a crash
 
     def add(self, entry: Entry) -> None:
-        """One line."""
+        """Write one entry."""
         self._put(line_of(entry, self._describe(entry) if entry.data else ""))
 
     def note(self, text: str) -> None:
-        """A remark for people."""
+        """Write a remark for people."""
         self._put(f"# {text}")
 
 
 def line_of(entry: Entry, meaning: str = "") -> str:
-    """The line of a log for an entry."""
+    """Return an entry's line in a log."""
     parts = [f"{entry.time_s:.6f}", entry.who]
     if entry.data:
         parts.append(entry.data.hex())
@@ -134,12 +134,12 @@ def line_of(entry: Entry, meaning: str = "") -> str:
 
 
 def is_log(content: bytes) -> bool:
-    """Whether a file's content is a log, and not a bare capture."""
+    """Return whether a file's content is a log rather than a bare capture."""
     return content.startswith(HEADING.encode())
 
 
 def parse(lines: Iterable[str]) -> Iterator[Entry]:
-    """The entries of a log. LogError for a line that is none."""
+    """Yield the entries of a log. Raises LogError for a wrong line."""
     last = 0.0
     for number, line in enumerate(lines, 1):
         words = line.partition("#")[0].split()
@@ -165,7 +165,7 @@ def parse(lines: Iterable[str]) -> Iterator[Entry]:
 
 
 def read(path: str) -> list[Entry]:
-    """The entries of a log file. LogError for one that is none."""
+    """Return the entries of a log file. Raises LogError."""
     try:
         with open(path, "rb") as file:
             content = file.read()

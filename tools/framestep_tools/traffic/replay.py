@@ -1,4 +1,4 @@
-"""Plays the host's side of a log against a device, and records what the device says to it."""
+"""Plays the host's side of a log against a device, and records the device's messages."""
 
 import time
 from collections import Counter
@@ -12,20 +12,20 @@ from .log import DEVICE, HOST, OPEN, REPLAY_IDS, Entry, Recorder
 from .sniffer import meaning
 
 _ASK_AGAIN_S = 0.05
-_LOOK_S = 0.05  # at most between two looks at the clock
-_GRAIN_S = 1e-6  # less is left by rounding only, and a port may round it to nothing
+_LOOK_S = 0.05  # longest interval between two readings of the clock
+_GRAIN_S = 1e-6  # a shorter remainder is only rounding, and a port may round it to 0
 _MILESTONES = {HardStop.TYPE, RtEnd.TYPE, RtGo.TYPE}
 
 
 class Replay:
-    """Sends what the log's host sent, byte by byte, in its own time; `entries` is the recording.
+    """Sends the bytes of the log's host at the log's pace; `entries` is the recording.
 
-    Nothing is sent before the device has said what had come by then in the log: each answer, each
-    HARD_STOP, RT_GO and RT_END. Where the log's host had learnt that nothing moves, the replay asks
-    on, with IDs of its own, until that is so. It waits `patience_s` at most for what takes motion,
-    and an answer's time limit for an answer; then it goes on.
+    Each request waits until the device has sent the messages that preceded it in the log: answers,
+    HARD_STOP, RT_GO and RT_END. Where the log shows that motion had stopped, the replay repeats
+    MOTOR_STATUS, with its own IDs, until that is so. It waits at most `patience_s` for motion, and
+    an answer's time limit for an answer; then it goes on.
 
-    open_device: opens the device's port. speed: how many times as fast as in the log.
+    open_device: opens the device's port; speed: factor on the log's speed.
     """
 
     def __init__(
@@ -43,14 +43,14 @@ class Replay:
         self._clock: Callable[[], float] = time.monotonic
         self._recorder = Recorder(self.entries.append, lambda: self._clock())
         self._decoder = FrameDecoder()
-        self._sent: Counter[tuple[int, int]] = Counter()  # (ID, type) of requests
-        self._heard: Counter[tuple[int, int]] = Counter()  # of what the device has said
+        self._sent: Counter[tuple[int, int]] = Counter()  # requests by (ID, type)
+        self._heard: Counter[tuple[int, int]] = Counter()  # the device's messages by (ID, type)
         self._expected: Counter[tuple[int, int]] = Counter()
-        self._idle: bool | None = None  # what MOTOR_STATUS told last
-        self._asked = 0  # questions of its own
+        self._idle: bool | None = None  # the last MOTOR_STATUS
+        self._asked = 0  # number of the replay's own requests
 
     def play(self) -> list[Entry]:
-        """All of it; the recording. NoAnswer from a device that says nothing at all."""
+        """Play the whole log. Return the recording. Raises NoAnswer if the device is silent."""
         try:
             self._play()
         finally:
@@ -58,7 +58,7 @@ class Replay:
         return self.entries
 
     def close(self) -> None:
-        """Close the device's port; what still moves comes to rest."""
+        """Close the device's port. Motors come to rest."""
         if self.port is not None:
             self.port.close()
             self.port = None
@@ -72,7 +72,7 @@ class Replay:
                 continue
             frame = entry.frame
             if frame and frame.id in REPLAY_IDS and entry.who == HOST:
-                continue  # of an earlier replay: it asks for itself
+                continue  # a request of an earlier replay: this one makes its own
             if last is not None and last_log is not None:
                 self._listen_until(last + (entry.time_s - last_log) / self._speed)
             self._do(entry)
@@ -102,10 +102,10 @@ class Replay:
         self._recorder.passed(HOST, data)
         self.port.write(data)
 
-    # ---- what the device says
+    # ---- messages of the device
 
     def _wait_for(self, entry: Entry) -> None:
-        """Until the device has said the like of what it said in the log."""
+        """Wait until the device has sent the messages that the log shows."""
         frame = entry.frame
         if frame is None or self.port is None:
             return
@@ -128,7 +128,7 @@ class Replay:
         self._expected[key] += 1
         wanted = self._expected[key]
         if not self._listen(lambda: self._heard[key] >= wanted, seconds):
-            self._expected[key] = self._heard[key]  # it is not waited for again
+            self._expected[key] = self._heard[key]  # do not wait for it again
 
     def _wait_until_idle(self) -> None:
         end = self._clock() + self._patience_s
@@ -143,7 +143,7 @@ class Replay:
         self._listen(lambda: False, time_s - self._clock())
 
     def _listen(self, done: Callable[[], bool], seconds: float) -> bool:
-        """Take what the device says for so long, or until that is so; whether it is."""
+        """Receive messages until `done` is true or the time is over. Return whether it is true."""
         end = self._clock() + seconds
         while not done():
             left = end - self._clock()
@@ -151,7 +151,7 @@ class Replay:
                 return False
             if self.port is None:
                 if self._clock is not time.monotonic:
-                    return False  # that clock stands still while nobody reads
+                    return False  # this port's clock stops while nobody reads
                 time.sleep(min(left, _LOOK_S))
                 continue
             self.port.timeout = min(left, _LOOK_S)

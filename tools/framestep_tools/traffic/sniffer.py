@@ -1,4 +1,4 @@
-"""Reads protocol traffic: what each frame says, from a capture or between a host and a device."""
+"""Explains protocol traffic frame by frame, from a capture or between a host and a device."""
 
 import re
 import time
@@ -19,7 +19,7 @@ _NEXT_LOOK_S = 0.002
 
 
 def capture_bytes(content: bytes) -> bytes:
-    """The traffic in a capture file: hexadecimal digits (with blanks, colons or commas) or the
+    """Return the bytes in a capture file: hexadecimal digits (with blanks, colons or commas) or the
     bytes themselves."""
     digits = re.sub(rb"[\s:,]|0[xX]", b"", content)
     if _HEX.fullmatch(content.replace(b"0x", b"").replace(b"0X", b"")) and len(digits) % 2 == 0:
@@ -28,8 +28,10 @@ def capture_bytes(content: bytes) -> bytes:
 
 
 def meaning(frame: Frame, from_host: bool | None = None) -> Payload | Ack | None:
-    """What a frame says; None if its data fits no layout. `from_host` None: not known, a request
-    where it fits one."""
+    """Decode a frame; None if its data fits no layout.
+
+    from_host: None if unknown; then it counts as a request if it fits one.
+    """
     if frame.is_ack:
         try:
             return Ack.unpack(frame.payload)
@@ -47,7 +49,7 @@ def meaning(frame: Frame, from_host: bool | None = None) -> Payload | Ack | None
             continue
     if from_host is not False and frame.type in REQUESTS:
         try:
-            # field note 1.8: what follows is ignored
+            # field note 1.8: ignore later bytes
             return REQUESTS[frame.type].unpack_known(frame.payload)[0]
         except ValueError:
             pass
@@ -55,8 +57,8 @@ def meaning(frame: Frame, from_host: bool | None = None) -> Payload | Ack | None
 
 
 def describe(frame: Frame, from_host: bool | None = None) -> str:
-    """One line: ID, type, and the data field by field (in hexadecimal if it fits no layout), then
-    what numbers stand for."""
+    """Return one line: ID, type, the data field by field (in hexadecimal if it fits no layout), and
+    what numbers mean."""
     said = meaning(frame, from_host)
     words = ""
     if isinstance(said, Ack):
@@ -75,7 +77,7 @@ def describe(frame: Frame, from_host: bool | None = None) -> str:
 
 
 def describe_entry(entry: Entry) -> str:
-    """What an entry of a log says, in a line without its time."""
+    """Return an entry of a log as a line without its time."""
     if entry.who in (OPEN, CLOSE):
         return "the host opens its port" if entry.who == OPEN else "the host closes its port"
     frame = entry.frame
@@ -86,7 +88,7 @@ def describe_entry(entry: Entry) -> str:
 
 
 def timed(entry: Entry) -> str:
-    """The same with its time and its direction."""
+    """Return an entry as a line with its time and its direction."""
     arrow = entry.who if entry.who in (HOST, DEVICE) else " "
     return f"{entry.time_s:10.4f} {arrow} {describe_entry(entry)}"
 
@@ -98,7 +100,7 @@ def _fields(payload: Payload) -> str:
 
 
 def _short(value: Any) -> str:
-    if isinstance(value, Payload):  # one of several: its values
+    if isinstance(value, Payload):  # a repeated record: its values
         return "/".join(str(field) for field in vars(value).values())
     if not isinstance(value, tuple):
         return repr(value)
@@ -109,7 +111,7 @@ def _short(value: Any) -> str:
 
 
 def read_capture(content: bytes) -> Iterator[str]:
-    """The frames of a capture or a log line by line, then what was no frame."""
+    """Yield the frames of a capture or a log line by line, then a count of bytes outside frames."""
     if is_log(content):
         tally = Tally()
         for entry in parse(content.decode(errors="replace").splitlines()):
@@ -130,7 +132,7 @@ def read_capture(content: bytes) -> Iterator[str]:
 
 
 class Tally:
-    """Counts what passes: for the line at the end."""
+    """Counts traffic for the line at the end."""
 
     def __init__(self) -> None:
         self.requests = self.unasked = self.loose = 0
@@ -139,7 +141,7 @@ class Tally:
         self._waiting: dict[tuple[int, int], float] = {}
 
     def add(self, entry: Entry) -> None:
-        """One entry of a log."""
+        """Count one entry of a log."""
         if not entry.data:
             return
         frame = entry.frame
@@ -174,11 +176,10 @@ class Tally:
 
 
 class Relay:
-    """Copies between a device's port and a pseudo-terminal, and records it.
+    """Copies bytes between a device's port and a pseudo-terminal, and records them.
 
-    The device sees its host come and go: while nobody has the pseudo-terminal open, its port is
-    closed (after the first host; until then it stays as it was handed over). `open_device` opens
-    it again.
+    The device sees its host come and go: once the first host has closed the pseudo-terminal, the
+    port is closed while nobody has it open. open_device: opens the port again.
     """
 
     def __init__(
@@ -187,17 +188,17 @@ class Relay:
         self.device = device
         self._open_device, self._link, self._recorder = open_device, link, recorder
         self._host = False
-        self._to_host = b""  # what its side has not taken yet
+        self._to_host = b""  # bytes that the host has not read yet
 
     def run(self, until: Callable[[], bool]) -> None:
-        """Until that is True."""
+        """Copy until `until` returns True."""
         while not until():
             if not self.step():
                 time.sleep(_NEXT_LOOK_S)
 
     def step(self) -> bool:
-        """What has come so far; whether anything has."""
-        from_host = self._link.read()  # what a host sent before it left still counts
+        """Copy all waiting bytes. Return whether there were any."""
+        from_host = self._link.read()  # includes bytes that a host sent before it disconnected
         is_open = self._link.is_open(False)
         if (is_open or from_host) and not self._host:
             self._come()
@@ -210,7 +211,7 @@ class Relay:
             self._recorder.passed(DEVICE, data)
             self._to_host += data
             moved = True
-        if self._to_host:  # nobody reads it before a host is there
+        if self._to_host:  # there is no reader without a host
             taken = self._link.write(self._to_host) if self._host else len(self._to_host)
             self._to_host = self._to_host[taken:]
         if self._host and not is_open:
@@ -234,7 +235,7 @@ class Relay:
         self._recorder.port(False)
 
     def close(self) -> None:
-        """Close the device's port; what has begun as a frame is recorded as what it is."""
+        """Close the device's port, and record an unfinished frame."""
         self._recorder.end()
         if self.device is not None:
             self.device.close()

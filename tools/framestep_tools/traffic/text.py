@@ -1,4 +1,4 @@
-"""What messages say, in words: what numbers stand for that nobody knows by heart."""
+"""Messages in words: the meaning of numbers that nobody knows by heart."""
 
 from collections.abc import Callable
 from typing import Any
@@ -99,7 +99,7 @@ _WORDS: dict[type[Payload], Callable[[Any], str]] = {
 
 
 def in_words(said: Payload | Ack) -> str:
-    """What fields stand for, "" where they speak for themselves."""
+    """Return the meaning of a message's fields; "" if they are clear by themselves."""
     if isinstance(said, Ack):
         return "" if said == Ack.OK else said.description
     found = [_WORDS[type(said)](said)] if type(said) in _WORDS else []

@@ -10,33 +10,34 @@ from .recording import Recording, Table
 
 
 class Format(Protocol):
-    """What a module of a format has."""
+    """Interface of a format's module."""
 
     NAME: str
     MEANING: str
     ENDINGS: tuple[str, ...]
 
     def recognises(self, text: str) -> bool:
-        """Whether a file's text looks like this format."""
+        """Return whether a file's text looks like this format."""
         ...
 
     def read(self, text: str, path: str) -> Recording:
-        """The axes in a file's text; MoveFileError, with `path` and the line, if it is wrong."""
+        """Read the axes in a file's text. Raises MoveFileError, with `path` and the line."""
         ...
 
     def write(self, table: Table, fps: float | None) -> str:
-        """The text of a file with this move. fps: frames per second, for a file in seconds."""
+        """Return the text of a file with this move. fps: frames per second, for a file in
+        seconds."""
         ...
 
 
-# Those that need more signs to be recognised first
+# Formats with more distinctive marks come first
 FORMATS: dict[str, Format] = {
     module.NAME: module for module in (arc, maya_anim, kuper, csv_table, raw)
 }
 
 
 def of_content(text: str, path: str) -> Format:
-    """The format of a file's text; MoveFileError if it looks like none."""
+    """Recognise the format of a file's text. Raises MoveFileError if it looks like none."""
     for candidate in FORMATS.values():
         if candidate.recognises(text):
             return candidate
@@ -47,7 +48,7 @@ def of_content(text: str, path: str) -> Format:
 
 
 def of_name(path: Path) -> Format:
-    """The format that a file's ending stands for; MoveFileError if it stands for none."""
+    """Return the format of a file's ending. Raises MoveFileError for an unknown ending."""
     for candidate in FORMATS.values():
         if path.suffix.lower() in candidate.ENDINGS:
             return candidate

@@ -1,4 +1,4 @@
-"""Dragonframe's Arc move (.arcm): XML, per axis keyframes and the handles of Bézier curves.
+"""Dragonframe's Arc move (.arcm): XML with keyframes and Bézier handles for each axis.
 
     <scen:scene xmlns:scen="http://caliri.com/motion/scene" endframe="48">
       <scen:axis name="Pan" units="deg">
@@ -6,7 +6,7 @@
         <scen:controlPoints x="9" y="0"/> …         the handle after each keyframe but the last and
                                                     the one before each but the first, in order
 
-docs/use/formats.md says what this rests on.
+docs/use/formats.md has the sources.
 """
 
 import xml.etree.ElementTree as ET
@@ -25,13 +25,12 @@ _NAMESPACE = "http://caliri.com/motion/scene"
 
 
 def recognises(text: str) -> bool:
-    """Whether a file's text looks like this format."""
+    """Return whether a file's text looks like this format."""
     return text.lstrip().startswith("<")
 
 
 def read(text: str, path: str) -> Recording:
-    """The file's axes that have keyframes; MoveFileError, with the axis, if it is not as described
-    above."""
+    """Read the file's axes that have keyframes. Raises MoveFileError, with the axis."""
     try:
         root = ET.fromstring(text)
     except ET.ParseError as error:
@@ -50,7 +49,7 @@ def read(text: str, path: str) -> Recording:
 
 
 def _channel(axis: ET.Element, name: str, where: str) -> Channel | None:
-    """An axis, None if it has no keyframes."""
+    """Return an axis, or None if it has no keyframes."""
     unit = axis.get("units", "").strip().lower()
     if unit and unit not in UNITS:
         raise MoveFileError(f"{where}: expected units of {', '.join(UNITS)}, found {shown([unit])}")
@@ -100,7 +99,7 @@ def _local(element: ET.Element) -> str:
 
 
 def write(table: Table, fps: float | None) -> str:
-    """The file's text: a keyframe at each frame, with handles that make the path smooth."""
+    """Return the file's text: a keyframe at each frame, with handles that make the path smooth."""
     ET.register_namespace("scen", _NAMESPACE)
     root = ET.Element(_tag("scene"), {"endframe": str(table.frames[-1])})
     for column in table.columns:
@@ -118,8 +117,8 @@ def write(table: Table, fps: float | None) -> str:
 
 
 def _handles(frames: range, column: Column) -> list[Point]:
-    """The control points of keyframes at every frame: a third of a frame from their keyframe, on
-    its tangent."""
+    """Return the control points of keyframes at every frame: a third of a frame from their
+    keyframe, on its tangent."""
     curve = Samples([float(frame) for frame in frames], column.values)
     found = []
     for i in range(len(frames) - 1):

@@ -1,7 +1,6 @@
 """CSV: a header, then a line per frame or sample. The first column is the frame or the time.
 
-Blender and Maya have no CSV of animation of their own; this is what scripts for them and
-spreadsheets write.
+Blender and Maya have no CSV format for animation; scripts for them and spreadsheets write this one.
 """
 
 import csv
@@ -15,7 +14,7 @@ NAME = "csv"
 MEANING = "a header, then a line per frame; the first column is frame or seconds"
 ENDINGS = (".csv", ".tsv")
 
-# Headers of the first column, in lower case, and how many of it a second has; None: frames
+# Headers of the first column, in lower case, and how many of its units a second has; None: frames
 _CLOCKS: dict[str, float | None] = {
     "frame": None, "frames": None, "frame number": None,
     "seconds": 1, "second": 1, "sec": 1, "s": 1, "time": 1, "time (s)": 1, "time [s]": 1,
@@ -24,14 +23,14 @@ _CLOCKS: dict[str, float | None] = {
 
 
 def recognises(text: str) -> bool:
-    """Whether a file's text looks like this format."""
+    """Return whether a file's text looks like this format."""
     first = text.split("\n", 1)[0]
     return first.split(separator_of(text))[0].strip().strip('"').lower() in _CLOCKS
 
 
 def read(text: str, path: str) -> Recording:
-    """The file's axes; MoveFileError, with line and column, if it is not as described above or a
-    frame is missing."""
+    """Read the file's axes. Raises MoveFileError, with line and column, also for a missing
+    frame."""
     rows = rows_of(text, path)
     header = rows[0] if rows else []
     if len(header) < 2 or header[0].lower() not in _CLOCKS:
@@ -40,7 +39,7 @@ def read(text: str, path: str) -> Recording:
             f"found {shown(header)}"
         )
     clock = _CLOCKS[header[0].lower()]
-    decimal_comma = separator_of(text) != ","  # as spreadsheets of many countries write
+    decimal_comma = separator_of(text) != ","  # as in spreadsheets of many countries
     places: list[float] = []
     columns: list[list[float]] = [[] for _ in header[1:]]
     for line, row in enumerate(rows[1:], 2):
@@ -81,7 +80,7 @@ def _check_place(place: float, before: list[float], clock: float | None, where: 
 
 
 def write(table: Table, fps: float | None) -> str:
-    """The file's text: frames, or seconds from 0 on if there are frames per second."""
+    """Return the file's text: with frames, or with seconds from 0 on if fps is given."""
     first: list[str] = (
         [f"{i / fps:.9f}" for i in range(len(table.frames))]
         if fps

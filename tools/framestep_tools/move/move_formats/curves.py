@@ -7,16 +7,16 @@ from typing import Protocol
 
 from ..move_file import MoveFileError
 
-_SAME = 1e-6  # of the way from sample to sample: seconds are written with some decimals
-_CLOSE = 1e-12  # of a Bézier segment's width: how near the curve's parameter is found
-_ITERATIONS = 60  # halvings that reach _CLOSE from anywhere
+_SAME = 1e-6  # as a part of the distance between samples: seconds are rounded in files
+_CLOSE = 1e-12  # tolerance of the curve's parameter, as a part of a Bézier segment's width
+_ITERATIONS = 60  # enough halvings to reach _CLOSE
 
 Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Values at rising places, and between them a cubic whose slope at each sample is that of the
+    """Values at increasing places, joined by cubics. The slope at each sample is that of the
     parabola through it and its neighbours."""
 
     places: list[float]
@@ -24,16 +24,16 @@ class Samples:
 
     @property
     def first(self) -> float:
-        """The place of the first sample."""
+        """Place of the first sample."""
         return self.places[0]
 
     @property
     def last(self) -> float:
-        """The place of the last sample."""
+        """Place of the last sample."""
         return self.places[-1]
 
     def at(self, x: float) -> float:
-        """The value there; before the first sample and after the last the one of that sample."""
+        """Return the value at a place; beyond the ends, the value of the end sample."""
         i = bisect_right(self.places, x) - 1
         if i < 0:
             return self.values[0]
@@ -50,7 +50,7 @@ class Samples:
         )
 
     def slope(self, i: int) -> float:
-        """The slope at sample `i`; at the first and the last one that toward its neighbour."""
+        """Return the slope at sample `i`; at an end sample, the slope toward its neighbour."""
         if len(self.places) == 1:
             return 0.0
         if i == 0:
@@ -66,39 +66,39 @@ class Samples:
 
 
 class Piece(Protocol):
-    """The values between two keyframes."""
+    """Values between two keyframes."""
 
     def at(self, x: float) -> float:
-        """The value at a place between the keyframes."""
+        """Return the value at a place between the keyframes."""
         ...
 
 
 @dataclass(frozen=True)
 class Hold:
-    """One value from keyframe to keyframe."""
+    """The same value from keyframe to keyframe."""
 
     value: float
 
     def at(self, x: float) -> float:
-        """The value, anywhere between the keyframes."""
+        """Return the value, anywhere between the keyframes."""
         return self.value
 
 
 @dataclass(frozen=True)
 class Unreadable:
-    """Values that the file does not tell: no harm where no frame lies between the keyframes."""
+    """Values that cannot be read. That does no harm if no frame lies between the keyframes."""
 
     why: str
 
     def at(self, x: float) -> float:
-        """MoveFileError, with the reason."""
+        """Raise MoveFileError with the reason."""
         raise MoveFileError(self.why)
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A cubic Bézier curve between two keyframes, whose handles reach no further than from one to
-    the other: so there is one value at each place."""
+    """A cubic Bézier curve between two keyframes. Its handles stay between them, so there is one
+    value at each place."""
 
     start: Point
     handle: Point
@@ -106,7 +106,7 @@ class Segment:
     end: Point
 
     def at(self, x: float) -> float:
-        """The value at a place between the keyframes."""
+        """Return the value at a place between the keyframes."""
         return _bezier(1, self, self._parameter(x))
 
     def _parameter(self, x: float) -> float:
@@ -123,31 +123,30 @@ class Segment:
                 low = t
             slope = _bezier_slope(0, self, t)
             t = t - off / slope if slope > 0 else low
-            if not low < t < high:  # where Newton's step leads astray
+            if not low < t < high:  # Newton's step has left the interval
                 t = (low + high) / 2
         return t
 
 
 @dataclass(frozen=True)
 class Keyframes:
-    """Keyframes at rising places, and what is between each two of them."""
+    """Keyframes at increasing places, and the pieces between them."""
 
     keys: list[Point]
     pieces: Sequence[Piece]
 
     @property
     def first(self) -> float:
-        """The place of the first keyframe."""
+        """Place of the first keyframe."""
         return self.keys[0][0]
 
     @property
     def last(self) -> float:
-        """The place of the last keyframe."""
+        """Place of the last keyframe."""
         return self.keys[-1][0]
 
     def at(self, x: float) -> float:
-        """The value there; before the first keyframe and after the last the one of that
-        keyframe."""
+        """Return the value at a place; beyond the ends, the value of the end keyframe."""
         i = bisect_right(self.keys, x, key=lambda point: point[0]) - 1
         if i < 0:
             return self.keys[0][1]
@@ -157,7 +156,7 @@ class Keyframes:
 
 
 def within(handle: Point, key: Point, other: float) -> Point:
-    """A keyframe's handle, shortened where it reaches past the neighbour at the place `other`."""
+    """Return a keyframe's handle, shortened if it reaches past the neighbour at `other`."""
     reach = handle[0] - key[0]
     if abs(reach) <= abs(other - key[0]):
         return handle

@@ -15,12 +15,12 @@ _HEADER = re.compile(r"\s*axes\s*=(.*)", re.IGNORECASE)
 
 
 def recognises(text: str) -> bool:
-    """Whether a file's text looks like this format."""
+    """Return whether a file's text looks like this format."""
     return bool(_HEADER.match(text))
 
 
 def read(text: str, path: str) -> Recording:
-    """The file's axes; MoveFileError, with line and column, if it is not as described above."""
+    """Read the file's axes. Raises MoveFileError, with line and column."""
     header = _HEADER.match(text)
     names = [name.strip() for name in header[1].split(",")] if header else []
     if not header or not all(names):
@@ -34,7 +34,7 @@ def read(text: str, path: str) -> Recording:
 
 
 def write(table: Table, fps: float | None) -> str:
-    """The file's text; MoveFileError for an axis with a comma in its name, which would be two."""
+    """Return the file's text. Raises MoveFileError for a comma in an axis's name."""
     for column in table.columns:
         if "," in column.name:
             raise MoveFileError(f"Kuper separates the names of axes by commas: {column.name!r}")

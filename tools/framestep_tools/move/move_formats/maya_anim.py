@@ -1,4 +1,4 @@
-"""Maya's animation curves (.anim): text, per attribute of a node keys with kinds of tangents.
+"""Maya's animation curves (.anim): text with keys and tangents for each attribute of a node.
 
     anim rotate.rotateY rotateY camera1 0 0 0;
     animData {
@@ -28,10 +28,12 @@ NAME = "anim"
 MEANING = "Maya's animation curves"
 ENDINGS = (".anim",)
 
-# Frames per second that Maya has a name for
+# Maya's names for frames per second
 _RATES = {"game": 15, "film": 24, "pal": 25, "ntsc": 30, "show": 48, "palf": 50, "ntscf": 60}
 _SECONDS = {"hour": 3600.0, "min": 60.0, "sec": 1.0, "millisec": 0.001}
-_FRAME_RATE = re.compile(r"\d+(\.\d+)?(fps|df)")  # 23.976fps, and drop frames, of later versions
+_FRAME_RATE = re.compile(
+    r"\d+(\.\d+)?(fps|df)"
+)  # later versions write 23.976fps, and df for drop frames
 _COMMENT = re.compile(r"(//|#).*")
 _WORD = re.compile(r"[{};]|[^\s{};]+")
 _ATTRIBUTE = re.compile(r"([\w:|]+)\.([\w.\[\]]+)")
@@ -41,7 +43,7 @@ _SLOPED = ("linear", "flat")  # tangents whose slope does not depend on Maya's o
 
 @dataclass
 class _Data:
-    """An animData as it is read."""
+    """An animData while it is read."""
 
     line: int
     settings: dict[str, str] = field(default_factory=dict)
@@ -50,15 +52,14 @@ class _Data:
 
 
 def recognises(text: str) -> bool:
-    """Whether a file's text looks like this format."""
+    """Return whether a file's text looks like this format."""
     for _, words in _statements(text):
         return words[0] == "animVersion"
     return False
 
 
 def read(text: str, path: str) -> Recording:
-    """The file's curves over time; MoveFileError, with the line, if it is not as described
-    above."""
+    """Read the file's curves over time. Raises MoveFileError, with the line."""
     header: dict[str, str] = {}
     curves: list[tuple[str, _Data]] = []
     name = ""
@@ -67,7 +68,7 @@ def read(text: str, path: str) -> Recording:
     for line, words in _statements(text):
         match words:
             case ["anim", *about]:
-                # Without an attribute it is a node that has no curve
+                # a node without an attribute has no curve
                 name = f"{about[2]}.{about[1]}" if len(about) > 4 else ""
             case ["animData", "{"]:
                 data = _Data(line)
@@ -96,7 +97,7 @@ def read(text: str, path: str) -> Recording:
 
 
 def _statements(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Line and words of each statement; a { ends its own, and a } is one."""
+    """Yield line and words of each statement; a { ends its statement, and a } is one."""
     words: list[str] = []
     for line, content in enumerate(text.splitlines(), 1):
         for word in _WORD.findall(_COMMENT.sub("", content)):
@@ -110,7 +111,7 @@ def _statements(text: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def _clock(unit: str, path: str) -> tuple[bool, float]:
-    """Whether keys are at frames, and else how many seconds their unit of time has."""
+    """Return whether keys are at frames, and the seconds of their unit of time if not."""
     if unit in _RATES or _FRAME_RATE.fullmatch(unit):
         return True, 1.0
     if unit in _SECONDS:
@@ -143,7 +144,7 @@ def _channel(name: str, data: _Data, header: dict[str, str], times: float, path:
 
 
 def _unit(data: _Data, header: dict[str, str], where: str) -> str:
-    """The unit of a curve's values; empty where the file does not name it."""
+    """Return the unit of a curve's values; empty if the file does not name it."""
     kind = data.settings.get("output", "unitless")
     if kind not in ("linear", "angular"):
         return ""
@@ -155,7 +156,7 @@ def _unit(data: _Data, header: dict[str, str], where: str) -> str:
 
 
 def _piece(start: Point, out: str, end: Point, into: str, weighted: bool, where: str) -> Piece:
-    """The curve between two keys: of a cubic with the slopes of the tangents, where these are
+    """Return the curve between two keys: a cubic with the slopes of the tangents, if these are
     known."""
     if out == "step":
         return Hold(start[1])
@@ -175,8 +176,11 @@ def _piece(start: Point, out: str, end: Point, into: str, weighted: bool, where:
 
 
 def write(table: Table, fps: float | None) -> str:
-    """The file's text: a key at each frame. MoveFileError for an axis whose name is no attribute
-    of a node, and for frames per second that Maya has no name for (None: 24)."""
+    """Return the file's text: a key at each frame.
+
+    Raises MoveFileError if an axis's name is not an attribute of a node, or if Maya has no name for
+    these frames per second (None: 24).
+    """
     rate = next((name for name, rate in _RATES.items() if rate == (fps or 24)), None)
     if rate is None:
         rates = ", ".join(map(str, _RATES.values()))

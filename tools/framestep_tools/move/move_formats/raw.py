@@ -13,7 +13,7 @@ ENDINGS = (".txt", ".mov", ".raw")
 
 
 def recognises(text: str) -> bool:
-    """Whether a file's text looks like this format."""
+    """Return whether a file's text looks like this format."""
     try:
         return bool(_columns(text.strip().split("\n", 1)[0], "", 1))
     except MoveFileError:
@@ -21,14 +21,13 @@ def recognises(text: str) -> bool:
 
 
 def read(text: str, path: str) -> Recording:
-    """The file's axes, without names; MoveFileError, with line and column, if it is not as
-    described above."""
+    """Read the file's axes, without names. Raises MoveFileError, with line and column."""
     return Recording([Channel("", curve) for curve in curves(text, path)])
 
 
 def curves(text: str, path: str, width: int = 0, first_line: int = 1) -> list[Samples]:
-    """A curve per column from frame 1 on; `width`: how many columns there have to be, 0 for those
-    of the first line."""
+    """Return a curve per column from frame 1 on. width: required number of columns; 0: as in the
+    first line."""
     columns = _columns(text, path, first_line, width)
     if not columns:
         raise MoveFileError(f"{path}: expected a line for each frame, found none")
@@ -53,12 +52,12 @@ def _columns(text: str, path: str, first_line: int, width: int = 0) -> list[list
 
 
 def write(table: Table, fps: float | None) -> str:
-    """The file's text."""
+    """Return the file's text."""
     return lines(table, "\n")
 
 
 def lines(table: Table, end: str) -> str:
-    """A line per frame, the columns as wide as their longest number."""
+    """Return a line per frame, with columns as wide as their longest number."""
     columns = []
     for column in table.columns:
         texts = column.texts()

@@ -1,4 +1,4 @@
-"""What every format of moves is read into, and what it is written from."""
+"""Common representation of moves: every format is read into it and written from it."""
 
 import math
 from dataclasses import dataclass
@@ -7,8 +7,8 @@ from typing import Protocol
 from ..move_file import MoveFileError, shown
 from .units import factor
 
-GREATEST = 1e15  # of any number in a file: one more would not be another one
-FIRST_FRAME = 1  # of files that do not number their frames
+GREATEST = 1e15  # of any number in a file: above it a float cannot count by ones
+FIRST_FRAME = 1  # in files that do not number their frames
 
 
 class Curve(Protocol):
@@ -16,23 +16,23 @@ class Curve(Protocol):
 
     @property
     def first(self) -> float:
-        """Where it begins."""
+        """Place where it begins."""
         ...
 
     @property
     def last(self) -> float:
-        """Where it ends."""
+        """Place where it ends."""
         ...
 
     def at(self, x: float) -> float:
-        """The value there; before `first` and after `last` that of the end."""
+        """Return the value at a place; beyond `first` and `last`, the end's value."""
         ...
 
 
 @dataclass(frozen=True)
 class Channel:
-    """One axis of a file. `name` is empty where the file has no names, and `unit` where it does
-    not name the unit; `unit` is one of `units.UNITS`."""
+    """One axis of a file. `name` is empty if the file has no names. `unit` is one of `units.UNITS`,
+    or empty if the file does not name it."""
 
     name: str
     curve: Curve
@@ -41,14 +41,14 @@ class Channel:
 
 @dataclass(frozen=True)
 class Recording:
-    """A file as it was read: its axes, over seconds or over frames."""
+    """Content of a file: its axes, over seconds or over frames."""
 
     channels: list[Channel]
     seconds: bool = False
 
     @property
     def names(self) -> list[str]:
-        """Its axes, with their units where it names them; without names by their order."""
+        """List the axes with their units, if the file has them; without names by their order."""
         return [
             f"{channel.name or f'column {i}'}{f' in {channel.unit}' if channel.unit else ''}"
             for i, channel in enumerate(self.channels, 1)
@@ -57,8 +57,8 @@ class Recording:
 
 @dataclass(frozen=True)
 class Column:
-    """Values of one axis to be written, one per frame, in `unit`, with so many decimals that each
-    gives its step again."""
+    """Values of one axis for export, one per frame, in `unit`, with enough decimals to give the
+    same steps again."""
 
     name: str
     unit: str
@@ -66,33 +66,33 @@ class Column:
     values: list[float]
 
     def converted(self, unit: str) -> "Column":
-        """The same in another unit of the same kind."""
+        """Convert the column to another unit of the same kind."""
         times = factor(self.unit, unit)
         assert times is not None
         decimals = self.decimals + max(0, math.ceil(-math.log10(times)))
         return Column(self.name, unit, decimals, [value * times for value in self.values])
 
     def texts(self) -> list[str]:
-        """The values as they are written."""
-        # Adding 0.0 makes 0.0 of -0.0
+        """Return the values as text."""
+        # Adding 0.0 turns -0.0 into 0.0
         return [f"{round(value, self.decimals) + 0.0:.{self.decimals}f}" for value in self.values]
 
 
 @dataclass(frozen=True)
 class Table:
-    """A move to be written: one value per axis and frame, from scene frame `start_frame` on."""
+    """A move for export: one value per axis and frame, from scene frame `start_frame` on."""
 
     start_frame: int
     columns: list[Column]
 
     @property
     def frames(self) -> range:
-        """The scene frames."""
+        """Scene frames of the move."""
         return range(self.start_frame, self.start_frame + len(self.columns[0].values))
 
 
 def number(text: str, where: str) -> float:
-    """A number as it is written; MoveFileError, with `where`, for anything else."""
+    """Parse a number. Raises MoveFileError, with `where`."""
     try:
         value = float(text)
     except ValueError:

@@ -1,8 +1,8 @@
-"""Units of axes and of files, and what one is in another."""
+"""Units of axes and of files, and their conversion."""
 
 import math
 
-# {unit: what it measures, and how much of the first one of its kind it is}
+# {unit: (kind, size in the first unit of its kind)}
 UNITS = {
     "mm": ("length", 1.0),
     "cm": ("length", 10.0),
@@ -17,8 +17,7 @@ UNITS = {
 
 
 def factor(of: str, to: str) -> float | None:
-    """What a number of `of` is multiplied by to be one of `to`; None where they measure different
-    things."""
+    """Return the factor from unit `of` to unit `to`, or None if they are of different kinds."""
     kind, size = UNITS[of]
     other, into = UNITS[to]
     return size / into if kind == other else None
