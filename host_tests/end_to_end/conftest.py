@@ -1,6 +1,6 @@
-"""Sessions of these tests are played again by 32-bit MicroPython, the heap locked in every tick and
+"""32-bit MicroPython plays the sessions of these tests again, with the heap locked in each tick and
 every pass, and with all counters close to their end, so that they wrap on the way: byte by byte and
-millisecond by millisecond it must do what it did here. The short ones are in any run, all of them
+millisecond by millisecond the result must be the same. Every run plays the short ones, all of them
 with --replay.
 """
 
@@ -18,12 +18,12 @@ from host_tests.end_to_end.runs.uploaded_runs import MOVE
 from host_tests.end_to_end.session import DIALECTS, simulated
 from host_tests.recording import differences, recorded
 
-_SHORT = 6000  # passes of a session that is played again in any run
+_SHORT = 6000  # passes of a session that every run plays again
 
 
 @pytest.fixture(scope="module", autouse=True)
 def replayed(request):
-    """Set up before any board of a module is made, it comes last when all are done."""
+    """Play again what a module recorded: set up before its boards, this comes after them all."""
     most = math.inf if request.config.getoption("--replay") else _SHORT
     runtime = request.getfixturevalue("unix32f")
     scratch = request.getfixturevalue("tmp_path_factory").mktemp("replay")
@@ -40,7 +40,7 @@ def replayed(request):
 
 @pytest.fixture(autouse=True)
 def not_replayed(request, replayed):
-    """Recordings end before a test that reaches into a board (marked `inside`)."""
+    """End recordings before a test that reaches into a board (marked `inside`)."""
     inside = request.node.get_closest_marker("inside") is not None
     if inside:
         for recorder in replayed:
@@ -53,13 +53,13 @@ def not_replayed(request, replayed):
 
 @pytest.fixture
 def rig():
-    """A session with the rig file's defaults."""
+    """Yield a session with the rig file's defaults."""
     return simulated()
 
 
 @pytest.fixture(params=DIALECTS)
 def both(request):
-    """A session in each dialect."""
+    """Yield a session in each dialect."""
     session = simulated({"dialect": request.param})
     session.dword_acks = request.param == "dmc-lite"
     return session
@@ -67,7 +67,7 @@ def both(request):
 
 @pytest.fixture
 def fast():
-    """A session whose motors can do MOVE."""
+    """Yield a session whose motors can do MOVE."""
     session = simulated()
     for motor in MOVE:
         session.speed(motor, 20000, 100_000)
@@ -76,14 +76,14 @@ def fast():
 
 @pytest.fixture
 def loaded(fast):
-    """MOVE uploaded as frames 1 to 25."""
+    """Return the same with MOVE uploaded as frames 1 to 25."""
     fast.upload(MOVE)
     return fast
 
 
 @pytest.fixture
 def standing():
-    """The motors on frame 121 of 1 to 241 of the path in frame_jogs.py, index 120."""
+    """Yield a session with the path of frame_jogs.py, 1 to 241, at rest on frame 121, index 120."""
     session = realtime.rig()
     realtime.upload(session, PATH, frames=FRAMES)
     session.accept(RtPositionFrame(121))
@@ -94,7 +94,7 @@ def standing():
 
 @pytest.fixture
 def framestep(board, monkeypatch, capsys):
-    """A command line on its module's `board`: its status, what it prints, what it complains."""
+    """Return a command line on the module's `board`: it gives status, output and errors."""
     monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
 
     def run(line):

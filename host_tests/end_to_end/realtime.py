@@ -25,7 +25,7 @@ RIG = {"outputs": [{"pin": pin} for pin in (22, 26, 27, 28)], "inputs": []}
 
 
 def rig(**settings):
-    """A session with the motors of MOVE fast enough, and four outputs."""
+    """Return a session whose motors are fast enough for MOVE, with four outputs."""
     session = simulated({**RIG, **settings})
     for motor in MOVE:
         session.speed(motor, VELOCITY, ACCELERATION)
@@ -34,7 +34,7 @@ def rig(**settings):
 
 
 def upload(session, positions=None, levels=None, triggers=None, mask=MASK, start=1, frames=FRAMES):
-    """Upload positions, and what goes with them."""
+    """Upload positions, and their lights and triggers."""
     session.accept(p.RtUploadMoveBegin(start, start + frames - 1))
     for motor, steps in (MOVE if positions is None else positions).items():
         for at in range(0, len(steps), 250):
@@ -50,20 +50,20 @@ def upload(session, positions=None, levels=None, triggers=None, mask=MASK, start
 
 
 def loaded(**settings):
-    """With everything uploaded."""
+    """Return a session with everything uploaded."""
     session = rig(**settings)
     upload(session, levels=LEVELS, triggers=TRIGGERS)
     return session
 
 
 def edges(session, signal):
-    """[(seconds, level)] of a signal so far."""
+    """Return [(seconds, level)] of a signal so far."""
     times, values = session.trace().signals.get(signal, (np.zeros(0), np.zeros(0, int)))
     return [(float(t) * 1e-9, int(v)) for t, v in zip(times, values, strict=True)]
 
 
 def changes(session, signal):
-    """The same without what lasts no time, as two cues of one tick may leave it."""
+    """Return the same without levels of no duration, which two cues of a tick may leave."""
     found = []
     for time, level in edges(session, signal):
         if found and found[-1][0] == time:
@@ -86,15 +86,15 @@ class Levels:
 
 
 def level_now(session, signal):
-    """The level of a signal at this moment."""
+    """Return the present level of a signal."""
     return Levels(session, signal)(session.now)
 
 
 def passes_told(session):
-    """[[(time, scene frame), …], …]: the frames that position reports have told of, a list per
-    pass.
+    """Return [[(time, scene frame), …], …]: the frames in position reports, a list for each pass.
 
-    The frame on which a pass begins is not in it: its MOVE TIME stands before it is reached.
+    The frame on which a pass begins is missing: the reports have its MOVE TIME before the motors
+    reach it.
     """
     told, before = [], None
     for time, message in session.events(p.Positions):
@@ -116,7 +116,7 @@ def passes_told(session):
 
 
 def pass_trace(session, begin, end, start):
-    """The edges between two moments (s) as a trace of their own, and where the motors are at its
+    """Return a trace of the edges between two times (s), and where the motors are at its
     begin."""
     trace = session.trace()
     cut, places = {}, {}
@@ -130,7 +130,7 @@ def pass_trace(session, begin, end, start):
 
 
 def judge_pass(session, begin, end, start, positions, fps, **more):
-    """The verdict on one pass of a loop; when its first frame was, in seconds."""
+    """Return the verdict on one pass of a loop, which has the time of its first frame."""
     trace, places = pass_trace(session, begin, end, start)
     verdict = judge(trace, positions, round(fps * 1000), places, **more)
     assert verdict.good, verdict.complaints
@@ -138,18 +138,18 @@ def judge_pass(session, begin, end, start, positions, fps, **more):
 
 
 def frame_times(verdict, fps, frames=FRAMES):
-    """When each frame was, seconds."""
+    """Return when each frame was, seconds."""
     return (verdict.origin_ns + frame_times_ns(frames, round(fps * 1000))) * 1e-9
 
 
 def turning(first, last):
-    """Indices of the frames from one to another in the order of play."""
+    """Return the indices of the frames from one to another in the order of play."""
     step = 1 if last >= first else -1
     return np.arange(first, last + step, step)
 
 
 def go(session, request):
-    """Prepare, forget what was, start. Where the motors waited."""
+    """Prepare a run, forget events, start. Return where the motors waited."""
     session.ready(request)
     before = session.positions
     session.forget()
@@ -158,7 +158,7 @@ def go(session, request):
 
 
 def to_the_end(session, seconds=20):
-    """Wait for RT_END; it must be the only one. When it came."""
+    """Wait for RT_END, which must be the only one. Return when it came."""
     session.client.wait_event(p.RtEnd, seconds)
     ended = session.now
     session.run(0.5)
@@ -168,7 +168,7 @@ def to_the_end(session, seconds=20):
 
 
 def judged(session, before, fps=24, first=1, last=FRAMES, roll=0.5):
-    """A verdict for each pass, each over all its frames."""
+    """Return a verdict for each pass, each over all its frames."""
     verdicts = []
     for told in passes_told(session):
         backward = told[-1][1] < told[0][1]
@@ -181,8 +181,8 @@ def judged(session, before, fps=24, first=1, last=FRAMES, roll=0.5):
 
 
 def assert_held(session, signal, row, times):
-    """A signal has each frame's level from 1 ms after the frame's time until 1 ms before the next
-    one's."""
+    """Assert that a signal has each frame's level from 1 ms after the frame's time until 1 ms
+    before the next one's."""
     level = Levels(session, signal)
     ends = np.append(times[1:], times[-1] + np.diff(times).min())
     for i, (time, end) in enumerate(zip(times, ends, strict=True)):
@@ -202,7 +202,7 @@ def assert_triggers(session, times, frames):
 
 
 def camera(session):
-    """[(begin, end)] of the shutter's openings; the meter is on for the same times."""
+    """Return [(begin, end)] of the shutter's openings; the meter is on for the same times."""
     shutter = changes(session, "shutter")
     assert shutter == changes(session, "meter")
     assert [v for _, v in shutter] == [1, 0] * (len(shutter) // 2)

@@ -1,7 +1,7 @@
-"""A session with a controller as Dragonframe has one: requests, unasked messages, and the edges on
-the pins.
+"""A session with a controller, like Dragonframe's: requests, unasked messages, and the edges on the
+pins.
 
-Everything the tests here know comes over the protocol port or off the pins; only `settings` looks
+The tests use only what comes over the protocol port or from the pins; only `settings` looks
 inside.
 """
 
@@ -28,8 +28,8 @@ from framestep_tools.payloads import (
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 DIALECTS = ("spec", "dmc-lite")
-SETTLE_S = 0.05  # after the last report, until the last edges are out
-BOOT_S = 10  # a board with one port is there before it has loaded its code
+SETTLE_S = 0.05  # from the last report to the last edges
+BOOT_S = 10  # a board with one port appears before it has loaded its code
 
 
 class Session:
@@ -50,11 +50,11 @@ class Session:
     # ---- the host's end
 
     def leave(self):
-        """The host closes the port."""
+        """Close the port, as the host."""
         self.port.channel.open_port(False)
 
     def come_back(self):
-        """It opens it again."""
+        """Open it again."""
         self.port.channel.open_port(True)
 
     # ---- time and messages
@@ -76,18 +76,18 @@ class Session:
         return self.client.code(request)
 
     def accept(self, *requests):
-        """Each of them is taken."""
+        """Send requests; each must be accepted."""
         for request in requests:
             code = self.code(request)
             assert code == Ack.OK, (request, code)
 
     def refuse(self, code, *requests):
-        """Each of them is refused with this code."""
+        """Send requests; each must be refused with this code."""
         for request in requests:
             assert self.code(request) == code, request
 
     def bytes_for(self, data, seconds=0.02):
-        """What comes back for raw bytes, as frames. Unasked messages are among them."""
+        """Return the answer to raw bytes, as frames. Unasked messages are among them."""
         self.port.write(data)
         self.board.run_until(self.board.now_ns + round(seconds * 1e9))
         decoder = FrameDecoder()
@@ -98,7 +98,7 @@ class Session:
         return frames
 
     def answer_to(self, kind, payload=b"", id=77):
-        """The one frame that answers a request."""
+        """Return the one frame that answers a request."""
         answers = [f for f in self.bytes_for(encode(kind, payload, id), self.reply_s) if f.id == id]
         assert len(answers) == 1, answers
         assert answers[0].request_type == kind, answers
@@ -109,7 +109,7 @@ class Session:
         self.run(SETTLE_S)
 
     def events(self, kind):
-        """[(time, message)] of the unasked messages of a class so far."""
+        """Return [(time, message)] of the unasked messages of a class so far."""
         return [
             (event.time_s, event.message)
             for event in self.client.events
@@ -126,7 +126,7 @@ class Session:
 
     @property
     def positions(self):
-        """{motor: where it says it is}."""
+        """Return {motor: reported position}."""
         return dict(enumerate(self.ask(MotorGetPosition()).steps, 1))
 
     def position(self, motor):
@@ -140,17 +140,17 @@ class Session:
         self.accept(MotorSetSpeed(motor, velocity, acceleration))
 
     def trace(self):
-        """All edges so far."""
+        """Return all edges so far."""
         self._edges += self.board.edges()
         return Trace.from_edges(self._edges)
 
     def steps(self, motor):
-        """Times (s) and directions of a motor's steps."""
+        """Return the times (s) and directions of a motor's steps."""
         times, signs = self.trace().steps(motor)
         return times * 1e-9, signs
 
     def made(self, motor):
-        """Steps of a motor, counted from its edges."""
+        """Return the steps of a motor, counted from its edges."""
         return int(self.steps(motor)[1].sum())
 
     # ---- moves
@@ -160,13 +160,13 @@ class Session:
         self.client.upload_move(start_frame, start_frame + frames - 1, positions, window)
 
     def ready(self, run):
-        """RUN_MOVE, and wait until the motors are where it begins."""
+        """Send RUN_MOVE, and wait until the motors are where it begins."""
         self.accept(run)
         self.wait_idle()
 
     def play(self, run, timeout_s=60):
-        """A whole run. Returns where the motors stood before the trace, with nothing but the run's
-        edges in it."""
+        """Play a whole run. Return where the motors waited; the trace then has only the run's
+        edges."""
         self.ready(run)
         before = self.positions
         self.forget()
@@ -184,7 +184,7 @@ class Session:
 
 
 def simulated(rig=None, motors=8):
-    """A session with the host simulation."""
+    """Return a session with the host simulation."""
     return Session(SimulatedBoard(rig=rig, motors=motors), motors)
 
 
@@ -192,11 +192,11 @@ def run_request(fps=24, start=1, end=2, pre=500, post=500, **more):
     return RtRunMove(round(fps * 1000), start, end, pre, post, **more)
 
 
-# ---- what edges tell -----------------------------------------------------------------------------
+# ---- what edges show -----------------------------------------------------------------------------
 
 
 def velocities(times, signs, window, begin=None, end=None):
-    """Mean velocities (steps/s) over consecutive windows of time, and when each begins."""
+    """Return the mean velocities (steps/s) in consecutive windows, and when each begins."""
     begin = times[0] if begin is None else begin
     end = times[-1] if end is None else end
     grid = np.arange(begin, end, window)
@@ -205,7 +205,7 @@ def velocities(times, signs, window, begin=None, end=None):
 
 
 def assert_within(times, signs, velocity, acceleration, window=0.04):
-    """No edge comes sooner after another than the velocity allows, and none asks for more than the
+    """Assert that edges are as far apart as the velocity demands, and keep within the
     acceleration.
 
     Positions are whole steps, so a change of velocity between two windows is only known to 2 steps
@@ -220,20 +220,20 @@ def assert_within(times, signs, velocity, acceleration, window=0.04):
 
 
 def deceleration(times, signs, after):
-    """How steeply a motor slowed down to rest after a moment, steps/s²: a parabola through the
+    """Return how steeply a motor slowed down to rest after a time, steps/s²: a parabola through the
     edges of the ramp."""
     late = times > after
     position = np.cumsum(signs[late])
     left = np.abs(position - position[-1])
-    # without the first ms, in which nothing has happened yet
+    # without the first ms, in which nothing happens
     ramp = (left > 0.02 * left[0]) & (left < 0.7 * left[0])
     assert ramp.sum() >= 8, "too few steps to tell"
     return abs(2 * np.polyfit(times[late][ramp] - after, position[ramp], 2)[0])
 
 
-# ---- what is inside ------------------------------------------------------------------------------
+# ---- the inside ------------------------------------------------------------------------------
 
-# What changes with time or with any request, what is only worked with (jog.phases.numbers is
+# What changes with time or with any request, working memory (jog.phases.numbers is
 # player.numbers), and memory beyond the entries in use
 _SCRATCH = re.compile(
     r"\.(now|now_ns|housekept_at|active_passes|beat|colour|unreported|watchdog|_clock|port|header|kernel\.state|reader|writer|heard_at|begun_at|words"
@@ -242,8 +242,8 @@ _SCRATCH = re.compile(
 
 
 def state(session):
-    """Everything that the controller keeps, {path: value}, but for what it works with: what no
-    refusal may change."""
+    """Return everything that the controller keeps, {path: value}, except its working memory: no
+    refusal may change it."""
     found, seen = {}, set()
 
     def walk(thing, path):
@@ -266,6 +266,6 @@ def state(session):
 
     controller = session.board._board.controller
     if controller.operations.state == READY:
-        session.run(0.05)  # what any request drops has been planned anew by then
+        session.run(0.05)  # enough to plan again what any request drops
     walk(controller, "")
     return {path: value for path, value in found.items() if not _SCRATCH.search(path)}

@@ -1,4 +1,4 @@
-"""Switches and inputs of a simulated board, for the tests of them."""
+"""Switches and inputs of a simulated board, for their tests."""
 
 from framestep_tools.payloads import (
     GioIn,
@@ -19,7 +19,7 @@ def set_input(session, name, level):
 
 
 def calm(session, estop=False):
-    """Close the switches, so that nothing is active."""
+    """Close the switches, so that no input is active."""
     for pin in (22, 26):
         set_input(session, pin, 0)
     if estop:

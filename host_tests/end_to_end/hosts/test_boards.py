@@ -28,7 +28,7 @@ def session(name, rig=None):
 
 @pytest.mark.parametrize("name", board_names())
 def test_example_rig_with_its_switches(name):
-    """As `make sim` has it: the motors move, as the stop button and the limit switches are
+    """As in `make sim`, the motors move, because the stop button and the limit switches are
     there."""
     talk, board = session(name, read(ROOT / "boards" / name / "rig.json"))
     talk.run(2.0)
@@ -45,8 +45,8 @@ def test_example_rig_with_its_switches(name):
 
 
 def test_twelve_motors():
-    """Upload, run to the exact frames, limits of the last motor: whatever holds a bit or a word per
-    motor."""
+    """Upload, run to the exact frames, limits of the last motor: everything with a bit or a word
+    per motor."""
     twelve = tuple(range(1, 13))
     rig = {"estop": "nc"}
     talk, board = session("pico2", rig)
@@ -92,12 +92,12 @@ def test_limit_of_the_twelfth_motor():
 
 @pytest.mark.parametrize("name", board_names())
 def test_example_rig_file(name):
-    """Every example comes up, moves its motors, and stops at its E-stop."""
+    """Every example starts, moves its motors, and stops at its E-stop."""
     talk, board = session(name, read(ROOT / "boards" / name / "rig.json"))
     hal = board._board.hal
     board._board.set_input("estop", 0)
-    talk.run(0.6)  # drivers are set up
-    talk.forget()  # the E-stop before its button was there
+    talk.run(0.6)  # until the drivers are set up
+    talk.forget()  # forgets the E-stop before its button was there
     motors = tuple(range(1, hal.motors + 1))
     talk.accept(*(MotorMove(motor, 20_000) for motor in motors))
     talk.run(0.2)

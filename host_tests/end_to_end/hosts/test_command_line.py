@@ -1,5 +1,5 @@
-"""Commands of `framestep` against the whole controller: what they print, and refusals that say what
-is set where."""
+"""Commands of `framestep` on the whole controller: their output, and refusals that name the setting
+and its place."""
 
 import json
 
@@ -50,7 +50,7 @@ def board():
 
 @pytest.fixture
 def framestep(board, monkeypatch, capsys):
-    """A command line, run: what it prints, where its status is as expected."""
+    """Return a command line, which checks its status and gives its output."""
     monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
 
     def run(line, status=0):
@@ -278,8 +278,8 @@ def test_a_run_that_is_stopped_is_not_told_as_played(framestep, board, monkeypat
 
 
 def test_a_short_e_stop_ends_what_is_repeated(framestep, board, monkeypatch):
-    """buzz and jog repeat their request: without a look at what has come, the motor would go on
-    once the E-stop is released."""
+    """buzz and jog repeat their request: if they did not look at messages, the motor would continue
+    after the E-stop is released."""
     pump, taps = Client.pump, [1]
 
     def tapped(client, seconds=0.0):

@@ -1,4 +1,4 @@
-"""A refused request changes nothing: not in what the controller keeps, and not in what it does
+"""A refused request changes nothing, neither in what the controller keeps nor in what it does
 next."""
 
 import struct
@@ -17,7 +17,7 @@ MOVE = {1: [100 + 60 * i for i in range(25)], 2: [abs(40 * (i - 12)) for i in ra
 
 
 def prepared(dialect="spec"):
-    """A rig with limits, speeds and an upload of its own, and a run that waits for GO."""
+    """Return a rig with limits, speeds, an upload, and a run that waits for GO."""
     rig = simulated({"dialect": dialect})
     for motor in MOVE:
         rig.speed(motor, 15000, 90_000)
@@ -30,7 +30,7 @@ def prepared(dialect="spec"):
 
 # ---- lengths -------------------------------------------------------------------------------------
 
-# Of the notes' table, by number. VIRT_CONFIG has a form for each type
+# The notes' table, by number. VIRT_CONFIG has a form for each type
 # (../virtual_axes/test_moves.py), and framestep's own take any length.
 LENGTHS = {
     row.number: row
@@ -42,7 +42,7 @@ TRIED = (*range(48), 93, 97, 200, 577, 581, 1035, 1036)
 
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_wrong_lengths(dialect):
-    """Field note 1.8: 0x14 for each length that is too short or uneven, and nothing has changed."""
+    """Field note 1.8: 0x14 for each length that is too short or uneven, without any change."""
     rig = prepared(dialect)
     handled = set(rig.board._board.controller.handlers)
     assert {
@@ -108,8 +108,8 @@ def settings_of(rig):
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("more", [1, 2, 3, 4, 9, 40, 1000])
 def test_longer_than_known(dialect, more):
-    """Field note 1.8: a fixed layout that goes on is taken, and what follows is ignored, whatever
-    it is."""
+    """Field note 1.8: a fixed layout with more bytes is accepted, and any further bytes are
+    ignored."""
     plain, longer = (simulated({"dialect": dialect}) for _ in range(2))
     answers = []
     for rig, tail in ((plain, b""), (longer, bytes(range(200, 256)) * 20)):
@@ -119,7 +119,7 @@ def test_longer_than_known(dialect, more):
         for kind in (m.MSG_HI, m.MSG_MOTOR_STATUS, m.MSG_MOTOR_GET_POSITION, m.MSG_GIO_IN):
             answers.append(rig.answer_to(kind, tail[:more]).payload)
         for code, request in LONGER:
-            rig.run(1.1)  # apart from the STOP_ALL before
+            rig.run(1.1)  # away from the STOP_ALL before
             rig.wait_idle()
             frame = rig.answer_to(request.TYPE, request.pack() + tail[:more])
             assert frame.is_ack, request
@@ -131,8 +131,8 @@ def test_longer_than_known(dialect, more):
 
 
 def test_run_move_between_its_forms():
-    """Field note 1.8: a RUN_MOVE of 30 bytes is one of 29, one of 32 to 34 has flags and no angles,
-    more have all."""
+    """Field note 1.8: a RUN_MOVE of 30 bytes counts as 29 bytes; one of 32 to 34 has flags and no
+    angles, longer ones have all."""
     rig = prepared()
     run = rig.board._board.controller.moves.run
     whole = p.RtRunMove(**RUN, flags=0x22, open_angle=10, close_angle=300).pack()
@@ -179,7 +179,7 @@ def test_unknown_types(kind):
 RUN = dict(fps_milli=24000, start_frame=5, end_frame=29, preroll_ms=500, postroll_ms=500)
 FAR = 2**31 - 1
 
-# Refused by a rig that prepared() has made, for what they say
+# A rig from prepared() refuses these for their contents
 ALWAYS = [
     (p.Ack.ERR_RANGE, p.MotorMove(0, 5)),
     (p.Ack.ERR_RANGE, p.MotorMove(9, 5)),
@@ -202,7 +202,7 @@ ALWAYS = [
     (p.Ack.ERR_RANGE, p.Dmx(0, 0, (1, 2))),
     (p.Ack.ERR_RANGE, p.Dmx(0, 512, (1, 2))),
 ]
-# and while no run is under way, after which the answer is 0x12
+# and these while no run is in progress; after that the answer is 0x12
 AT_REST = [
     (p.Ack.ERR_SOFT_UP, p.MotorMove(1, 5001)),
     (p.Ack.ERR_SOFT_LOW, p.MotorMove(2, -5001)),
@@ -309,8 +309,7 @@ ANY = st.one_of(
 
 @st.composite
 def requests(draw):
-    """Frames of any type, of a length that fits as a rule, with numbers in them that make sense now
-    and then."""
+    """Draw a frame of any type, mostly of a valid length, whose numbers sometimes make sense."""
     kind = draw(st.sampled_from(sorted(LENGTHS)))
     least, entry = draw(st.sampled_from(LENGTHS[kind].asked))
     length = least + entry * draw(st.integers(0, 9))
@@ -324,11 +323,11 @@ def requests(draw):
 @settings(max_examples=30)
 @given(st.lists(requests(), min_size=3, max_size=20), st.booleans())
 def test_whatever_is_refused_changes_nothing(frames, waiting):
-    """Any sequence: after each request that is refused the controller keeps what it kept before."""
+    """Any sequence: after each refused request the controller keeps what it kept before."""
     rig = prepared() if waiting else in_an_upload()
     for kind, payload in frames:
         rig.client.wait_idle(60, poll_s=1.0)
-        rig.run(1.2)  # reports, inputs and the time of a second STOP_ALL are over
+        rig.run(1.2)  # until reports, inputs and the time of a second STOP_ALL are over
         rig.client.events.clear()
         before = state(rig)
         answers = [f for f in rig.bytes_for(encode(kind, payload, 5), 0.003) if f.id == 5]
@@ -339,12 +338,12 @@ def test_whatever_is_refused_changes_nothing(frames, waiting):
         rig.port.channel.receive(encode(m.MSG_MOTOR_STOP_ALL))
 
 
-# ---- what is done --------------------------------------------------------------------------------
+# ---- what happens --------------------------------------------------------------------------------
 
 
 def session_with(refusals):
-    """A session at fixed times; `refusals` says whether everything that can be refused is asked for
-    in between."""
+    """Play a session at fixed times; `refusals`: in between, send everything that must be
+    refused."""
     rig = simulated()
 
     def wait_until(seconds):
@@ -417,7 +416,7 @@ def session_with(refusals):
 
 def test_refusals_leave_no_trace_on_the_pins():
     """Edge by edge and report by report the session is the same with and without two hundred
-    refused requests in it."""
+    refused requests."""
     edges, said = session_with(refusals=False)
     assert len(edges["m1"][0]) > 5000
     assert len(edges["m2"][0]) > 5000

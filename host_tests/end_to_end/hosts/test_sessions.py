@@ -1,4 +1,4 @@
-"""One host after the other on the same port: nothing of the last one's reaches the next."""
+"""Hosts after each other on the same port: nothing from one reaches the next."""
 
 import pytest
 
@@ -9,8 +9,8 @@ from host_tests.end_to_end.session import simulated
 
 @pytest.mark.parametrize("gap_ms", [0, 1, 100, 250])
 def test_the_port_closes_at_each_byte_of_a_request(gap_ms):
-    """And opens again: the next host is greeted and its first request answered; what was broken off
-    moves nothing."""
+    """It opens again: the next host is greeted and its first request answered; the incomplete
+    request moves nothing."""
     session = simulated()
     move = MotorMove(1, 5000)
     request = encode(move.TYPE, move.pack(), 1)

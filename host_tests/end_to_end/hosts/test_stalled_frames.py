@@ -1,4 +1,4 @@
-"""A frame that does not become whole: how long the device waits for the rest of it."""
+"""A frame that stays incomplete: how long the device waits for its rest."""
 
 import struct
 
@@ -34,12 +34,12 @@ def test_the_rest_of_a_frame_that_never_comes():
 
 @pytest.mark.parametrize("before", [b"D", encode(HI, b"", 1)[:6]], ids=["a byte", "a frame"])
 def test_its_time_counts_from_its_own_first_byte(before):
-    """And not from that of what has turned out to be the beginning of no frame."""
+    """It does not count from an earlier byte that proves not to begin a frame."""
     board = connected()
     board.receive(before)
     board.run_until(board.now_ns + 100_000_000)
     frame = encode(HI, b"", 2)
-    # so that what has begun before has an impossible length
+    # so that the beginning before has an impossible length
     board.receive(b"\xff" * 4 + frame[:5])
     board.run_until(board.now_ns + (STALL_MS - 50) * 1_000_000)
     board.receive(frame[5:])
@@ -48,7 +48,7 @@ def test_its_time_counts_from_its_own_first_byte(before):
 
 
 def test_a_frame_whose_rest_waits_while_the_passes_are_away():
-    """Its rest takes several passes to be fetched, the first one long after the frame began."""
+    """Several passes read its rest, the first one long after the frame began."""
     board = connected()
     board.receive(encode(BEGIN, struct.pack("<ii", 1, 100), 3))
     board.run_until(board.now_ns + 20_000_000)

@@ -29,7 +29,7 @@ from host_tests.end_to_end.switches import SWITCHES, inputs, set_input
 
 
 def shown(session, signal):
-    """(time in s, level) of every change of a signal so far."""
+    """Return (time in s, level) of every change of a signal so far."""
     times, values = session.trace().signals.get(signal, (np.array([]), np.array([])))
     return list(zip((times * 1e-9).tolist(), values.tolist(), strict=True))
 
@@ -43,7 +43,7 @@ def test_what_hi_says():
     session = simulated({"dmx": False, **SWITCHES, "outputs": []})
     info = session.ask(Hi())
     assert (info.dmx_channels, info.outputs, info.inputs, info.limit_sets) == (0, 0, 0, 2)
-    # not supported, then, in any state and whatever it says
+    # not supported now, in any state and with any contents
     session.refuse(m.ERR_UNSUPPORTED, Dmx(0, 1, [5]), Dmx(7, 900, [5]), RtUploadMoveDmx(1, 0, [5]))
     session.accept(RtUploadMoveBegin(1, 5))
     session.refuse(m.ERR_UNSUPPORTED, RtUploadMoveDmx(1, 0, [5]))
@@ -196,8 +196,8 @@ def test_outputs_go_to_their_safe_levels(cause):
 
 @pytest.mark.parametrize("dialect", ["spec", "dmc-lite"])
 def test_go_from_an_input(dialect):
-    """Debounced, only where GO would be taken; RT_GO comes unasked, once, before the first
-    frame."""
+    """It counts after debouncing, and only when GO would be accepted; RT_GO comes unasked, once,
+    before the first frame."""
     session = simulated({"go_input": 1, "dialect": dialect})
     board = session.board._board
     session.upload({1: 20 * np.arange(25)})
@@ -223,7 +223,7 @@ def test_go_from_an_input(dialect):
     press(0.2)
     ((told, _),) = session.events(RtGo)
     assert 0.02 <= told - pressed < 0.03
-    press()  # under way: nothing
+    press()  # in progress: no effect
     session.client.wait_event(RtEnd, 10)
     session.wait_idle()
     assert len(session.events(RtGo)) == 1
@@ -234,8 +234,8 @@ def test_go_from_an_input(dialect):
 
 @pytest.mark.inside
 def test_go_from_an_input_is_told_once_the_host_listens():
-    """To a host that has taken nothing until there was no room for it; and what comes behind it in
-    its turn."""
+    """A host that read nothing until there was no room gets RT_GO later, and after it the rest in
+    its order."""
     session = simulated({"go_input": 1})
     board = session.board._board
     session.upload({1: 20 * np.arange(25)})

@@ -1,5 +1,5 @@
-"""The LED on the host simulation: what it shows in each state, in which colour, and when a fault no
-longer shows."""
+"""The LED on the host simulation: its pattern and colour in each state, and when it no longer shows
+a fault."""
 
 import pytest
 
@@ -20,8 +20,8 @@ COLOURS = {WAITING: BLUE, CONNECTED: WHITE, MOVING: GREEN, FAULT: RED}
 
 
 def shown(session):
-    """The LED over its two seconds, 128 ms each, from where it begins; its one colour is the
-    pattern's."""
+    """Return the LED's levels over its two seconds, 128 ms each, from the pattern's beginning; it
+    must have one colour."""
     board = session.board
     colours = set()
     until = -(-board.now_ns // (2048 * 10**6)) * 2048 * 10**6

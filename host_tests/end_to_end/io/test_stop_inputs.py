@@ -32,7 +32,7 @@ PATH = [round(1000 * (1 - math.cos(math.pi * k / 40))) for k in range(41)]
 
 
 def start(session, motion):
-    """Set some motors going; which."""
+    """Start some motors; return which."""
     if motion == "moves":
         session.accept(MotorMove(1, 100_000), MotorMove(2, -100_000), MotorJog(3, 10000, 100_000))
         session.run(0.35)
@@ -95,7 +95,7 @@ def test_estop(motion, factor):
         if motion == "moves":
             steepness = deceleration(times, signs, pressed + 0.004)
             assert steepness == pytest.approx(factor * ACCELERATION, rel=0.05)
-        # no motor goes on for longer than its top speed takes to ramp down, and the ticks under way
+        # no motor moves for longer than a ramp from its top speed and the queued ticks take
         longest = VELOCITY / (factor * ACCELERATION) + 0.006
         assert not len(late) or late[-1] - pressed <= longest
     ends = session.events(RtEnd)
@@ -133,7 +133,7 @@ def test_limit(direction, swap):
     session.accept(MotorMove(4, 30_000 * direction), MotorMove(5, 30_000 * direction))
     session.run(1)
     pin = 22 if (direction > 0) != bool(swap) else 26
-    set_input(session, 48 - pin, 1)  # the other end: the motor moves away from it
+    set_input(session, 48 - pin, 1)  # the other end, which the motor leaves
     session.run(0.2)
     set_input(session, 48 - pin, 0)
     session.run(0.05)
@@ -206,8 +206,8 @@ def test_sets_that_are_not_there():
 
 
 def test_a_pin_that_something_else_has_taken():
-    """At rest it is put back before a motion may begin, in motion within a tenth of a second:
-    everything ramps down."""
+    """At rest the firmware puts it back before a motion may begin; in motion, within a tenth of a
+    second, everything ramps down."""
     session = simulated()
     hal = session.board._board.hal
     session.accept(*(MotorResetPosition(motor, 0) for motor in (1, 2)))

@@ -1,8 +1,7 @@
-"""What follows a stop by the kernel (a hard stop, an E-stop, a limit switch, a fault): limits hold,
-whatever is asked.
+"""What follows a stop by the kernel (a hard stop, an E-stop, a limit switch, a fault): limits hold
+for any request.
 
-The kernel's stop keeps no limit of the jerk; that must not get into the plan of what comes after
-it.
+The kernel's stop does not limit the jerk; this must not enter the plan of the next motion.
 """
 
 import numpy as np
@@ -22,7 +21,7 @@ VELOCITY, ACCELERATION = 5000, 20000
 
 
 def speeding(rig, seconds=1.0):
-    """A session in which motor 1 has run at full speed for some time, toward a far step."""
+    """Return a session in which motor 1 runs at full speed toward a far step."""
     session = simulated(rig)
     session.speed(1, VELOCITY, ACCELERATION)
     session.ask(MotorMove(1, 1_000_000))
@@ -31,8 +30,8 @@ def speeding(rig, seconds=1.0):
 
 
 def assert_calm(session, before, target, overshoot):
-    """From the moment `before` on: never too fast, and by `overshoot` steps past the target at
-    most."""
+    """Assert that from the time `before` on the motor is never too fast, and at most `overshoot`
+    steps past the target."""
     times, signs = session.steps(1)
     assert np.diff(times).min() >= 1 / VELOCITY - 5e-6
     places = np.cumsum(signs)
@@ -54,8 +53,8 @@ HARD = [MotorStopAll(), MotorStopAll()]
 @pytest.mark.parametrize("jerk", [0, 1, 100, 10_000])
 @pytest.mark.parametrize("way", [50, -50, 3000, -3000])
 def test_a_move_after_a_hard_stop(jerk, wait, way):
-    """Whatever the jerk limit: no farther than the motor needs to stop, and never faster than it
-    may be."""
+    """With any jerk limit the motor goes no further than it needs to stop, and never faster than
+    allowed."""
     session = speeding({"motors": [{"jerk": jerk}]}, 8.0 if jerk == 1 else 1.0)
     session.accept(*HARD)
     asked = session.now
@@ -69,8 +68,8 @@ def test_a_move_after_a_hard_stop(jerk, wait, way):
 
 @pytest.mark.parametrize("jerk", [1, 100])
 def test_any_stops_and_moves(jerk):
-    """One upon the other at any moment: the motor is never too fast, and in the end where it was
-    sent last."""
+    """In quick succession at any time: the motor is never too fast, and ends at its last
+    target."""
     rng = np.random.default_rng(jerk)
     session = simulated({"motors": [{"jerk": jerk}]})
     session.speed(1, VELOCITY, ACCELERATION)
@@ -94,8 +93,8 @@ def test_any_stops_and_moves(jerk):
 
 @pytest.mark.parametrize("jerk", [0, 100])
 def test_a_move_as_a_stop_ends(jerk):
-    """In the last ticks of a stop, and of any motion, a plan would not be made in time: it waits
-    for the rest."""
+    """In the last ticks of a stop, or of any motion, a plan would not be ready in time: it waits
+    until the motor rests."""
     for wait in np.arange(0, 0.025, 0.001):
         session = simulated({"motors": [{"jerk": jerk}]})
         session.speed(1, VELOCITY, ACCELERATION)
@@ -112,8 +111,8 @@ def test_a_move_as_a_stop_ends(jerk):
 @pytest.mark.parametrize("jerk", [0, 100])
 @pytest.mark.parametrize("factor", [1, 4])
 def test_the_second_stop_is_the_kernels(factor, jerk):
-    """Field note 4.4: by the motor's deceleration times the factor, from the next tick on, also
-    where that is 1."""
+    """Field note 4.4: by the motor's deceleration times the factor, from the next tick on, even if
+    the factor is 1."""
     session = speeding({"hard_stop_factor": factor, "motors": [{"jerk": jerk}]})
     session.accept(MotorStopAll())
     session.run(0.05)
@@ -127,8 +126,8 @@ def test_the_second_stop_is_the_kernels(factor, jerk):
 
 
 def test_a_slow_jog_stays_slow_when_it_turns():
-    """With a jerk limit a motor that slows down already comes to rest before it turns; its share is
-    not forgotten."""
+    """With a jerk limit a motor that slows down comes to rest before it turns; its share is not
+    lost."""
     session = simulated({"motors": [{"jerk": 200}]})
     session.speed(1, VELOCITY, ACCELERATION)
     session.accept(MotorSetLimits(1, 0, 0, 1, 1500))

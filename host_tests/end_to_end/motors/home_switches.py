@@ -1,4 +1,4 @@
-"""Home switches of a simulated board that follow its motors."""
+"""Home switches of a simulated board that follow the motors."""
 
 from dataclasses import dataclass, field
 
@@ -14,11 +14,11 @@ WAIT_S = 60
 
 @dataclass
 class Switch:
-    """A switch on a pin, normally closed, that a motor opens at a step and beyond.
+    """A switch on a pin, normally closed, which a motor opens at a step and beyond.
 
-    at: counted from where the motor stands at first. upward: whether beyond is above.
-    bounce: levels that it has, one after the other, each time that it changes, before it keeps the
-    new one: as many each millisecond as a list has. works: it follows the motor.
+    at: counted from the motor's first position. upward: whether beyond is above. bounce: the levels
+    after each change, before the switch keeps the new one: a list for each millisecond. works: it
+    follows the motor.
     """
 
     motor: int
@@ -33,7 +33,7 @@ class Switch:
         self.pending: list[list[int]] = []
 
     def levels(self, steps):
-        """The pin's levels of this millisecond, one after the other."""
+        """Return the pin's levels of this millisecond, in order."""
         hit = steps >= self.at if self.upward else steps <= self.at
         if not self.works:
             return []
@@ -44,13 +44,13 @@ class Switch:
 
 
 class Rails:
-    """What carries the motors: it moves by the edges on their pins, and opens the switches."""
+    """The rails of the motors: they move by the edges on the pins, and open the switches."""
 
     def __init__(self, session, *switches):
         self.session = session
         self.hal = session.board._board.hal
         self.switches = list(switches)
-        self.steps = {}  # made until now, by motor
+        self.steps = {}  # made so far, by motor
         self.coming = []
         self.tick = self.hal.tick
         tell = self.hal.on_edge
@@ -75,7 +75,7 @@ class Rails:
 
 
 def rails(*switches, rig=None, **home):
-    """A session whose motor 1 homes as HOME with changes, and what carries it."""
+    """Return a session whose motor 1 homes by HOME with changes, and its rails."""
     settings = {"limits": LIMITS, "motors": [{"home": {**HOME, **home}}], **(rig or {})}
     session = simulated(settings)
     session.board.wire_switches()
@@ -85,12 +85,12 @@ def rails(*switches, rig=None, **home):
 
 
 def home(session, *motors):
-    """Home motors and wait until they stand."""
+    """Home motors and wait until they rest."""
     session.accept(Home(bytes(motors)))
     session.wait_idle(WAIT_S)
 
 
 def trust(session, motor=1):
-    """(state, reason) of a motor's position."""
+    """Return (state, reason) of a motor's position."""
     told = session.ask(GetCondition()).positions[motor - 1]
     return told.state, told.reason

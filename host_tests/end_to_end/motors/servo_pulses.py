@@ -1,12 +1,12 @@
-"""What the edges of a servo's pulses tell, beside a step motor on the same path."""
+"""Judges the pulses of a servo by their edges, against a step motor on the same path."""
 
 import numpy as np
 
-LATEST = 0.0022  # s after the end of a pulse by which the path has come to its width
+LATEST = 0.0022  # s after the end of a pulse until the path reaches its width
 
 
 def pulses(session, motor=2):
-    """The rises of a servo's pulses in s, and their widths in µs."""
+    """Return the rises of a servo's pulses in s, and their widths in µs."""
     none = np.array([], dtype=np.int64)
     times, levels = session.trace().signals.get(f"servo{motor}", (none, none))
     rises, falls = times[levels == 1], times[levels == 0]
@@ -19,12 +19,13 @@ def pulses(session, motor=2):
 def assert_follows(
     session, start, steps_per_us, motor=1, farthest=False, servo=2, sense=1, beside=None
 ):
-    """Each pulse has the width of a place where the step motor is at its end, or within LATEST.
+    """Assert that each pulse has the width of a place of the step motor at its end or within
+    LATEST.
 
-    start: where the motor stood before its first edge. Widths are 1500 µs at 0. farthest: only
-    until it is at its highest position, the end of the post-roll: each motor sets out on its way
-    back by itself. sense: -1 where the servo goes the other way. beside: the session that has the
-    step motor, if it is another one that has been asked the same.
+    start: the motor's position before its first edge. Widths are 1500 µs at 0. farthest: only until
+    its highest position, the end of the post-roll, because each motor starts its way back on its
+    own. sense: -1 if the servo moves the other way. beside: the session with the step motor, if it
+    is another one with the same requests.
     """
     rises, widths = pulses(session, servo)
     times, signs = (beside or session).steps(motor)

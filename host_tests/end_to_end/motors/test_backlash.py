@@ -1,7 +1,7 @@
-"""The play of gears is taken up before an operation begins, by a motion within the motor's limits.
+"""Backlash is taken up before an operation begins, by a motion within the motor's limits.
 
-Judged from the edges: no motor is ever faster or steeper than it is set to, and the load is where
-it was asked for.
+Judged from the edges: no motor is ever faster or steeper than its settings, and the load is where
+it should be.
 """
 
 import numpy as np
@@ -28,8 +28,8 @@ def rig(**settings):
 
 
 def load(signs, play=PLAY):
-    """Where the load is after each step of the motor; both begin at 0, the play taken up for a
-    motion up."""
+    """Return where the load is after each step of the motor; both begin at 0, with the play taken
+    up for a motion up."""
     motor, place, places = 0, 0, []
     for step in signs:
         motor += step
@@ -39,7 +39,7 @@ def load(signs, play=PLAY):
 
 
 def assert_kept(session, motors=(1, 2)):
-    """All edges so far are within the limits, and the load stands where the report says."""
+    """Assert that all edges so far are within the limits, and the load is where the report says."""
     for motor in motors:
         times, signs = session.steps(motor)
         assert_within(times, signs, VELOCITY * 1.002, ACCELERATION * 1.01, window=0.02)
@@ -62,7 +62,7 @@ def test_a_run(side, first, last, roll):
     ended = session.now
     session.wait_idle()  # on the end frame again (field note 6.11)
     assert_kept(session)
-    # once it waits for GO no motor goes the other way until RT_END
+    # while it waits for GO no motor goes the other way until RT_END
     for motor, way in ((1, last - first), (2, first - last)):
         times, signs = session.steps(motor)
         signs = signs[times < ended]
@@ -89,7 +89,7 @@ def test_every_pass(flags):
 
 
 def test_a_turn_at_the_first_and_the_last_frame():
-    """The ramp before a peak goes up, the frame behind it down; likewise at the other end, and in a
+    """The ramp before a peak goes up, the frame after it down; likewise at the other end, and in a
     ping-pong."""
     session = rig()
     peak = np.concatenate((400 - 4 * np.abs(np.arange(-8, 9)) ** 2, [148, 150, 152, 154, 156, 158]))
@@ -126,7 +126,7 @@ def test_jog_all(fps):
 
 
 def test_jog_all_called_elsewhere_while_it_takes_up_the_play():
-    """In each moment of it; the last destination counts."""
+    """At any time during it; the last destination counts."""
     session = rig()
     path = np.arange(121) * 30
     upload(session, {1: path, 2: -path}, frames=121)
@@ -150,7 +150,7 @@ def test_jog_all_called_elsewhere_while_it_takes_up_the_play():
 
 
 def assert_no_play_made(session, request):
-    """From GO to the end each motor makes the steps that its load goes, and none for its play."""
+    """Assert that from GO to the end each motor makes the steps of its load, and none for play."""
     before = session.play(request)
     for motor in (1, 2):
         _, signs = session.steps(motor)
@@ -181,8 +181,8 @@ def test_shoot_frame(way, second):
 @pytest.mark.parametrize("start", [1, 17])
 @pytest.mark.parametrize("fps", [6, 24])
 def test_a_turn_within_the_path(fps, start):
-    """Between two frames the motor makes up for all of the play: refused where that is faster than
-    it may be, and where it is not refused no edge comes too soon."""
+    """Between two frames the motor makes up for all of the play: the request is refused if that is
+    too fast for the motor; otherwise no edge comes too soon."""
     taken = refused = 0
     for play in (20, 60, 100, 150, 240):
         session = rig(motors=[{"backlash": play}, {}])
@@ -212,8 +212,8 @@ def test_a_turn_within_the_path(fps, start):
 
 @pytest.mark.parametrize("jog", [False, True])
 def test_the_load_turns_where_the_path_does(jog):
-    """At an uneven peak the curve alone may go past the frame: the load would stay there while the
-    play is taken up."""
+    """At an uneven peak the curve alone might pass the frame: the load would stay there while the
+    motor takes up the play."""
     session = rig()
     peak = np.array(
         [

@@ -1,5 +1,5 @@
-"""Coupled motors (field note 3.1): one load on two motors. They stay together whatever happens, and
-each within its limits."""
+"""Coupled motors (field note 3.1): two motors with one load. They stay together whatever happens,
+and each within its limits."""
 
 import itertools
 
@@ -15,14 +15,15 @@ LIMITS = {"estop": "nc", "limits": [{"high": 26, "low": 27}]}
 
 
 def assert_together(session, sense):
-    """The two motors have made the same steps, at the same times but for rounding."""
+    """Assert that the two motors have made the same steps, at the same times except for
+    rounding."""
     times, signs = session.steps(1)
     others, turned = session.steps(2)
     assert (signs == sense * turned).all()
     assert np.abs(times - others).max() < 3e-6
 
 
-# What is asked of two motors in any order: the leader is the faster and steeper one
+# Settings of two motors in any order: the leader is the faster and steeper one
 SETTINGS = [
     p.MotorSetSpeed(1, 20_000, 100_000),
     p.MotorSetSpeed(2, 4_000, 10_000),
@@ -35,8 +36,8 @@ SETTINGS = [
 @pytest.mark.parametrize("flag, sense", [(COUPLE, 1), (REVERSED, -1)])
 @pytest.mark.parametrize("at", range(len(SETTINGS) + 1))
 def test_the_stricter_setting_counts_in_any_order(at, flag, sense):
-    """Speed and acceleration of the slower motor; limits of both, those of the follower as the
-    leader sees them."""
+    """The speed and acceleration of the slower motor count, and the limits of both, the follower's
+    as the leader sees them."""
     session = simulated()
     requests = [*SETTINGS[:at], p.MotorConfigure(1, 1 | flag), *SETTINGS[at:]]
     session.accept(*requests)
@@ -68,7 +69,7 @@ def test_the_stricter_setting_counts_in_any_order(at, flag, sense):
     "cause", ["estop", "leader's limit", "follower's limit", "two STOP_ALL", "STOP", "port closed"]
 )
 def test_together_in_every_stop(cause, flag, sense):
-    """Though each alone would brake otherwise; and they go on together from there."""
+    """Alone each would brake differently; and they move on together from there."""
     pin = 26 if sense > 0 or cause != "follower's limit" else 27
     session = Session(SimulatedBoard(rig=LIMITS))
     switch = session.board._board.set_input
@@ -132,7 +133,7 @@ def test_stops_at_any_moment_leave_no_step_between(flag, sense):
 
 @pytest.mark.parametrize("flag, sense", [(COUPLE, 1), (REVERSED, -1)])
 def test_limits_that_leave_no_room(flag, sense):
-    """Back toward the range of one is past the limit of the other: nothing moves."""
+    """The way back into the range of one is past the limit of the other: nothing moves."""
     session = simulated()
     limits = (1, 0, 0, 0) if sense > 0 else (0, 0, 1, 0)
     session.accept(
@@ -149,8 +150,8 @@ def test_limits_that_leave_no_room(flag, sense):
 
 
 def test_a_disabled_partner_keeps_both_still():
-    """Without power on one of them the other would pull at the load: the leader is refused, nothing
-    is switched on."""
+    """If one of them had no power, the other would pull at the load: the leader is refused, and
+    nothing is switched on."""
     session = simulated()
     session.upload({1: [0, 10, 20], 3: [0, 10, 20]})
     session.accept(p.MotorConfigure(1, 1 | COUPLE), p.MotorConfigure(2, 0), p.MotorConfigure(3, 1))
@@ -195,7 +196,7 @@ def test_a_run_keeps_the_followers_limits_and_speed():
     session.wait_idle()
     session.accept(p.RtGo())
     session.run(0.7)
-    session.accept(p.MotorStop(2))  # of the follower: the run ends, as with the leader's
+    session.accept(p.MotorStop(2))  # a STOP of the follower ends the run like the leader's
     session.run(1.5)
     assert session.moving == []
     assert 0 < session.position(1) < 960
@@ -208,7 +209,7 @@ def test_the_stricter_jerk():
         session.accept(p.MotorConfigure(1, 1 | COUPLE))
         session.ask(p.MotorMove(1, 2000))
         session.wait_idle()
-        # 2·(v/a + a/j) + way at full speed
+        # 2·(v/a + a/j) + distance at full speed
         assert np.ptp(session.steps(1)[0]) == pytest.approx(
             2000 / 5000 + 5000 / 20000 + 20000 / 200e3, abs=0.06
         )

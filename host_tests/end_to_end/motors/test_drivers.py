@@ -1,5 +1,5 @@
-"""TMC2209 drivers behind the whole controller, in virtual time: enabled only once set up, refused
-while they do not work, and what a fault in motion does to the rig."""
+"""TMC2209 drivers behind the whole controller, in virtual time: enabled only after their set-up,
+refused while they do not work, and the effect of a fault in motion."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def said(board):
 
 
 def enables(talk):
-    """[(motor, level, time in s)] of the enable pins so far."""
+    """Return [(motor, level, time in s)] of the enable pins so far."""
     found = []
     for motor in range(1, 5):
         signal = talk.trace().signals.get(f"enable{motor}")
@@ -77,7 +77,7 @@ def test_a_dead_driver_holds_up_its_motor_and_every_run():
     path = np.arange(10) * 10
     talk.upload({1: path})
     talk.refuse(m.ERR_GENERAL, run_request(end=10), RtPositionFrame(1), RtJogAll(24_000, 1))
-    # a motor that the host does without does not matter; nor does a driver that comes back
+    # a motor that the host does not use does not matter; nor does a driver that comes back
     talk.accept(MotorConfigure(2, 0), RtPositionFrame(1))
     talk.wait_idle()
     talk.accept(MotorConfigure(2, m.MOTOR_ENABLED))
@@ -98,7 +98,7 @@ def test_coupled_to_a_dead_driver():
 
 
 def under_way(talk):
-    """Motors 1 and 2 cruise, their positions are known."""
+    """Start motors 1 and 2, whose positions are known, and wait until they cruise."""
     talk.run(SET_UP_S)
     for motor in (1, 2, 3, 4):
         talk.accept(MotorResetPosition(motor, 0))
@@ -110,8 +110,8 @@ def under_way(talk):
 
 
 def assert_stopped(talk, board, at, lost):
-    """All came to rest by a ramp; the host knows; the motor whose driver failed is off and its
-    position lost."""
+    """Assert that all rest after ramps, the host knows, and the motor whose driver failed is off
+    and its position lost."""
     assert not talk.moving
     assert [message for _, message in talk.events(HardStop)] == [HardStop(m.HARD_STOP_FAULT)]
     other = 3 - lost
@@ -135,7 +135,7 @@ def test_too_hot_in_motion():
     talk.refuse(m.ERR_GENERAL, MotorMove(1, 0))
     board.chips[0].status &= ~2
     talk.run(1.5)
-    # It moves again, but where it is nobody knows until the host says so
+    # It moves again, but its position is lost until the host sets it
     assert trust(talk, 1) == (positions.LOST, positions.DRIVER)
     talk.accept(MotorResetPosition(1, 0), MotorMove(1, 50))
     talk.wait_idle()
@@ -151,7 +151,7 @@ def test_reset_in_motion():
     assert said(board) == ["driver of motor 2 was reset: its supply broke down"]
     assert_stopped(talk, board, at, lost=2)
     talk.run(1)
-    assert len(board.chips[1].writes) == 12  # set up anew, and nothing has begun by itself
+    assert len(board.chips[1].writes) == 12  # set up again, and nothing has begun by itself
     assert [(motor, level) for motor, level, t in enables(talk) if t >= at] == [(2, 0)]
 
 
@@ -185,9 +185,9 @@ def test_a_warning_stops_nothing():
 
 
 def test_drivers_of_a_pico():
-    """One enable pin for all, the UART in the place of the camera's outputs."""
+    """One enable pin for all, the UART in place of the camera's outputs."""
     talk, board = session({"motors": [{"driver": DRIVER}, {}]}, name="pico")
-    talk.refuse(m.ERR_GENERAL, MotorMove(1, 10), MotorMove(2, 10))  # until the first round is done
+    talk.refuse(m.ERR_GENERAL, MotorMove(1, 10), MotorMove(2, 10))  # until the first round is over
     talk.run(SET_UP_S)
     assert len(board.chips[0].writes) == 12
     assert not board.chips[1].writes

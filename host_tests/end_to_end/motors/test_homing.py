@@ -26,14 +26,14 @@ def test_position_is_counted_from_the_switch(toward, pin, at):
     home(session, 1)
     assert trust(session) == (KNOWN, HOMED)
     away = -1 if upward else 1
-    # the switch is at -50 by the rig file, and the motor is 200 steps off it
+    # by the rig file the switch is at -50, and the motor is 200 steps off it
     assert session.position(1) == -50 + 200 * away
     assert abs(rail.steps[1] - (at + 200 * away)) <= 1
     assert session.events(p.HardStop) == []
 
 
 def test_run_on_behind_the_switch_does_not_count():
-    """Where it was found is its position, not where the motor has come to rest."""
+    """The position counts from where the switch was found, not from where the motor rests."""
     session, rail = rails(Switch(1, LOW, -1700), slow_speed=2000)
     home(session, 1)
     assert session.steps(1)[1].cumsum().min() < -1700 - 20  # 25 steps by the hard stop
@@ -42,7 +42,7 @@ def test_run_on_behind_the_switch_does_not_count():
 
 @pytest.mark.parametrize("speed, factor, least", [(2000, 4, 30), (4000, 1, 409), (4000, 16, 34)])
 def test_the_least_back_off_is_more_than_the_run_on(speed, factor, least):
-    """Less is refused by the rig file; with that much the motor is homed."""
+    """The rig file refuses less; with that much the motor homes."""
     rig = {"hard_stop_factor": factor}
     session, rail = rails(Switch(1, LOW, -1700), rig=rig, speed=speed, back_off=least)
     home(session, 1)
@@ -54,8 +54,8 @@ def test_the_least_back_off_is_more_than_the_run_on(speed, factor, least):
 
 
 def test_speeds():
-    """Fast toward the switch and off it, slowly for the second time, by the motor's acceleration
-    and, at the switch, the hard stop."""
+    """Fast toward the switch and off it, slowly the second time, by the motor's acceleration and,
+    at the switch, the hard stop."""
     session, _ = rails(Switch(1, LOW, -1700))
     home(session)
     times, signs = session.steps(1)
@@ -74,7 +74,7 @@ def test_slower_than_a_motor_is_set_to():
     times, signs = session.steps(1)
     assert_within(times, signs, 500, 4 * 20000)
     assert trust(session) == (KNOWN, HOMED)
-    # and what follows goes at its own speed again: the slowest jog, a move
+    # and later motions have their own speed again: the slowest jog, a move
     session.forget()
     session.accept(p.MotorJog(1, 1, 3000))
     session.run(0.4)
@@ -108,7 +108,8 @@ def test_it_stands_on_the_switch():
 
 
 def test_switch_stays_closed():
-    """One that never opens again: the motor goes no farther than off it, and is lost."""
+    """It never opens again: the motor goes no further than its back-off, and its position is
+    lost."""
     session, rail = rails(Switch(1, LOW, -1700))
     session.accept(p.Home(b"\1"))
     while not rail.switches[0].hit:
@@ -120,7 +121,7 @@ def test_switch_stays_closed():
 
 
 def test_cable_of_a_closed_switch_is_broken():
-    """It reads as a switch that is hit: the motor backs off, no more."""
+    """It reads as an active switch: the motor backs off, no more."""
     session, rail = rails(Switch(1, LOW, -1700, works=False))
     session.board._board.set_input(LOW, 1)
     session.run(0.05)
@@ -130,13 +131,14 @@ def test_cable_of_a_closed_switch_is_broken():
 
 
 def test_switch_is_not_found():
-    """Stuck, or an open contact with a broken cable: the allowed travel and no farther."""
+    """The switch is stuck, or an open contact has a broken cable: the motor stops after its
+    travel."""
     session, rail = rails(Switch(1, LOW, -1700, works=False), travel=2500)
     session.accept(p.MotorResetPosition(1, 4000))
     home(session, 1)
     assert rail.steps[1] == -2500
     assert trust(session) == (LOST, NOT_FOUND)
-    # and motors may move as ever
+    # and motors may move as before
     session.accept(p.MotorMove(1, 3000))
     session.wait_idle()
     assert session.position(1) == 3000
@@ -154,7 +156,7 @@ def test_switch_is_not_found_again():
 
 
 def test_disturbance_on_the_slow_approach():
-    """A spike is no switch: what it makes of the position is not taken."""
+    """A spike is no switch: the position does not follow from it."""
     session, rail = rails(Switch(1, LOW, -1700))
     session.accept(p.Home(b"\1"))
     session.run(2.0)  # past the fast approach and off the switch
@@ -184,7 +186,7 @@ def test_a_switch_past_a_soft_limit_is_refused():
 
 
 def test_soft_limits_do_not_count_where_the_position_is_lost():
-    """They do again afterwards."""
+    """Afterwards they count again."""
     session, rail = rails(Switch(1, LOW, -1700))
     session.accept(p.MotorSetLimits(1, 1, -100, 1, 3000))
     home(session, 1)
@@ -308,7 +310,7 @@ def _estop(session):
 
 
 def _short_estop(session):
-    """Shorter than the motor waits at rest between two of its ways."""
+    """It is shorter than the motor's rest between two approaches."""
     session.board._board.set_input("estop", 1)
     session.run(0.03)
     session.board._board.set_input("estop", 0)
@@ -321,14 +323,14 @@ def _lost_host(session):
 
 
 def _other_limit(session):
-    """Another switch at the same end, which SET_LIMITS has given to the motor."""
+    """Another switch at the same end, assigned to the motor by SET_LIMITS."""
     session.board._board.set_input(LOW_2, 1)
 
 
 @pytest.mark.parametrize("after, known", [(0.3, True), (0.98, False), (1.1, True), (1.3, False)])
 @pytest.mark.parametrize("stop", [_stop, _stop_all, _estop, _short_estop, _lost_host, _other_limit])
 def test_stopped(stop, after, known):
-    """In any phase, and between two of them: the motor comes to rest and stays there."""
+    """In any phase, and between two of them, the motor comes to rest and stays there."""
     session, rail = rails(Switch(1, LOW, -1700), rig={"estop": "nc"})
     session.board._board.set_input("estop", 0)
     session.run(0.1)
@@ -342,7 +344,7 @@ def test_stopped(stop, after, known):
     stop(session)
     session.run(0.6)
     if stop is _other_limit and session.moving:
-        session.wait_idle()  # it was on its way off the switches, and met it on the next approach
+        session.wait_idle()  # it was backing off, and met the switch on the next approach
         session.run(0.3)
     assert session.moving == []
     before = dict(rail.steps)
@@ -354,8 +356,8 @@ def test_stopped(stop, after, known):
 
 
 def test_what_comes_in_one_packet_with_a_stop():
-    """Soft limits count at once, and another motor's homing does not touch what was the first
-    one's."""
+    """Soft limits count at once, and another motor's homing does not change the first motor's
+    state."""
     session, _ = rails(Switch(1, LOW, -1700), Switch(3, LOW_2, -200), rig=THREE)
     session.accept(p.MotorSetLimits(1, 1, -500, 1, 500), p.Home(b"\1"))
     session.run(0.3)
@@ -371,8 +373,8 @@ def test_what_comes_in_one_packet_with_a_stop():
 
 
 def test_switch_on_the_way_to_rest():
-    """After a STOP the switch is a limit until the motor stands, and what SET_LIMITS says after
-    that."""
+    """After a STOP the switch is a limit until the motor rests; then the setting of SET_LIMITS
+    counts."""
     session, rail = rails(Switch(1, LOW, -700))
     session.accept(p.Home(b"\1"))
     while rail.steps.get(1, 0) > -650:
@@ -411,7 +413,7 @@ def test_stop_of_another_motor_ends_nothing():
 
 
 def test_limit_of_another_motor():
-    """It stops that one, and homing goes on."""
+    """It stops that motor, and homing continues."""
     session, _ = rails(Switch(1, LOW, -1700), Switch(2, LOW_2, -500))
     session.accept(p.MotorSetLimits(2, 0, 0, 0, 0, 2), p.Home(b"\1"), p.MotorMove(2, -4000))
     session.run(0.5)
@@ -422,7 +424,7 @@ def test_limit_of_another_motor():
 
 
 def test_limit_switch_that_is_the_home_switch():
-    """Found on purpose it is not told as a stop; hit in a move it is, after homing as before."""
+    """Homing does not report it as a stop; in a move it is one, before and after homing."""
     session, _ = rails(Switch(1, LOW, -1700))
     session.accept(p.MotorSetLimits(1, 0, 0, 0, 0, 1))
     home(session, 1)
@@ -434,7 +436,7 @@ def test_limit_switch_that_is_the_home_switch():
 
 
 def test_home_switch_is_no_limit_afterwards():
-    """Of a motor to which SET_LIMITS has not assigned it."""
+    """SET_LIMITS has not assigned it to the motor."""
     session, _ = rails(Switch(1, LOW, -1700))
     home(session, 1)
     session.accept(p.MotorMove(1, -400))
@@ -444,7 +446,7 @@ def test_home_switch_is_no_limit_afterwards():
 
 
 def test_coupled_motors():
-    """Both go; the leader's number is set."""
+    """Both move; the leader's position is set."""
     session, rail = rails(Switch(1, LOW, -600))
     session.accept(p.MotorConfigure(1, 0x11))
     session.refuse(p.Ack.ERR_RANGE, p.Home(b"\2"))
@@ -463,7 +465,7 @@ def test_backlash_and_jerk():
     home(session)
     assert trust(session) == (KNOWN, HOMED)
     assert session.position(1) == 200
-    # the play is taken up on the way back
+    # on the way back it takes up the play
     assert rail.steps[1] == pytest.approx(-600 + 200 + 40, abs=2)
 
 
@@ -480,7 +482,7 @@ def test_positions_at_the_end_of_the_range():
 
 
 def test_button():
-    """It homes what is not known, without a request."""
+    """Without a request it homes the motors whose position is lost."""
     settings = {"limits": [{"low": LOW}], "home_input": 1, "inputs": [{"pin": HIGH}]}
     session, rail = rails(Switch(1, LOW, -700), rig=settings)
     assert session.moving == []
@@ -493,15 +495,15 @@ def test_button():
     before = dict(rail.steps)
     session.board._board.set_input(HIGH, 0)
     session.run(0.5)
-    assert rail.steps == before  # it is known now
+    assert rail.steps == before  # the position is known now
 
 
 # ---- StallGuard
 
 
 class End(Switch):
-    """No switch but a TMC2209's DIAG: it is high while the motor is driven on against the end of
-    its rail, and low as soon as it stands."""
+    """No switch but a TMC2209's DIAG: it is high while the motor pushes against the end of its
+    rail, and low as soon as it rests."""
 
     def __post_init__(self):
         super().__post_init__()
@@ -515,7 +517,7 @@ class End(Switch):
 
 
 def test_stall():
-    """The end of a rail is found twice, at the same speed."""
+    """Homing finds the end of a rail twice, at the same speed."""
     rig = {
         "limits": [{"low": 22}],
         "motors": [
@@ -544,7 +546,7 @@ def test_stall():
 
 @pytest.fixture
 def framestep(monkeypatch, capsys):
-    """A command line on a session's board: what it prints, where its status is as expected."""
+    """Return a command line on a session's board, which checks its status and gives its output."""
 
     def run(session, line, status=0):
         session.leave()

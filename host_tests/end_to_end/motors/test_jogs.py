@@ -1,4 +1,4 @@
-"""JOG on the host simulation: speed, timeout, turning, soft limits under way."""
+"""JOG on the host simulation: speed, timeout, turning, soft limits in motion."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ FARTHEST, LOWEST = 2**31 - 1, -(2**31)
 
 
 def jog_for(rig, seconds, request, every=0.1):
-    """As Dragonframe does while a key is held."""
+    """Jog as Dragonframe does while a key is held."""
     until = rig.now + seconds
     while rig.now < until:
         rig.accept(request)
@@ -30,7 +30,7 @@ def jog_for(rig, seconds, request, every=0.1):
     ("speed", "share"), [(10000, 1.0), (5000, 0.5), (300, 0.03), (100, 0.01), (1, 0.01)]
 )
 def test_jog_speed(rig, speed, share):
-    """Field note 4.2: velocity and acceleration scaled, with a small floor."""
+    """Field note 4.2: velocity and acceleration scaled, with a small minimum."""
     rig.speed(1, 8000, 16000)
     jog_for(rig, 1.5, MotorJog(1, speed, FARTHEST))
     rig.accept(MotorStop(1))
@@ -46,7 +46,7 @@ def test_jog_speed(rig, speed, share):
 
 
 def test_jog_ends_without_another(rig):
-    """500 ms after the last one it ramps down."""
+    """500 ms after the last request it ramps down."""
     jog_for(rig, 1.0, MotorJog(1, 10000, FARTHEST), every=0.2)
     rig.accept(MotorJog(1, 10000, FARTHEST))
     asked = rig.now
@@ -70,7 +70,7 @@ def test_jog_timeout_of_the_rig_file(timeout_ms, ends):
 
 
 def test_jog_reaches_its_destination(rig):
-    """And a jog that is repeated there is answered and moves nothing."""
+    """A jog repeated there gets its answer and moves nothing."""
     jog_for(rig, 1.2, MotorJog(1, 10000, 2500))
     rig.wait_idle()
     assert rig.position(1) == rig.made(1) == 2500
@@ -79,7 +79,7 @@ def test_jog_reaches_its_destination(rig):
 
 
 def test_jog_repeated_is_one_motion(rig):
-    """Repetitions do not disturb it: the edges are those of a jog that was asked for once."""
+    """Repetitions do not disturb it: the edges are those of a single request."""
     other = simulated({"jog_timeout_ms": 0})
     rig.board.run_until(100_000_000)
     other.board.run_until(100_000_000)
@@ -92,7 +92,7 @@ def test_jog_repeated_is_one_motion(rig):
 
 
 def test_jog_turns_by_ramps(rig):
-    """Field note 4.2: against the direction it first ramps to a stop, then turns."""
+    """Field note 4.2: against its direction the motor ramps to a stop, then turns."""
     jog_for(rig, 0.8, MotorJog(1, 10000, FARTHEST))
     jog_for(rig, 1.0, MotorJog(1, 10000, LOWEST))
     jog_for(rig, 0.4, MotorJog(1, 4000, LOWEST))
@@ -103,7 +103,7 @@ def test_jog_turns_by_ramps(rig):
     turns = np.flatnonzero(np.diff(signs))
     assert len(turns) == 1
     gaps = np.diff(times)
-    # n steps before and after the turn last as long as the ramp says: sqrt(2n/a) each
+    # n steps before and after the turn last as long as the ramp needs: sqrt(2n/a) each
     at = turns[0]
     for n in (50, 300):
         assert times[at] - times[at - n] == pytest.approx((2 * n / 20000) ** 0.5, abs=0.012)
@@ -135,7 +135,7 @@ GENTLER = {
 @pytest.mark.parametrize("jerk", [0, 300])
 @pytest.mark.parametrize("requests", GENTLER.values(), ids=GENTLER)
 def test_soft_limits_hold_for_what_is_gentler_under_way(requests, jerk):
-    """A motor that is near its limit can still stop there, whatever is asked of it meanwhile."""
+    """A motor near its limit can still stop there, whatever is requested meanwhile."""
     rig = simulated({"motors": [{"jerk": jerk}]})
     rig.accept(MotorSetSpeed(1, 20000, 40000), MotorSetLimits(1, 1, -100_000, 1, 8000))
     jog_for(rig, 0.4, MotorJog(1, 10000, FARTHEST))
@@ -159,7 +159,7 @@ UNDER_WAY = {
 @pytest.mark.parametrize("room", [9_000, 1_000], ids=["in time", "too late"])
 @pytest.mark.parametrize("requests", UNDER_WAY.values(), ids=UNDER_WAY)
 def test_a_soft_limit_set_under_way_holds(requests, room, backlash, jerk):
-    """The motor comes to rest on it; where it is too near to stop there, it comes back (field note
+    """The motor comes to rest on it; if the limit is too near for a stop, it comes back (field note
     4.3)."""
     rig = simulated({"motors": [{"jerk": jerk, "backlash": backlash}], "jog_timeout_ms": 0})
     rig.accept(MotorSetSpeed(1, 20_000, 40_000))
@@ -196,7 +196,7 @@ def test_a_soft_limit_set_in_a_stop_does_not_send_it_on(stop, jerk):
 
 
 def test_a_soft_limit_set_as_it_comes_to_rest_does_not_send_it_on(rig):
-    """So slow that it rests in the next tick, while the last pulses are on their way out."""
+    """It is so slow that it rests in the next tick, while its last pulses are queued."""
     rig.accept(MotorSetSpeed(1, 62, 1000), MotorJog(1, 100, -(2**31)))
     rig.run(0.1)
     rig.accept(MotorStop(1), MotorSetLimits(1, 1, -9, 0, 0))
@@ -258,7 +258,7 @@ def test_refused_jog_does_not_prolong(rig):
 
 
 def test_move_after_jog(rig):
-    """A MOVE takes over from a jog, and no jog's time-out ends it."""
+    """A MOVE replaces a jog, and no jog's time-out ends it."""
     rig.accept(MotorJog(1, 10000, FARTHEST))
     rig.run(0.4)
     rig.ask(MotorMove(1, 6000))

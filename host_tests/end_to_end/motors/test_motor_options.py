@@ -35,7 +35,7 @@ def connect(rig=None):
 
 
 def steps(edges, motor):
-    """[(ns, ±1)] of a motor."""
+    """Return [(ns, ±1)] of a motor."""
     return [(t, value) for t, signal, value in edges if signal == f"m{motor}"]
 
 
@@ -67,7 +67,7 @@ def test_partner_makes_the_same_steps_at_the_same_time(flag, sense):
     one, two = steps(edges, 1), steps(edges, 2)
     assert len(one) == len(two) > 5000
     assert all(a[1] == sense * b[1] for a, b in zip(one, two, strict=True))
-    # rounding falls the other way where the sign is turned
+    # with the opposite sign, rounding goes the other way
     assert max(abs(a[0] - b[0]) for a, b in zip(one, two, strict=True)) < 1000
     assert position(client, 1) == 333
     assert position(client, 2) == 500 + sense * 333
@@ -112,7 +112,7 @@ def test_coupled_motors_run_an_uploaded_move_together():
 
 
 class Load:
-    """What hangs on a motor with play in its gears."""
+    """The load of a motor with play in its gears."""
 
     def __init__(self, backlash):
         self.backlash = backlash
@@ -162,7 +162,7 @@ def test_the_load_is_on_every_frame_of_a_run():
     load.follow(board.edges())
     times = np.array([t for t, _ in load.history])
     places = np.array([p for _, p in load.history])
-    # the origin of the run is not told; somewhere within a millisecond all frames are right
+    # the origin of the run is not reported; somewhere within a millisecond all frames are right
     begin = times[0]
 
     def misses(origin):
@@ -206,8 +206,8 @@ def test_a_live_motor_stays_free_during_a_run():
 
 @pytest.mark.parametrize("jerk", [0, 200])
 def test_ramps_keep_the_jerk(jerk):
-    """jerk: 1000 steps/s³. The steepest change of acceleration, from the edges of a 4000-step
-    move."""
+    """jerk: 1000 steps/s³. Measures the steepest change of acceleration from the edges of a
+    4000-step move."""
     board, client = connect({"motors": [{"jerk": jerk}]})
     client.request(MotorSetSpeed(1, 10000, 40000))
     board.edges()
@@ -227,8 +227,8 @@ def test_ramps_keep_the_jerk(jerk):
 
 
 def steepest_change(edges, window=0.01):
-    """Greatest jerk (steps/s³) and acceleration of motor 1, from differences over windows of
-    time."""
+    """Return the greatest jerk (steps/s³) and acceleration of motor 1, from differences over
+    windows of time."""
     t = np.array([t for t, _ in steps(edges, 1)]) * 1e-9
     made = np.cumsum([value for _, value in steps(edges, 1)])
     grid = np.arange(t[0] + 2 * window, t[-1] - 2 * window, window)
@@ -237,8 +237,8 @@ def steepest_change(edges, window=0.01):
 
 
 def moved_and_stopped(jerk, after_s, request, target=4000, stops=1):
-    """The edges of a move that is stopped after a time, how long that took, and the position
-    reported at the end."""
+    """Return the edges of a move that is stopped after a time, how long the stop took, and the
+    position reported at the end."""
     board, client = connect({"motors": [{"jerk": jerk}]})
     client.request(MotorSetSpeed(1, 10000, 40000))
     board.edges()
@@ -257,8 +257,8 @@ def moved_and_stopped(jerk, after_s, request, target=4000, stops=1):
 @pytest.mark.parametrize("target", [4000, -4000])
 @pytest.mark.parametrize("after_s", [0.06, 0.12, 0.2, 0.3, 0.45, 0.6, 0.7])
 def test_a_stop_keeps_the_jerk(after_s, target, request_):
-    """Gathering speed, at full acceleration, cruising, slowing down: the motor comes to rest at
-    once, and never past the target that it had."""
+    """In acceleration, cruising or deceleration, the motor comes to rest at once, and never past
+    its target."""
     edges, took, at = moved_and_stopped(200, after_s, request_, target)
     jerk, acceleration = steepest_change(edges)
     assert jerk < 200_000 * 1.3
@@ -284,7 +284,7 @@ def test_a_stop_asked_for_again_takes_no_longer():
     _, once, at = moved_and_stopped(200, 0.5, MotorStop(1), 20000)
     _, thrice, then = moved_and_stopped(200, 0.5, MotorStop(1), 20000, stops=3)
     assert (once, at) == (thrice, then)
-    assert 0.44 < once < 0.48  # A/j + v/A, and until the plan takes over
+    assert 0.44 < once < 0.48  # A/j + v/A, and the time until the plan begins
 
 
 def test_a_jog_let_go_keeps_the_jerk():
@@ -323,8 +323,8 @@ def test_a_move_may_follow_a_stop_under_way():
 
 @pytest.mark.parametrize("jerk", [200, 2000])
 def test_retarget_near_a_soft_limit(jerk):
-    """A motor that slows down onto its limit and is called back comes to rest before it, then
-    turns."""
+    """A motor that slows down to its limit and gets a target behind it comes to rest before the
+    limit, then turns."""
     session = simulated({"motors": [{"jerk": jerk}]})
     session.speed(1, 10_000, 40_000)
     session.accept(MotorSetLimits(1, 0, 0, 1, 6000))
@@ -346,7 +346,7 @@ LOWEST, HIGHEST = -(2**31), 2**31 - 1
 @pytest.mark.parametrize("flags", [1, 1 | COUPLE, 1 | REVERSED])
 @pytest.mark.parametrize("backlash", [0, 24])
 def test_a_jog_to_the_last_step_there_is(backlash, flags):
-    """What hosts send for "jog down" and "jog up": that way, whatever has to be taken up."""
+    """Hosts send this for "jog down" and "jog up": the direction is right with any backlash."""
     for target, way in ((LOWEST, -1), (HIGHEST, 1)):
         session = simulated({"motors": [{"backlash": backlash}]})
         session.accept(MotorConfigure(1, flags), MotorJog(1, 10_000, target))
@@ -362,7 +362,7 @@ def test_a_jog_to_the_last_step_there_is(backlash, flags):
 @pytest.mark.parametrize("backlash", [0, 24])
 @pytest.mark.parametrize("way", [1, -1])
 def test_up_to_the_end_of_the_range(way, backlash, jerk):
-    """The motor's own steps have to fit as well: with play the load goes so much less far down."""
+    """The motor's own steps must fit as well: with play the load's range is that much shorter."""
     session = simulated({"motors": [{"backlash": backlash, "jerk": jerk}]})
     end = HIGHEST if way > 0 else LOWEST + backlash
     session.accept(MotorResetPosition(1, end - way * 1500))
@@ -381,7 +381,7 @@ def test_up_to_the_end_of_the_range(way, backlash, jerk):
     session.wait_idle()
     session.ask(MotorMove(1, end))
     session.run(0.3)
-    session.ask(MotorMove(1, end - way * 900))  # while it slows down onto the end
+    session.ask(MotorMove(1, end - way * 900))  # while it slows down to the end
     session.wait_idle()
     session.ask(MotorMove(1, end))
     for wait in (0.3, 0.1, 0.05, 0.05):

@@ -38,7 +38,7 @@ def test_configure(both):
 
 
 def test_set_speed_refused(both):
-    """Velocity 0, and more than the board can step: with pulses of 1 µs, high and low, 480769
+    """Velocity 0, and more than the board's pulses allow: with pulses of 1 µs, high and low, 480769
     steps/s."""
     for velocity in (0, 480_770, 500_001, 2**30, 2**31, 2**32 - 1):
         both.refuse(Ack.ERR_RANGE, MotorSetSpeed(1, velocity, 1000))
@@ -78,7 +78,7 @@ def test_fastest_speed_depends_on_the_pulse(pulse_us, fastest):
     ],
 )
 def test_set_speed(rig, velocity, acceleration, expected):
-    """Field note 4.1: acceleration 0 is half the velocity, and velocity has a floor of 10
+    """Field note 4.1: acceleration 0 is half the velocity, and the minimum velocity is 10
     steps/s."""
     rig.speed(1, velocity, acceleration)
     top = max(velocity, 10)
@@ -95,7 +95,7 @@ def test_set_speed(rig, velocity, acceleration, expected):
 
 
 def test_set_speed_in_motion(rig):
-    """It holds for the next motion; the one under way ends where it should."""
+    """It counts for the next motion; the present one ends at its target."""
     rig.ask(MotorMove(1, 6000))
     rig.run(0.5)
     rig.speed(1, 1000, 2000)
@@ -108,7 +108,8 @@ def test_set_speed_in_motion(rig):
 
 
 def test_soft_limits(both):
-    """Field note 4.3: 0x20 above, 0x21 below, nothing moves; a motor past a limit may come back."""
+    """Field note 4.3: 0x20 above, 0x21 below, and nothing moves; a motor past a limit may
+    return."""
     both.accept(MotorSetLimits(1, 1, -500, 1, 800))
     for target, code in (
         (801, Ack.ERR_SOFT_UP),
@@ -149,7 +150,7 @@ def test_limits_off_and_one_sided(rig):
 
 
 def test_limits_refused(both):
-    """Limits that cross, a flag that is neither 0 nor 1, a limit set that the rig does not have."""
+    """Limits that cross, a flag other than 0 or 1, a limit set that the rig does not have."""
     both.accept(MotorSetLimits(1, 1, -100, 1, 100))
     both.refuse(
         Ack.ERR_RANGE, MotorSetLimits(1, 1, 101, 1, 100), MotorSetLimits(1, 1, FARTHEST, 1, LOWEST)

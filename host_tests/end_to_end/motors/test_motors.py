@@ -1,5 +1,4 @@
-"""Requests for single motors on the host simulation: what is answered, and what the pins then
-do."""
+"""Requests for single motors on the host simulation: the answers, and the effect on the pins."""
 
 import struct
 
@@ -20,7 +19,7 @@ def is_ack(session, frame, code=p.Ack.OK):
     return frame.is_ack and frame.payload == int(code).to_bytes(size, "little")
 
 
-# ---- who is there --------------------------------------------------------------------------------
+# ---- the greeting --------------------------------------------------------------------------------
 
 
 def test_hi(both):
@@ -55,7 +54,7 @@ def test_name_of_the_rig_file():
 
 
 def test_form_of_every_answer(both):
-    """Acknowledgements have the request's ID and type and a code of the dialect's width; data has
+    """Acknowledgements have the request's ID and type and a code with the dialect's width; data has
     no flag."""
     for kind, payload in (
         (m.MSG_MOTOR_STOP, b"\x01"),
@@ -131,12 +130,12 @@ def test_move(rig, target, velocity, acceleration):
     assert rig.position(3) == target == signs.sum() == np.sign(target) * len(signs)
     if abs(target) > 2:
         assert_within(times, signs, velocity, acceleration)
-    # as long as a trapezoid takes, or a triangle where the way is too short for one
+    # as long as a trapezoid takes, or a triangle for a distance too short for one
     way = abs(target)
     ramp = velocity / acceleration
     ideal = way / velocity + ramp if way >= velocity * ramp else 2 * (way / acceleration) ** 0.5
     first = (2 / acceleration) ** 0.5 if way > 1 else ideal  # the first step, from rest
-    # at either end, where it next to stands, a rounding of 2e-5 steps takes as long as this
+    # near rest at either end, a rounding of 2e-5 steps takes this long
     rounding = 2 * (2 * 2e-5 / acceleration) ** 0.5
     assert times[-1] - times[0] == pytest.approx(ideal - first, abs=1e-5 + rounding + 1e-5 * ideal)
 
@@ -151,7 +150,7 @@ def test_default_speed(rig):
 
 
 def test_no_distance(both):
-    """To where it stands: answered, nothing moves, no report, position kept."""
+    """To its own position: an answer, no motion, no report, the same position."""
     both.accept(p.MotorResetPosition(1, -77))
     both.run(0.1)
     both.forget()
@@ -164,8 +163,8 @@ def test_no_distance(both):
 
 
 def test_retarget_farther_nearer_and_back(rig):
-    """Field note 4.8: no stop where the way ahead is long enough, and never more than the
-    acceleration."""
+    """Field note 4.8: there is no stop if the distance is long enough, and the acceleration keeps
+    its limit."""
     rig.ask(p.MotorMove(1, 4000))
     rig.run(0.5)
     rig.ask(p.MotorMove(1, 9000))
@@ -184,7 +183,7 @@ def test_retarget_farther_nearer_and_back(rig):
 
 
 def test_retarget_nearer_than_it_can_stop(rig):
-    """It overshoots by what the ramp needs and comes back."""
+    """It overshoots by the length of the ramp and comes back."""
     rig.ask(p.MotorMove(1, 20000))
     rig.run(0.6)
     here = rig.made(1)
@@ -198,8 +197,8 @@ def test_retarget_nearer_than_it_can_stop(rig):
 
 
 def test_retarget_storm(rig):
-    """A new target every 30 ms, with changes of speed between: steps and position agree, limits are
-    kept."""
+    """A new target every 30 ms, with changes of speed between: steps and position agree, and limits
+    are kept."""
     chance = np.random.default_rng(4)
     for target in chance.integers(-4000, 4000, 40):
         rig.ask(p.MotorMove(1, int(target)))
@@ -211,7 +210,7 @@ def test_retarget_storm(rig):
 
 
 def test_large_positions(both):
-    """Where a position is no small integer of a 32-bit MicroPython."""
+    """Positions that are no small integers of a 32-bit MicroPython."""
     for start, target in (
         (FARTHEST - 300, FARTHEST),
         (LOWEST + 300, LOWEST),
@@ -236,7 +235,7 @@ def test_all_motors_at_once(rig):
 
 
 def test_inverted_motor():
-    """The rig file's `invert` swaps the pin, not the counting."""
+    """The rig file's `invert` changes the pin, not the counting."""
     rig = simulated({"motors": [{}, {"invert": True}]})
     for motor in (1, 2):
         rig.ask(p.MotorMove(motor, 50))
@@ -251,8 +250,8 @@ def test_inverted_motor():
 
 
 def test_jerk_limit():
-    """With `jerk` in the rig file velocity and acceleration are held as well, and the move is exact
-    and longer."""
+    """With `jerk` in the rig file velocity and acceleration keep their limits, too, and the move is
+    exact and longer."""
     rig = simulated({"motors": [{"jerk": 200}]})
     for motor in (1, 2):
         rig.speed(motor, 8000, 40000)
@@ -261,7 +260,7 @@ def test_jerk_limit():
     assert rig.made(1) == rig.made(2) == 6000
     assert_within(*rig.steps(1), 8000, 40000)
     durations = {motor: np.ptp(rig.steps(motor)[0]) for motor in (1, 2)}
-    # a/j of time more than a trapezoid; of the first and the last step hardly anything is seen
+    # a/j longer than a trapezoid; the first and the last step hardly show
     assert durations[1] - durations[2] == pytest.approx(40000 / 200_000, abs=0.04)
 
 
@@ -269,7 +268,7 @@ def test_jerk_limit():
 
 
 def test_moving_bits(both):
-    """Field note 4.7: set from the acknowledgement on, clear once the last step is out."""
+    """Field note 4.7: set from the acknowledgement on, clear after the last step."""
     for motor, request in (
         (1, p.MotorMove(1, 300)),
         (3, p.MotorJog(3, 10000, -300)),
@@ -287,7 +286,7 @@ def test_moving_bits(both):
 
 
 def test_moving_bit_until_the_last_edge(rig):
-    """Asked every millisecond, the bit is set at each edge."""
+    """At requests every millisecond, the bit is set at each edge."""
     rig.speed(2, 5000, 100_000)
     rig.ask(p.MotorMove(2, 120))
     seen = []
@@ -316,7 +315,7 @@ def test_positions_in_motion(report_ms):
     assert gaps == pytest.approx(report_ms / 1000, abs=0.0025)  # a whole pass comes every 2 ms
     times, signs = rig.steps(1)
     for time, message in reports[:-1]:
-        # the steps given to the engine, which makes them within 3 ms
+        # the report has the steps given to the engine, which makes them within 3 ms
         assert abs(message.steps[0] - signs[times <= time].sum()) <= 5000 * 0.003 + 1
     assert message.move_time == 0
     last, message = reports[-1]
@@ -329,7 +328,7 @@ def test_positions_in_motion(report_ms):
 
 
 def test_stop(rig):
-    """The motor ramps down as steeply as it is set to; the others go on."""
+    """The motor ramps down with its own acceleration; the others continue."""
     rig.speed(1, 6000, 30000)
     rig.ask(p.MotorMove(1, 20000))
     rig.ask(p.MotorMove(2, 6000))
@@ -387,7 +386,7 @@ def test_stop_all_once_and_twice(factor, flags):
 
 
 def test_second_stop_all_under_way(rig):
-    """It also steepens a ramp that has begun, and comes too late after a second."""
+    """It also makes a ramp steeper that has begun, and comes too late after a second."""
     rig.speed(1, 5000, 4000)
     rig.ask(p.MotorMove(1, 40000))
     rig.run(1.6)
@@ -413,7 +412,8 @@ def test_second_stop_all_under_way(rig):
 
 
 def test_reset_position(both):
-    """Field note 4.5: acknowledged, then told; nothing moves. While the motor moves: 0x12."""
+    """Field note 4.5: first the acknowledgement, then the report; nothing moves. In motion:
+    0x12."""
     for value in (-5, 2**30, LOWEST, FARTHEST, 12345):
         both.forget()
         both.accept(p.MotorResetPosition(4, value))
@@ -434,13 +434,13 @@ def test_reset_position(both):
     assert both.made(4) == 0
 
 
-# ---- a host that is gone -------------------------------------------------------------------------
+# ---- a lost host -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("jogging", [False, True])
 def test_port_closed_in_motion(rig, jogging):
-    """Field note 1.11: motors decelerate to a stop, and the next host finds them where the steps
-    say."""
+    """Field note 1.11: motors decelerate to a stop, and the next host finds them where their steps
+    lead."""
     rig.ask(p.MotorMove(1, 30000))
     rig.code(p.MotorJog(2, 10000, LOWEST) if jogging else p.MotorMove(2, -30000))
     rig.run(0.4)
@@ -461,7 +461,7 @@ def test_port_closed_in_motion(rig, jogging):
 
 
 def test_half_a_frame_of_a_lost_host(rig):
-    """What it began to send does not hold up the next host's first request."""
+    """The beginning of its request does not hold up the next host's first request."""
     rig.port.write(b"DF\1\0\0\0\x31\0\x00\x04" + bytes(100))
     rig.run(0.02)
     rig.leave()

@@ -1,4 +1,4 @@
-"""Which positions can be trusted: known, held, lost, what makes them so, and how it is told."""
+"""Which positions are known, held or lost, what makes them so, and how this is reported."""
 
 import pytest
 
@@ -34,7 +34,7 @@ def trust(session, *motors):
 
 @pytest.fixture
 def moving():
-    """Motors 1 and 2 cruise, 3 stands, their positions set; 4 moves without."""
+    """Yield a session: motors 1 and 2 cruise, 3 rests, with known positions; 4 moves without."""
     session = simulated({"estop": "nc", "limits": [{"high": 22, "contact": "no"}]})
     session.board._board.set_input("estop", 0)
     session.run(0.05)
@@ -46,7 +46,7 @@ def moving():
 
 
 def at_rest_afterwards(session):
-    """All stand after a fault that the host was told of."""
+    """Assert that all rest after a fault that the host knows of."""
     assert {message for _, message in session.events(HardStop)} == {HardStop(100)}
     session.wait_idle()
 
@@ -78,7 +78,7 @@ def test_a_command_that_finds_its_fifo_full(moving):
     engine = moving.board._board.hal.engines[1]
     before = moving.positions
     moving.forget()
-    engine.waiting[:] = [engine.clock() + 150_000] * 8  # none of which is fetched for 1.2 ms
+    engine.waiting[:] = [engine.clock() + 150_000] * 8  # the engine takes none for 1.2 ms
     moving.run(0.05)
     at_rest_afterwards(moving)
     assert trust(moving, 1, 2, 3, 4) == [IS_SET, MISSING, IS_SET, NOT_SET]
@@ -100,8 +100,8 @@ def test_pulses_that_broke_off(moving):
 
 @pytest.mark.inside
 def test_stops_that_lose_nothing(moving):
-    """The main loop away, an E-stop, a limit, a lost host: the motors ramp down, and every step is
-    counted."""
+    """The main loop away, an E-stop, a limit, a lost host: the motors ramp down, and every step
+    counts."""
     axes = moving.board._board.controller.axes
     feed, axes.feed = axes.feed, lambda urgent: None
     moving.run(2)
@@ -168,7 +168,7 @@ def test_the_status_command_says_so(monkeypatch, capsys):
         "soft limits do not protect a motor whose position is lost; RESET_POSITION sets it "
         "(framestep zero)",
     ]
-    board._board.controller.handlers.pop(m.MSG_CONDITION)  # as another device has it
+    board._board.controller.handlers.pop(m.MSG_CONDITION)  # like another device
     assert cli.app.status(["status", "socket://x"]) == 0
     assert capsys.readouterr().out.splitlines()[1:] == [
         "motor 1: -7",

@@ -9,7 +9,7 @@ from framestep_tools import payloads as p
 from host_tests.end_to_end.motors.servo_pulses import assert_follows, pulses
 from host_tests.end_to_end.session import run_request, simulated
 
-LEAST_US = 0.4  # a 64th of a step, and what the mapping rounds
+LEAST_US = 0.4  # a 64th of a step, and the rounding of the mapping
 
 
 def rig(**servo):
@@ -49,7 +49,7 @@ def test_ends_of_the_range(invert):
     session = simulated(settings)
     for code, beyond in ((m.ERR_SOFT_UP, 701), (m.ERR_SOFT_LOW, -301)):
         session.refuse(code, p.MotorMove(2, beyond))
-    # the host's limits count within the range only
+    # the host's limits count only within the range
     session.accept(p.MotorSetLimits(2, 1, -9000, 1, 9000, 0))
     session.refuse(m.ERR_SOFT_UP, p.MotorMove(2, 701))
     for target, width in ((700, 2000), (-300, 1000)):
@@ -86,7 +86,7 @@ def test_jog_ends_at_the_range():
 
 
 def test_widths_follow_an_uploaded_move():
-    """Each pulse has the position of the moment, between frames as well."""
+    """Each pulse has the position at its time, between frames as well."""
     session = simulated(rig(low=-1000, high=1000, low_us=1000, high_us=2000))
     frames = 48
     x = np.arange(frames) / frames
@@ -106,7 +106,7 @@ def test_widths_follow_an_uploaded_move():
 
 
 def test_finer_than_a_step():
-    """With 20 µs a step a slow motion goes through widths between them."""
+    """With 20 µs per step a slow motion passes widths between steps."""
     session = simulated(rig(low=-50, high=50))
     session.speed(2, 20, 1000)
     session.accept(p.MotorMove(2, 10))
@@ -117,7 +117,7 @@ def test_finer_than_a_step():
 
 
 def test_position_cannot_be_set():
-    """It is that of the pulse: another number would ask the servo to jump."""
+    """The pulse determines it: with another number the servo would have to jump."""
     session = simulated(rig())
     session.accept(p.MotorMove(2, 100))
     session.wait_idle()
@@ -173,7 +173,7 @@ def test_fault_releases_it():
     enable(session)
     session.run(0.1)
     assert len(pulses(session)[1])
-    session.board._board.hal.taken = 0  # pins have been taken on the REPL
+    session.board._board.hal.taken = 0  # the REPL has taken pins
     session.run(0.2)
     session.forget()
     session.run(0.2)

@@ -1,5 +1,5 @@
-"""Servos in what several motors do together: coupled, in go-motion, as virtual axes. The measure is
-a step motor that is asked the same."""
+"""Servos in motions of several motors: coupled, in go-motion, as virtual axes. The reference is a
+step motor with the same requests."""
 
 import numpy as np
 import pytest
@@ -11,10 +11,10 @@ from host_tests.end_to_end.motors.servo_pulses import assert_follows, pulses
 from host_tests.end_to_end.session import simulated
 from host_tests.end_to_end.virtual_axes.judging import UNIT, assert_straight, configured, joints
 
-STEPS_PER_US = 2  # of a servo as it is by default: -1000 at 1000 µs, 1000 at 2000 µs
+STEPS_PER_US = 2  # of a servo with default settings: -1000 at 1000 µs, 1000 at 2000 µs
 COUPLE = {1: 0x10, -1: 0x20}
 PAN = 4
-# Its servo turns a good 30 degrees either way, 100 steps each
+# Its servo turns slightly more than 30 degrees either way, 100 steps each
 RIG = Rig(
     4,
     (*(Axis(i, 1000.0) for i in (1, 2, 3)), Axis(PAN, 100.0), Axis(5, 1000.0), Axis(6, 1000.0)),
@@ -26,8 +26,8 @@ SERVO = {"low": -3000, "high": 3000}
 @pytest.mark.parametrize("sense", [1, -1])
 @pytest.mark.parametrize("servo", [1, 2])
 def test_coupled_with_a_step_motor(servo, sense):
-    """As the leader or the other one of the pair; its range holds for both. Of the other one a step
-    is kept at the lower end, for the rounding of its play."""
+    """It may be the leader or the other motor of the pair; its range counts for both. The other
+    motor's range is a step shorter at the lower end, for the rounding of its play."""
     motors = [{}, {}]
     motors[servo - 1] = {"servo": {}}
     session = simulated({"motors": motors})
@@ -52,7 +52,7 @@ def test_coupled_with_a_step_motor(servo, sense):
 
 
 def test_in_go_motion():
-    """It passes its window while the shutter is open, and does not leave its range for the
+    """It passes its window while the shutter is open, and stays within its range during the
     run-up."""
     session = simulated({"motors": [{}, {"servo": {}}]})
     for motor in (1, 2):
@@ -62,7 +62,7 @@ def test_in_go_motion():
     def shot(low, high):
         return p.RtShootFrame(5, 1, 500, 1000, [p.BlurMotor(n, low, high) for n in (1, 2)])
 
-    # at 1200 steps/s the motors run on for 600 steps after the exposure (field note 7.1)
+    # at 1200 steps/s the motors move on for 600 steps after the exposure (field note 7.1)
     session.refuse(m.ERR_POSTROLL, shot(100, 700))
     session.refuse(m.ERR_PREROLL, shot(-700, -100))
     session.ready(shot(-150, 200))
@@ -80,14 +80,14 @@ def test_in_go_motion():
     steps = (widths - 1500) * STEPS_PER_US
     inside = (rises > opened * 1e-9) & (rises < closed * 1e-9)
     assert inside.sum() >= 24
-    # a pulse has the position of the moment at which it ends, or up to two milliseconds later
+    # a pulse has the position at its end, or up to two milliseconds later
     passed = -150 + 700 * (rises + widths * 1e-6 - opened * 1e-9)[inside]
     assert np.all(steps[inside] > passed - 1.1)
     assert np.all(steps[inside] < passed + 700 * 0.0022 + 1.1)
 
 
 def test_as_a_virtual_axis():
-    """The camera's pan on a servo: with a nodal offset all axes turn about it."""
+    """The camera's pan is a servo: with a nodal offset all axes turn about it."""
     settings = {"motors": [{}, {}, {}, {"servo": SERVO}]}
     session, beside = configured(RIG, settings=settings), configured(RIG)
     before = session.positions
@@ -100,7 +100,7 @@ def test_as_a_virtual_axis():
     assert_straight(RIG, beside, before, UNIT[number], 25)
     assert session.positions == beside.positions
     assert_follows(session, 0, 6, motor=PAN, servo=PAN, beside=beside)
-    for motor in (1, 2, 3):  # and the others' steps are the very same
+    for motor in (1, 2, 3):  # and the others' steps are the same
         for found, expected in zip(session.steps(motor), beside.steps(motor), strict=True):
             np.testing.assert_array_equal(found, expected)
     # 30 degrees are its end

@@ -19,10 +19,10 @@ def ready():
 
 
 def shoot(session, request, start_s=0.005):
-    """Prepare, go, wait for the one RT_END. Where the motors waited; when GO was, the shutter
-    opened and closed.
+    """Prepare, send GO, wait for the one RT_END. Return where the motors waited, and when GO came
+    and the shutter opened and closed.
 
-    start_s: at most so long after its acknowledgement the meter goes on.
+    start_s: the meter must go on within that time after the acknowledgement.
     """
     session.ready(request)
     before = session.positions
@@ -49,8 +49,8 @@ def shoot(session, request, start_s=0.005):
 def assert_window(
     session, motor, before, opened, closed, at_open, at_close, exact=True, duration=None
 ):
-    """A motor passes its window, steps at_open to at_close, while the shutter is open, at constant
-    speed.
+    """Assert that a motor passes its window, steps at_open to at_close, while the shutter is open,
+    at constant speed.
 
     exact: the ends are whole steps that the motor meets at the shutter's edges.
     """
@@ -65,7 +65,7 @@ def assert_window(
         assert abs(gaps.max() / gaps.mean() - 1) < 0.005
         assert abs(gaps.min() / gaps.mean() - 1) < 0.005
         assert gaps.mean() == pytest.approx((closed - opened) / abs(way), rel=0.005 + 1 / abs(way))
-        # where the motion is at the shutter's edges, to fractions of a step
+        # the motion's place at the shutter's edges, to fractions of a step
         speed = np.sign(way) / gaps.mean()
         for edge, place in ((opened, at_open), (closed, at_close)):
             nearest = np.argmin(np.abs(times - edge))
@@ -83,8 +83,8 @@ def assert_window(
 @pytest.mark.parametrize("direction", [1, 0])
 @pytest.mark.parametrize("pair", [(100, 700), (300, -500), (0, 40)])
 def test_whole_window(ready, exposure, direction, pair):
-    """Field note 7.1: POS A to POS B in the exposure time, DIRECTION 0 turns them; 1.0 s run-up and
-    run-out."""
+    """Field note 7.1: POS A to POS B in the exposure time, exchanged by DIRECTION 0; 1.0 s run-up
+    and run-out."""
     if exposure == 17 and abs(pair[1] - pair[0]) > 300:
         pair = (pair[0], pair[0] + (pair[1] - pair[0]) // 4)
     request = p.RtShootFrame(FRAME, direction, exposure, 1000, [p.BlurMotor(1, *pair)])
@@ -116,7 +116,7 @@ def test_the_very_velocity_that_is_set(ready, velocity):
 @pytest.mark.parametrize("blur", [1, 10, 333, 500, 999, 1000])
 @pytest.mark.parametrize("direction", [1, 0])
 def test_blur(ready, blur, direction):
-    """The middle `blur` of the way, by step."""
+    """The middle `blur` of the window, in steps."""
     for a, b in ((0, 4000), (1000, -3001)):
         before, _, opened, closed = shoot(
             ready, p.RtShootFrame(FRAME, direction, 400, blur, [p.BlurMotor(1, a, b)])
@@ -134,8 +134,8 @@ def test_long_exposure(ready):
     )
     assert closed - opened == pytest.approx(60, abs=2e-5)
     assert_window(ready, 1, before, opened, closed, 3000, 9000)
-    # at a step in 15 s a microstep's time is only known to the kernel's resolution, some
-    # ten-thousandths of a step
+    # at a step in 15 s the time of a microstep has the kernel's resolution, some ten-thousandths of
+    # a step
     assert_window(ready, 2, before, opened, closed, 6, 2, exact=False)
     request = p.RtShootFrame2(FRAME, 60000, -45, 405, [p.BlurMotor(1, 0, 12000)])
     before, _, opened, closed = shoot(ready, request)
@@ -164,14 +164,14 @@ def test_only_motors_that_blur_move(ready):
     before, _, opened, closed = shoot(ready, p.RtShootFrame(FRAME, 1, 300, 1000, pairs))
     assert ready.trace().motors == [2, 3]
     assert_window(ready, 3, before, opened, closed, 0, 300)
-    # SHOOT_FRAME2: each motor that is named is part of the blur (spec), but a disabled one is not
+    # SHOOT_FRAME2: each listed motor takes part in the blur (spec), except a disabled one
     ready.speed(3, VELOCITY, ACCELERATION)
     shoot(ready, p.RtShootFrame2(FRAME, 300, 0, 360, pairs))
     assert ready.trace().motors == [1, 2, 3]
 
 
 def test_without_motors(ready):
-    """No motor to move: the shutter opens all the same."""
+    """There is no motor to move: the shutter opens all the same."""
     ready.accept(p.MotorConfigure(1, 1), p.MotorConfigure(2, 1))
     _, went, opened, closed = shoot(ready, p.RtShootFrame(FRAME, 1, 250, 500))
     assert opened - went == pytest.approx(1.0, abs=0.006)
@@ -187,15 +187,15 @@ def test_without_motors(ready):
 
 
 def ideal(turns):
-    """The share of the way from A to B that is made after so many turns: an eighth of ramp, six at
-    constant speed."""
+    """Return the share of the distance from A to B after so many turns: ramps of an eighth, six
+    eighths at constant speed."""
     t = np.clip(turns, 0, 1) * 8
     return np.where(t < 1, t * t / 2, np.where(t < 7, t - 0.5, 7 - (8 - t) ** 2 / 2)) / 7
 
 
 def assert_angles(session, motor, before, opened, closed, opens, closes, a, b):
-    """Field note 7.3, from the shutter's edges: on A until angle 0, all motion in 360 degrees, at
-    rest on B."""
+    """Assert field note 7.3 by the shutter's edges: on A until angle 0, all motion in 360 degrees,
+    at rest on B."""
     times, signs = session.steps(motor)
     degree = (closed - opened) / (closes - opens)
     zero = opened - opens * degree
@@ -208,7 +208,7 @@ def assert_angles(session, motor, before, opened, closed, opens, closes, a, b):
     assert times[0] > zero - 1e-4
     assert times[-1] < zero + 360 * degree + 1e-4
     turns = (times - zero) / (360 * degree)
-    # where the path is at each edge against the step made there; ramps begin and end on whole steps
+    # the path at each edge against the step made there; ramps begin and end on whole steps
     off = np.abs(ideal(turns) * abs(way) - np.arange(1, len(times) + 1))
     assert off.max() <= 1.1
     inside = (turns > 1 / 8) & (turns < 7 / 8)
@@ -236,8 +236,8 @@ def assert_angles(session, motor, before, opened, closed, opens, closes, a, b):
 )
 @pytest.mark.parametrize("exposure", [100, 400, 3000])
 def test_angles(ready, angles, exposure):
-    """Field note 7.3: waits on A, starts at GO, rests on B; the shutter opens and closes by its
-    angles."""
+    """Field note 7.3: the motor waits on A, starts at GO, rests on B; the shutter opens and closes
+    by its angles."""
     for motor in MOVE:
         ready.speed(motor, 200_000, 4_000_000)
     opens, closes = angles
@@ -247,7 +247,7 @@ def test_angles(ready, angles, exposure):
     )
     assert closed - opened == pytest.approx(exposure / 1000, abs=2e-5)
     assert_angles(ready, 1, before, opened, closed, opens, closes, a, b)
-    # GO is angle 0, or where the shutter opens before that, the opening
+    # GO is angle 0, or the shutter's opening if that comes before
     degree = exposure / 1000 / (closes - opens)
     assert opened - went == pytest.approx(max(opens, 0) * degree, abs=0.006)
     times, _ = ready.steps(1)
@@ -256,7 +256,7 @@ def test_angles(ready, angles, exposure):
 
 
 def test_the_end_of_angles(ready):
-    """RT_END once the shutter is closed and the motors stand on B, whichever is later."""
+    """RT_END comes after the shutter is closed and the motors rest on B."""
     for opens, closes in ((0, 90), (0, 720), (-360, -180), (500, 600)):
         ready.ready(p.RtShootFrame2(FRAME, 500, opens, closes, [p.BlurMotor(1, 0, 400)]))
         ready.accept(p.RtGo())
@@ -285,7 +285,7 @@ def test_exposure_and_blur_of_nothing(ready):
 
 @pytest.mark.parametrize("far", [2**31 - 1, 2**30])
 def test_positions_too_far_apart(ready, far):
-    """Refused, never wrapped, however slow the motion would be; what is near is not."""
+    """Refused, never wrapped, however slow the motion would be; nearer positions are not."""
     ready.speed(1, 200_000, 4_000_000)
     for blur in (1, 500, 1000):
         ready.refuse(
@@ -308,8 +308,8 @@ def test_positions_too_far_apart(ready, far):
 @pytest.mark.parametrize("frame", [1, 2, 7, 24, 25])
 @pytest.mark.parametrize("kind", ["1", "1 backward", "2"])
 def test_window_from_the_path(ready, frame, kind):
-    """Field note 7.2: without pairs, A and B are where the path is half a frame before and after;
-    7.1 by analogy."""
+    """Field note 7.2: without pairs, A and B are on the path half a frame before and after; 7.1 by
+    analogy."""
     if kind == "2":
         request = p.RtShootFrame2(frame, 500, 0, 360)
     else:
@@ -373,9 +373,9 @@ PAIR = [p.BlurMotor(1, 0, 400)]
         ),
         (p.RtShootFrame2(FRAME, 17, 0, 360, PAIR), p.Ack.ERR_RANGE),
         (p.RtShootFrame2(FRAME, 60000, 0, 1, PAIR), p.Ack.ERR_RANGE),  # six hours from A to B
-        # 22 days until it opens
+        # it opens after 22 days
         (p.RtShootFrame2(FRAME, 60000, 32766, 32767, PAIR), p.Ack.ERR_RANGE),
-        # 4 days from then until the motors start
+        # the motors start 4 days after that
         (
             p.RtShootFrame2(FRAME, 10000, -32768, -32767, PAIR),
             p.Ack.ERR_RANGE,
@@ -416,7 +416,7 @@ def test_limits_in_the_way(ready):
 
 @pytest.mark.parametrize("angles", [(0, 360), (-90, 270), (90, 450)])
 def test_limits_and_angles(ready, angles):
-    """Field note 7.3: A and B are as far as the motors go; A past a limit 0x17, B 0x18."""
+    """Field note 7.3: the motors go no further than A and B; A past a limit 0x17, B 0x18."""
     request = p.RtShootFrame2(FRAME, 500, *angles, PAIR)
     for lower, upper, code in (
         (1, 9000, p.Ack.ERR_PREROLL),

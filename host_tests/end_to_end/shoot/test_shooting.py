@@ -47,14 +47,14 @@ def move(tmp_path):
 
 
 def exposures(edges):
-    """When the shutter was open: begin and end."""
+    """Return when the shutter was open: begin and end."""
     times = [time for time, name, _ in sorted(edges) if name == "shutter"]
     return list(zip(times[::2], times[1::2], strict=True))
 
 
 def test_frames_are_shot_in_motion(framestep, board, move):
-    """The shutter is open for the exposure, in the middle of the way from half a frame before to
-    half a frame after; the meter with it; a motor that does not blur stands on its frame."""
+    """The shutter is open for the exposure, in the middle of the motion from half a frame before to
+    half a frame after, and so is the meter; a motor that does not blur rests on its frame."""
     status, out, err = framestep(f"shoot 8-10 --move {move} --motors 1 --exposure 0.5 {FAST}")
     assert (status, out, err) == (0, "3 frames shot: 8-10\n", "")
     edges = board.edges()
@@ -66,7 +66,7 @@ def test_frames_are_shot_in_motion(framestep, board, move):
         assert end - begin == pytest.approx(500e6, abs=1e6)
         a, b = ends(PAN, frame - 5)
         there = trace.position_at(1, np.array([begin, end]))
-        # 180 of 360 degrees, at constant velocity but for ramps in the first and the last eighth
+        # 180 of 360 degrees, at constant velocity except for ramps in the first and the last eighth
         way = (b - a) * 180 / 315
         assert there == pytest.approx([(a + b - way) / 2, (a + b + way) / 2], abs=1.5)
         assert set(trace.position_at(2, np.array([begin, end]))) == {FOCUS[frame - 5]}
@@ -74,7 +74,7 @@ def test_frames_are_shot_in_motion(framestep, board, move):
 
 @pytest.mark.parametrize("index", range(10))
 def test_the_ends_of_the_blur_are_those_of_the_firmware(index, board):
-    """Which takes them from the path where no list comes."""
+    """Without a list the firmware takes them from the path."""
     with Client(LockstepPort(board)) as client:
         client.request(MotorSetSpeed(1, 20_000, 100_000))
         client.request(MotorConfigure(1, 3))
@@ -89,7 +89,7 @@ def test_the_ends_of_the_blur_are_those_of_the_firmware(index, board):
 
 
 def test_what_is_there_is_shot(framestep, board, move):
-    """An upload of before; motors that are not to blur stand on the frame. Frames in any order."""
+    """It uses an earlier upload; motors that do not blur rest on the frame. Frames in any order."""
     assert framestep(f"upload {move}")[0] == 0
     status, out, _ = framestep("shoot 9 7,6 --exposure 0.1")
     assert (status, out) == (0, "3 frames shot: 9, 7-6\n")
@@ -149,7 +149,7 @@ def test_on_a_terminal(framestep, move, monkeypatch):
     assert "focus" in text
 
 
-# ---- what is typed
+# ---- wrong input
 
 
 @pytest.mark.parametrize(

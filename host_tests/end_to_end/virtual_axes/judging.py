@@ -1,4 +1,4 @@
-"""Virtual motions judged from the edges: straight, within a step of the exact inverse, within the
+"""Judges virtual motions from the edges: straight, within a step of the exact inverse, within the
 motors' limits."""
 
 import numpy as np
@@ -12,7 +12,7 @@ XYZ = Rig(
     4, tuple(Axis(i + 1, 1000.0, p) for i, p in enumerate((10.0, -20.0, 300.0, 5.0, -3.0, 0.0)))
 )
 NODAL = Rig(4, XYZ.axes, nodal=(20.0, 35.5, -12.0))
-ARM = (3.0, 10.0, 3100.0, -10.0, -3.0, 0.0)  # what the host calls the pose at the beginning
+ARM = (3.0, 10.0, 3100.0, -10.0, -3.0, 0.0)  # the pose's numbers at the beginning
 STEPS = (250.0, 300.0, 80.0, 250.0, 250.0, 250.0)
 BOOM = Rig(
     1,
@@ -21,7 +21,7 @@ BOOM = Rig(
     extension=78.0,
 )
 BOOM_NODAL = Rig(1, BOOM.axes, BOOM.length, BOOM.extension, nodal=(20.0, 35.5, -12.0))
-# the same, raised by 3 degrees and swung out by 10 when it is configured
+# the same, raised by 3 degrees and swung out by 10 at its configuration
 SWUNG = Rig(
     1,
     tuple(
@@ -50,7 +50,7 @@ def pose(session):
 
 
 def configured(rig: Rig, velocity=20_000, acceleration=50_000, settings=None, motors=8) -> Session:
-    """A session with this rig configured; its axes stand where it says."""
+    """Return a session with this rig configured, its axes at their places."""
     session = simulated(settings, motors)
     for axis in rig.axes:
         if axis.motor:
@@ -62,8 +62,8 @@ def configured(rig: Rig, velocity=20_000, acceleration=50_000, settings=None, mo
 
 
 def joints(rig, steps):
-    """Joints for motor steps, an array of a row per moment or one row; of motors, in the order of
-    their numbers."""
+    """Return the joints for motor steps, an array with a row per moment or one row; of motors, in
+    the order of their numbers."""
     return np.stack(
         [
             h + (steps[..., a.motor - 1] - a.step) / a.steps_per_unit
@@ -76,7 +76,8 @@ def joints(rig, steps):
 
 
 def exact(rig, base, way, s, near):
-    """The motors' steps for points of a line, by the inverse in double precision: a row per s."""
+    """Return the motors' steps for points of a line, by the inverse in double precision, in
+    rows."""
     rows = []
     for x in s:
         near = rig.inverse(base + x * way, near)
@@ -85,7 +86,7 @@ def exact(rig, base, way, s, near):
 
 
 class Track:
-    """Where every motor of a session was at every millisecond, from the edges since `forget`."""
+    """Where every motor of a session was at every millisecond, by the edges since `forget`."""
 
     def __init__(self, session, before, begin=None, end=None):
         self.steps = {n: session.steps(n) for n in before}
@@ -101,23 +102,23 @@ class Track:
         self.places = np.stack(rows, axis=-1)
 
     def limits(self, velocity, acceleration):
-        """Each motor stays within its velocity and acceleration."""
+        """Assert that each motor stays within its velocity and acceleration."""
         for times, signs in self.steps.values():
             if len(times) > 2:
                 assert_within(times, signs, velocity, acceleration)
 
 
 def worst_error(rig, track, base, way, length):
-    """The greatest distance of any motor at any millisecond from the exact inverse of one and the
-    same point of the line, in steps; and that point's s at every millisecond.
+    """Return the greatest distance of any motor at any millisecond from the exact inverse of one
+    point of the line, in steps; and that point's s at every millisecond.
 
-    The point is the one that makes the distance least: where along the line the rig should be by
-    now is not asked.
+    The point is the one with the least distance: this does not check where along the line the rig
+    should be.
     """
     columns = [i for i, a in enumerate(rig.axes) if a.motor]
     numbers = [rig.axes[i].motor - 1 for i in columns]
     near = joints(rig, track.places[0])
-    # first by where the camera is; then once more next to that, where the motors are as good as
+    # first by the place of the camera; then once more close to it, where the motors are nearly
     # linear
     at = np.array(
         [(rig.forward(joints(rig, row)) - base) @ way / (way @ way) for row in track.places]
@@ -135,7 +136,7 @@ def worst_error(rig, track, base, way, length):
 
 
 def _least(here, slope, begin, end):
-    """Where between begin and end the greatest |here + slope·x| of each row is least."""
+    """Return where between begin and end the greatest ||here + slope·x| of each row is least."""
     for _ in range(80):
         third = (end - begin) / 3
         left = np.abs(here + slope * (begin + third)[:, None]).max(axis=1)
@@ -148,7 +149,7 @@ def _least(here, slope, begin, end):
 
 
 def assert_straight(rig, session, before, way, length, within=1.0):
-    """What has moved since `forget` has gone along a line of that length, each motor within a step
+    """Assert that the motion since `forget` follows a line of that length, each motor within a step
     of the inverse."""
     assert not session.events(HardStop)
     track = Track(session, before)

@@ -40,7 +40,7 @@ POINT = (400.0, 120.0, 1900.0)
 
 
 def enabled(rig, point=POINT, **more):
-    """A rig that looks at the point, and follows it."""
+    """Return a session whose rig looks at the point, and follows it."""
     session = configured(rig, **more)
     pan, tilt = aim(world(pose(session)), point)
     session.accept(VirtMove(m.VIRT_MOTOR_PAN, round(pan * 100000)))
@@ -54,7 +54,8 @@ def enabled(rig, point=POINT, **more):
 
 
 def beside(rig, track, point, offset=(0.0, 0.0)):
-    """How far the camera looks beside the point, at every millisecond, degrees of pan and tilt."""
+    """Return by how much the camera misses the point, at every millisecond, degrees of pan,
+    tilt."""
     angles = []
     for row in track.places:
         p = rig.told(rig.forward(joints(rig, row)))
@@ -97,8 +98,8 @@ def test_the_camera_stays_on_the_point(rig):
 
 @pytest.mark.parametrize("back", [False, True], ids=["the same way", "back"])
 def test_a_jog_that_is_asked_for_while_one_stops(back):
-    """Field note 4.2: once is enough; it sets out when the one before has come to rest, the camera
-    on its point."""
+    """Field note 4.2: one request is enough; the jog starts after the one before has come to rest,
+    with the camera on its point."""
     session = enabled(NODAL_FINE)
     before = session.positions
     session.forget()
@@ -136,7 +137,7 @@ def test_enabling_does_not_jump_and_keeps_the_offset():
         session.wait_idle()
     offset = start[3] - pan, start[4] - tilt
     assert np.abs(beside(BOOM_FINE, Track(session, before), POINT, offset)).max() < 0.01
-    # the operator's own pan adds to it
+    # the operator's own pan is added
     here = pose(session)
     session.accept(VirtMove(m.VIRT_MOTOR_PAN, round((here[3] + 7) * 100000)))
     session.wait_idle()
@@ -151,7 +152,7 @@ def test_enabling_does_not_jump_and_keeps_the_offset():
 
 
 def test_the_safe_distance():
-    """Field notes 3.2 and 9.7: a vertical cylinder, at the point's enabling and on a path."""
+    """Field notes 3.2 and 9.7: a vertical cylinder, when aiming is enabled and on a path."""
     rig = NODAL_FINE
     session = configured(rig)
     x, y, z = world(pose(session))
@@ -186,8 +187,8 @@ def test_the_safe_distance():
     ("point", "pan", "tilt"), [((10, 0, 0), -90, 0), ((0, 10, -1), 0, 84.2894)]
 )
 def test_worked_values(point, pan, tilt):
-    """Field note 9.9, in the coordinates of VIRT_CONFIG: the camera already looks at the point, and
-    goes on to."""
+    """Field note 9.9, in the coordinates of VIRT_CONFIG: the camera looks at the point, and
+    continues to."""
     axes = tuple(Axis(i + 1, 1000.0, p) for i, p in enumerate((0.0, 0.0, 0.0, pan, tilt, 0.0)))
     rig = Rig(4, axes)
     session = configured(rig)

@@ -1,5 +1,5 @@
-"""Virtual motion of motors that an uploaded move has as well: one thing at a time has a motor,
-whatever comes when."""
+"""Virtual motion of motors that also have an uploaded move: a motor belongs to one motion at a
+time, in any order of requests."""
 
 import numpy as np
 import pytest
@@ -46,8 +46,8 @@ def names(requests):
 
 @pytest.fixture
 def rig():
-    """Motors 1 and 2 carry the camera of a virtual rig, and have an uploaded move; they stand on
-    its first frame."""
+    """Yield a session: motors 1 and 2 carry the camera of a virtual rig and have an uploaded move;
+    they are on its first frame."""
     session = simulated(motors=6)
     for motor in range(1, 7):
         session.speed(motor, VELOCITY, ACCELERATION)
@@ -59,7 +59,7 @@ def rig():
 
 
 def at_once(session, *requests):
-    """The codes, or payloads, that answer requests of one packet."""
+    """Return the codes, or payloads, that answer requests of one packet."""
     data = b"".join(encode(r.TYPE, r.pack(), 100 + i) for i, r in enumerate(requests))
     frames = {frame.id: frame.payload for frame in session.bytes_for(data, 0.004)}
     return [frames[100 + i] for i in range(len(requests))]
@@ -72,8 +72,8 @@ def code_of(payload):
 @pytest.mark.parametrize("start", STARTS, ids=names(STARTS))
 @pytest.mark.parametrize("operation", OPERATIONS, ids=names(OPERATIONS))
 def test_refused_from_the_acknowledgement_on(rig, start, operation):
-    """Field notes 4.7 and 6.1: while MOTOR_STATUS has a bit, 0x12; the virtual motion has begun
-    with its answer."""
+    """Field notes 4.7 and 6.1: 0x12 while MOTOR_STATUS has a bit; the virtual motion begins with
+    its answer."""
     begun, status, refused = at_once(rig, start, MotorStatus(), operation)
     assert code_of(begun) == m.OK
     assert status[0] == 0b1111
@@ -82,7 +82,7 @@ def test_refused_from_the_acknowledgement_on(rig, start, operation):
 
 @pytest.mark.parametrize("start", STARTS, ids=names(STARTS))
 def test_go_while_the_motors_set_out(rig, start):
-    """Field note 6.1: they are not where the run begins any more."""
+    """Field note 6.1: they are no longer where the run begins."""
     rig.ready(RUN)
     begun, refused = at_once(rig, start, RtGo())
     assert code_of(begun) == m.OK
@@ -95,8 +95,8 @@ def test_go_while_the_motors_set_out(rig, start):
 )
 @pytest.mark.parametrize("ms", [0, 10, 300, 700])
 def test_stopped_while_a_run_waits(rig, start, stop, ms):
-    """As without one: along the line, in the time that the ramp takes, and then all is free again.
-    RT_END once."""
+    """As without a run: along the line, in the time of the ramp, and then everything is free again.
+    RT_END comes once."""
     rig.ready(RUN)
     before = rig.positions
     rig.forget()
@@ -124,8 +124,8 @@ def test_stopped_while_a_run_waits(rig, start, stop, ms):
 
 
 def test_stop_of_a_motor_beside_the_line_while_a_run_waits(rig):
-    """STOP of a motor of the waiting run ends that; of the virtual motion only its own motors can
-    end it."""
+    """STOP of a motor of the waiting run ends that run; only a virtual motion's own motors can end
+    it."""
     upload(rig, {motor: 100 + 5 * np.arange(FRAMES) for motor in (1, 6)})
     rig.ready(RUN)
     rig.accept(STARTS[1])
@@ -142,7 +142,7 @@ def test_stop_of_a_motor_beside_the_line_while_a_run_waits(rig):
 @pytest.mark.parametrize("flags", [0, m.MOTOR_ENABLED | m.MOTOR_COUPLE])
 @pytest.mark.parametrize("motor", [1, 2, 3, 4])
 def test_a_motor_of_a_line_keeps_its_driver(rig, motor, flags):
-    """MOTOR_CONFIGURE: off, or coupled, from the acknowledgement of a virtual motion on."""
+    """MOTOR_CONFIGURE, off or coupled, after the acknowledgement of a virtual motion."""
     begun, refused, same = at_once(
         rig, STARTS[0], MotorConfigure(motor, flags), MotorConfigure(motor, m.MOTOR_ENABLED)
     )
@@ -164,7 +164,7 @@ def test_a_motor_of_a_line_keeps_its_driver_while_others_take_up_their_play():
     "start", [VirtMove(m.VIRT_MOTOR_EW, 2_000_000), RtPositionFrame(20), RtJogAll(24000, 20)]
 )
 def test_another_motors_jog_is_let_go_of_in_time(rig, start):
-    """Field note 4.2: a jog ends half a second after it was asked for last, whatever others have
+    """Field note 4.2: a jog ends half a second after its last request, whatever other motors have
     begun meanwhile."""
     if isinstance(start, RtJogAll):
         rig.accept(start)

@@ -44,7 +44,7 @@ STOP_OF_LINE = [
 
 
 def hold(session, jog, seconds):
-    """A jog key held for so long, or until nothing moves any more."""
+    """Hold a jog key for that long, or until nothing moves."""
     end = session.now + seconds
     while session.now < end:
         session.accept(jog)
@@ -58,7 +58,7 @@ def hold(session, jog, seconds):
     [(SWUNG, m.VIRT_MOTOR_EW, 1), (BOOM_NODAL, m.VIRT_MOTOR_NS, -1), (COLUMN, m.VIRT_MOTOR_EW, -1)],
 )
 def test_a_jog_ends_where_the_rig_cannot_reach(rig, number, sign):
-    """It slows down for that, on the line, each motor within its limits all the way."""
+    """It slows down before, on the line, with each motor always within its limits."""
     session = configured(rig, 20_000, 100_000)
     before = session.positions
     start = pose(session)
@@ -85,7 +85,7 @@ def test_a_jog_ends_at_a_soft_limit():
     track, _ = assert_straight(BOOM, session, before, UNIT[2], 700)
     assert session.position(3) == pytest.approx(-9000, abs=2)
     assert track.places[:, 2].min() >= -9000
-    # there it stays, without an error, as a motor's jog does; the other way it goes
+    # there it stays, without an error, like a motor's jog; the other way it moves
     session.accept(VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR))
     session.run(0.3)
     assert session.moving == []
@@ -107,7 +107,7 @@ def test_a_destination_is_a_step_of_the_main_motor():
 
 
 def test_a_falling_boom_table_turns_the_sense():
-    """The main motor's steps may fall where the virtual axis rises."""
+    """The main motor's steps may fall as the virtual axis rises."""
     table = tuple(round(-250 * a + 3 * np.sin(a)) for a in range(-60, 61))
     rig = Rig(
         1, (Axis(1, 1000.0, 0.0, 0), *BOOM.axes[1:]), BOOM.length, BOOM.extension, table=table
@@ -136,7 +136,7 @@ def test_a_jog_that_is_not_repeated_ends():
 
 
 def test_the_speed_is_a_share():
-    """Of velocity and acceleration; 1 inches."""
+    """A share of velocity and acceleration; 1 is for fine moves."""
     top = {}
     for speed in (1, 1000, 5000):
         session = configured(XYZ, 20_000, 50_000)
@@ -157,7 +157,7 @@ def test_a_line_jog_goes_where_the_camera_points(line, speed):
     rig = BOOM_NODAL
     session = configured(rig)
     before = session.positions
-    # field note 9.6: those of the camera, as told
+    # field note 9.6: the camera's, as reported
     angles = rig.told(rig.forward(joints(rig, np.zeros(6))))[3:]
     session.forget()
     session.accept(VirtJogOnLine(line, speed))
@@ -215,7 +215,7 @@ def test_what_is_refused():
 
 
 def test_another_jog_begins_when_the_one_under_way_has_come_to_rest():
-    """Field note 4.2: against the direction, too."""
+    """Field note 4.2: also against the direction."""
     session = configured(XYZ)
     session.forget()
     hold(session, VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR), 0.8)
@@ -231,7 +231,7 @@ def test_another_jog_begins_when_the_one_under_way_has_come_to_rest():
     assert signs[0] > 0 > signs[-1]
     assert session.steps(2)[0][0] > times[-1], "never both"
     assert session.made(2) > 5000
-    # line jogs need no repetition; a stop forgets what was to follow
+    # line jogs need no repetition; a stop drops the next one
     session.accept(VirtJogOnLine(m.LINE_X, 5000), VirtJogOnLine(m.LINE_X, -5000))
     session.run(2)
     assert session.moving
@@ -241,8 +241,7 @@ def test_another_jog_begins_when_the_one_under_way_has_come_to_rest():
 
 
 def end_of_a_jog(kind, begun, seconds):
-    """Let go of a jog that has been under way for `seconds`, in one of the ways in which it
-    ends."""
+    """Release a jog after `seconds`, in one of the ways in which it ends."""
     end = begun.now + seconds
     while begun.now < end - 1e-6:
         begun.run(min(0.2, end - begun.now))
@@ -271,7 +270,7 @@ WAYS_TO_END = ["VIRT_STOP", "STOP", "STOP_ALL", "two STOP_ALL", "another jog", "
     ("rig", "motor", "limits"), [(BOOM, 3, (-9000, 400)), (NODAL, 1, (0, 7000))]
 )
 def test_a_stop_keeps_the_limit_that_a_jog_brakes_for(rig, motor, limits, kind):
-    """In whatever moment it comes: no motor goes farther than it would have gone."""
+    """At any time of the stop, no motor goes further than it would have gone."""
     for k in range(5):
         session = configured(rig, 10_000, 20_000)
         session.accept(MotorSetLimits(motor, 1, limits[0], 1, limits[1], 0))
@@ -305,7 +304,7 @@ def test_a_time_out_keeps_the_limit_that_a_jog_brakes_for(timeout_ms):
     "jog", [VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR), VirtJogOnLine(m.LINE_X, 10_000)]
 )
 def test_limits_set_under_way_are_kept(jog):
-    """The jog ends on its line, and begins anew when it is asked for again; wider limits do not end
+    """The jog ends on its line, and begins again at its next request; wider limits do not end
     it."""
     session = configured(XYZ, 10_000, 50_000)
     session.accept(jog)
@@ -332,11 +331,11 @@ COARSE = Rig(
 
 @pytest.mark.parametrize("speed", [10_000, 1000])
 def test_a_motor_without_a_part_makes_no_step(speed):
-    """Wherever between two steps the line before has left it, and though its soft limits are where
-    it stands."""
+    """Even if the line before has left it between two steps, and its soft limits are at its
+    position."""
     session = configured(COARSE, 20_000, 50_000)
     for k in range(6):
-        # the nodal offset turns with the camera, so X and Z go along an arc
+        # the nodal offset turns with the camera, so X and Z move along an arc
         session.accept(VirtJogOnLine(m.LINE_PAN, 10_000 if k < 3 else -10_000))
         session.run(0.23 + 0.061 * k)
         session.accept(VirtStop(m.VIRT_MOTOR_PAN))
@@ -364,7 +363,7 @@ def test_a_motor_without_a_part_makes_no_step(speed):
     ids=str,
 )
 def test_a_lower_velocity_set_under_way_is_soon_kept(request_):
-    """By a ramp within the acceleration; and what was asked for goes on."""
+    """The rig reaches it by a ramp within the acceleration, and the requested motion continues."""
     session = configured(NODAL, 20_000, 40_000)
     session.accept(request_)
     for _ in range(8):
@@ -385,7 +384,7 @@ def test_a_lower_velocity_set_under_way_is_soon_kept(request_):
     late = times[times > since + 1.2]
     assert 3000 < len(late) <= 3700
     assert np.diff(late).min() > 1 / 2000
-    # the velocity before does not come back by itself, nor is it kept from coming back
+    # the former velocity does not return by itself, but a request brings it back
     session.speed(1, 20_000, 40_000)
     session.accept(VirtStop(m.VIRT_MOTOR_EW))
     session.wait_idle()
@@ -398,7 +397,7 @@ def test_a_lower_velocity_set_under_way_is_soon_kept(request_):
 
 @pytest.mark.parametrize("jog", [VirtJog(2, 10_000, FAR), VirtJogOnLine(m.LINE_X, 10_000)], ids=str)
 def test_a_lower_acceleration_set_under_way_counts_for_the_next_motion(jog):
-    """As for a motor's own moves: where it has to stop has been planned with the one before."""
+    """Like a motor's own moves: the stop was planned with the earlier acceleration."""
     session = configured(NODAL, 20_000, 40_000)
     session.accept(MotorSetLimits(1, 1, -100, 1, 15_000, 0))
     session.accept(jog)
@@ -419,7 +418,7 @@ def test_a_lower_acceleration_set_under_way_counts_for_the_next_motion(jog):
 @pytest.mark.parametrize("stop", [VirtStop(m.VIRT_MOTOR_EW), MotorStop(1), MotorStopAll()], ids=str)
 @pytest.mark.parametrize("delay_s", [0.0, 0.05, 0.3])
 def test_a_jog_asked_for_again_while_it_stops_begins_anew(stop, delay_s):
-    """A key let go and pressed again: what has been acknowledged moves."""
+    """A key is released and pressed again: an acknowledged request moves the rig."""
     session = configured(XYZ, 10_000, 10_000)
     for jog in (VirtJogOnLine(m.LINE_X, 10_000), VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR)):
         session.accept(jog)
@@ -441,7 +440,7 @@ def test_a_jog_asked_for_again_while_it_stops_begins_anew(stop, delay_s):
 
 
 def test_the_end_of_one_jog_is_not_that_of_the_next():
-    """A second key pressed, then the first let go."""
+    """A second key is pressed, then the first released."""
     session = configured(XYZ, 10_000, 10_000)
     session.accept(VirtJogOnLine(m.LINE_X, 10_000))
     session.run(0.45)

@@ -24,13 +24,13 @@ def limits(low=None, high=None, motor=1):
 
 
 def test_soft_limits_on_the_way():
-    """Any motor anywhere on the path: refused before anything moves. One that is past its limit may
-    come back."""
+    """For any motor anywhere on the path the request is refused before anything moves. A motor past
+    its limit may return."""
     session = configured(NODAL)
     session.accept(limits(-500, 500))
     session.refuse(Ack.ERR_SOFT_UP, VirtMove(2, round((pose(session)[1] + 1) * 100000)))
     session.refuse(Ack.ERR_SOFT_LOW, VirtMove(2, round((pose(session)[1] - 1) * 100000)))
-    # turning the camera by its nodal point moves the carriage to one side and back
+    # a turn of the camera about its nodal point moves the carriage to one side and back
     session.refuse(Ack.ERR_SOFT_UP, VirtMove(4, round((pose(session)[3] + 180) * 100000)))
     session.run(0.5)
     assert session.made(1) == 0
@@ -55,8 +55,8 @@ def test_a_motor_in_a_limit_switch():
 
 
 def test_backlash_is_taken_up_before_the_line_begins():
-    """The load stands until all motors have; nobody is asked for more than its acceleration, or
-    turns on the way."""
+    """The load is at rest until all motors are ready; no motor exceeds its acceleration, or turns
+    on the way."""
     session = configured(BOOM, settings={"motors": [{"backlash": 300}] * 6})
     for target in (250, 150, 180):
         before = session.positions
@@ -94,14 +94,14 @@ LOOSE = {"motors": [{"backlash": 200}] * 6}
 )
 @pytest.mark.parametrize(
     # An x-y-z rig needs a thousand steps for a unit, and none of its motors turns on a straight
-    # line: a fifth of the way has the same start, seconds of cruise, and the same end.
+    # line: a fifth of the distance has the same start, seconds of cruise, and the same end.
     ("rig", "share"),
     [(BOOM, 1.0), (NODAL, 0.2)],
     ids=["boom", "x-y-z"],
 )
 def test_play_costs_no_motor_its_limits(rig, share, request_, stop_s):
-    """Neither at the start, nor where a motor turns under way, nor at the end; at rest all is as it
-    was asked for."""
+    """Neither at the start, nor at a motor's turn, nor at the end; at rest everything is as
+    requested."""
     session = configured(rig, 2000, 20_000, settings={**LOOSE, "jog_timeout_ms": 0})
     if isinstance(request_, VirtMove):
         request_ = VirtMove(request_.motor, round(share * request_.position))
@@ -128,8 +128,8 @@ def test_play_costs_no_motor_its_limits(rig, share, request_, stop_s):
 
 
 def test_a_motor_that_turns_on_the_way_takes_up_its_play_in_the_end():
-    """The track of a boom goes forth and back while the camera passes the column's side; it ends
-    where it has to."""
+    """The track of a boom moves forth and back while the camera passes the column's side; it ends
+    at its target."""
     session = configured(BOOM, 4000, 20_000, settings=LOOSE)
     session.accept(VirtMove(m.VIRT_MOTOR_EW, -190 * 100000))
     session.wait_idle()
@@ -146,8 +146,8 @@ def test_a_motor_that_turns_on_the_way_takes_up_its_play_in_the_end():
 
 
 def test_a_limit_switch_or_the_e_stop_in_a_move():
-    """All motors of the rig come to rest, each by its own ramp, the one at the switch by the hard
-    stop's."""
+    """All motors of the rig come to rest, each by its own ramp, and the one at the switch by a hard
+    stop."""
     session = simulated({"limits": [{"high": 22, "low": 26, "contact": "no"}], "estop": "nc"})
     board = session.board._board
     board.set_input("estop", 0)

@@ -96,8 +96,8 @@ def test_a_move_is_straight(name, number, length):
 
 
 def test_a_stop_stays_on_the_line():
-    """VIRT_STOP of that axis, STOP of one of its motors, STOP_ALL, the host's leaving. Of another
-    axis: nothing."""
+    """VIRT_STOP of that axis, STOP of one of its motors, STOP_ALL, a lost host. VIRT_STOP of
+    another axis has no effect."""
     session = configured(NODAL)
     for stop in (VirtStop(m.VIRT_MOTOR_PAN), MotorStop(1), MotorStopAll(), None):
         session.run(1.1)  # no second STOP_ALL
@@ -119,7 +119,7 @@ def test_a_stop_stays_on_the_line():
             NODAL, session, before, UNIT[4] * (1 if before[4] < 30_000 else -1), 65.0
         )
         assert 5 < s[-1] < 50
-        # some hundredths of a second until it slows down, and then as steeply as the motors can
+        # some hundredths of a second until it slows down, then as steeply as the motors can
         peak = np.diff(s).max() * 1000
         assert track.end - asked < 0.15 + peak / 30
 
@@ -133,7 +133,7 @@ def test_a_second_stop_all_lets_each_motor_ramp_down_by_itself():
     session.run(0.5)
     assert session.moving == []
     assert session.steps(1)[0][-1] - asked < 0.05 + 20_000 / 50_000 / 4
-    # and it goes on from there
+    # and it continues from there
     session.accept(VirtMove(m.VIRT_MOTOR_EW, 0))
     session.wait_idle()
     assert session.position(1) == -10_000
@@ -163,7 +163,7 @@ def test_without_a_configuration():
 
 
 def test_positions_are_told_beside_those_of_the_motors():
-    """Field note 9.8; and they are those of the motors, whatever has moved them."""
+    """Field note 9.8; they follow the motors, whatever has moved these."""
     session = configured(XYZ)
     session.ask(MotorMove(2, 3000))
     session.wait_idle()
@@ -184,8 +184,8 @@ def test_positions_are_told_beside_those_of_the_motors():
 
 @pytest.mark.parametrize("rig", [BOOM_NODAL, SWUNG, COLUMN, XYZ, SWING_PAN])
 def test_the_pose_is_that_of_the_configuration_and_what_has_changed_since(rig):
-    """Field note 9.2, as a host sees it: also where motors move by themselves, or it is configured
-    anew."""
+    """Field note 9.2, as a host sees it: also if motors move by themselves, or the rig is
+    configured again."""
     session = configured(rig)
     begun = {a.motor: a.step for a in rig.axes}
     wanted = (
@@ -205,7 +205,7 @@ def test_the_pose_is_that_of_the_configuration_and_what_has_changed_since(rig):
     np.testing.assert_allclose(pose(session), now, atol=1e-4)
     assert np.abs(now - wanted).max() > 0.5
     assert begun != stands
-    # all positions 0: it reads 0 at once
+    # all positions 0: its positions read 0 at once
     if rig.kind != 2:
         zero = Rig(
             rig.kind,
@@ -260,7 +260,7 @@ def test_a_refused_configuration_leaves_the_old_one():
 
 def test_what_is_refused_while_something_moves():
     session = configured(XYZ)
-    session.ask(MotorMove(8, 100_000))  # no part of the rig
+    session.ask(MotorMove(8, 100_000))  # not of the rig
     session.accept(VirtMove(1, 305 * 100000))
     config = VirtConfig.unpack(XYZ.payload())
     refused = (
@@ -294,7 +294,7 @@ def test_virtual_axes_that_there_are_not(number):
 
 
 def test_an_axis_without_a_motor():
-    """It stays where it is: what needs it is out of reach."""
+    """It stays where it is: a pose that needs it is out of reach."""
     rig = Rig(4, (*XYZ.axes[:4], Axis(0, 1000.0, -3.0), Axis(0)))
     session = configured(rig)
     session.refuse(Ack.ERR_RANGE, VirtMove(5, 0), VirtMove(6, 100000))
@@ -304,7 +304,7 @@ def test_an_axis_without_a_motor():
 
 
 def test_a_long_track_with_fine_steps():
-    """Of 20 m at 1000 steps per millimetre: the precision holds out there as well."""
+    """A track of 20 m at 1000 steps per millimetre: the precision is the same at its end."""
     axes = (Axis(1, 250.0, 20.0), Axis(2, 1000.0, 35.0), Axis(3, 1000.0, 20_000.0), *BOOM.axes[3:])
     rig = Rig(1, axes, 857.7, 78.0, nodal=(20.0, 35.5, -12.0))
     session = configured(rig, 60_000, 300_000)
@@ -333,7 +333,7 @@ TABLE = tuple(round(250 * a + 40 * np.sin(np.radians(2 * a))) for a in range(-60
             m.VIRT_MOTOR_NS,
             745,  # 60.3 degrees
         ),
-        # more steps than there are numbers for is refused as well
+        # a number of steps that is too large is refused as well
         (XYZ, m.VIRT_MOTOR_TRACK, 21_474),
     ],
 )
@@ -371,7 +371,7 @@ def test_the_command_line_tells_and_moves(monkeypatch, capsys):
 
 
 def test_rounding_to_steps_does_not_add_up():
-    """The coordinates that stay do so however often another one is moved."""
+    """Coordinates that stay the same do so however often another one moves."""
     session = configured(BOOM)
     start = pose(session)
     for k in range(12):
