@@ -1,4 +1,4 @@
-"""The path that JOG_ALL is tried on, and whether a session has followed it."""
+"""The path of the JOG_ALL tests, and whether a session has followed it."""
 
 import numpy as np
 
@@ -21,13 +21,13 @@ ACCELERATION = 4.0  # frames/s²
 
 
 def indices(session):
-    """The frame, as a fraction, that motor 1 stands on: it makes PER_FRAME steps from one to the
+    """Return the frame, as a fraction, where motor 1 is: it makes PER_FRAME steps from one to the
     next."""
     return session.position(1) / PER_FRAME
 
 
 def assert_followed(session, start, fps):
-    """All edges since then lie on the path, one axis within its velocity and acceleration."""
+    """Assert that all edges since then are on the path, one axis within its limits."""
     times, signs = session.steps(1)
     assert_within(times, signs, fps * PER_FRAME * 1.002, ACCELERATION * PER_FRAME, window=0.2)
     frames = start + np.cumsum(signs) / PER_FRAME
@@ -36,7 +36,7 @@ def assert_followed(session, start, fps):
     for time, frame in zip(
         times[frames == np.round(frames)], frames[frames == np.round(frames)], strict=True
     ):
-        # the moment at which motor 1 makes the frame's step
+        # when motor 1 makes the frame's step
         near = places[np.searchsorted(at, time - 2e-5) : np.searchsorted(at, time + 2e-5) + 1]
         assert np.abs(near - PATH[2][round(frame)]).min() <= 1, frame
     assert not session.events(p.RtEnd), "JOG_ALL has no RT_END"

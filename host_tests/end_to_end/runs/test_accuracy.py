@@ -1,4 +1,4 @@
-"""Uploads inside the motors' limits, at every frame rate, judged from the edges.
+"""Uploads within the motors' limits, at every frame rate, judged from the edges.
 
 At each frame's time each motor has made exactly the uploaded position's steps (± 1 while moving, 0
 at rest) within 20 µs, and between frames velocity is continuous (field note 5.6).
@@ -19,8 +19,8 @@ VELOCITY, ACCELERATION = 20_000, 100_000
 
 
 def smooth(fps, frames, swing, phase):
-    """A sine of `swing` of what the motor can, on a slope."""
-    # seconds of one swing, so that velocity and acceleration are kept
+    """Return a sine on a slope that uses the share `swing` of the motor's limits."""
+    # seconds of one swing, within velocity and acceleration
     time = np.arange(frames) / fps
     period = max(1.0, 6 / fps)
     amplitude = swing * min(
@@ -33,7 +33,7 @@ def smooth(fps, frames, swing, phase):
 
 
 def played(session, positions, fps, first=1, pre=500, post=500, limits=None):
-    """Upload and play; the verdict."""
+    """Upload and play; return the verdict."""
     for motor in positions:
         session.speed(motor, VELOCITY, ACCELERATION)
     session.upload(positions, first)
@@ -75,22 +75,22 @@ def test_the_camera_move():
 
 
 def test_all_motors_with_jitter():
-    """Positions that are not smooth: each frame off by up to two steps, as noisy as an upload may
-    be."""
+    """Positions that are not smooth: each frame is wrong by up to two steps, as noisy as an upload
+    may be."""
     chance = np.random.default_rng(7)
     positions = {
         motor: np.round(200 * np.arange(30) * (motor / 8)).astype(int) + chance.integers(-2, 3, 30)
         for motor in range(1, 9)
     }
-    # so small a jitter on so fast a motion bends the path hard: the judge's cubics see that too
+    # such small jitter on such fast motion bends the path hard: the judge's cubics show that too
     verdict = played(simulated(), positions, 24)
     assert verdict.good, verdict.complaints
 
 
 @st.composite
 def moves(draw):
-    """A frame rate and positions of three motors that keep to 0.8 of velocity and acceleration at
-    each frame."""
+    """Draw a frame rate and positions of three motors that use up to 0.8 of velocity and
+    acceleration at each frame."""
     fps = draw(st.sampled_from(RATES[1:]))
     frames = draw(st.integers(5, 16))
     fastest = 0.8 * VELOCITY / fps
@@ -119,8 +119,8 @@ def test_any_move(move, first):
     fps, positions = move
     session = simulated()
     for motor, steps in positions.items():
-        if abs(int(steps[0])) > 2**19:  # or it would take minutes to get there
+        if abs(int(steps[0])) > 2**19:  # otherwise it takes minutes to get there
             session.accept(MotorResetPosition(motor, int(steps[0])))
-    # A motor that creeps through a frame is a hundredth of a step off for longer than 20 µs.
+    # A motor that creeps through a frame is wrong by 0.01 step for longer than 20 µs.
     verdict = played(session, positions, fps, first, limits=Limits(time_steps=0.01))
     assert verdict.good, verdict.complaints

@@ -37,8 +37,8 @@ from host_tests.end_to_end.session import run_request
 @pytest.mark.parametrize("flags", [VIDEO, VIDEO | LOOP, VIDEO | PING_PONG])
 @pytest.mark.parametrize("reverse", [False, True])
 def test_video(flags, reverse):
-    """Field note 6.9: meter and shutter for 100 ms at GO, before anything moves, and once the
-    post-roll is over."""
+    """Field note 6.9: meter and shutter for 100 ms at GO, before anything moves, and after the
+    post-roll."""
     session = loaded()
     first, last = (FRAMES, 1) if reverse else (1, FRAMES)
     go(session, run_request(24, first, last, 500, 300, flags=flags))
@@ -60,7 +60,7 @@ def test_video(flags, reverse):
 
 @pytest.mark.parametrize("after", [0.02, 0.15, 0.3, 0.55, 1.0, 1.52, 1.7])
 def test_video_stopped(after):
-    """However a run ends, a camera that has been started is stopped, by a pulse of its own."""
+    """However a run ends, a separate pulse stops a camera that was started."""
     session = loaded()
     go(session, run_request(24, 1, FRAMES, 500, 500, flags=VIDEO))
     session.run(after)
@@ -82,7 +82,7 @@ def test_video_stopped_before_go():
 
 
 def test_video_and_the_next_operation():
-    """The pulse that stops the camera is given whole, whatever comes within its time."""
+    """The pulse that stops the camera is complete, whatever happens meanwhile."""
     session = loaded()
     for other in (run_request(24, 3, 3, 0, 0), RtShootFrame(3, 1, 20, 500)):
         go(session, run_request(24, 3, 3, 0, 0, flags=VIDEO))
@@ -101,7 +101,7 @@ def test_video_and_the_next_operation():
 
 
 def test_video_of_few_frames():
-    """Two pulses, 100 ms apart, even where the first frame is the last."""
+    """Two pulses, 100 ms apart, even if the first frame is the last."""
     session = loaded()
     for last in (3, 4):
         go(session, run_request(24, 3, last, 50, 0, flags=VIDEO))
@@ -112,7 +112,7 @@ def test_video_of_few_frames():
 
 
 def test_video_stop_loop_after_the_last_frame():
-    """STOP_LOOP in the post-roll of what was not to be the last pass: the camera is stopped at its
+    """STOP_LOOP comes in the post-roll of a pass before it is the last: the camera stops at its
     end."""
     session = loaded()
     go(session, run_request(24, 1, FRAMES, 500, 500, flags=VIDEO | LOOP))
@@ -124,7 +124,7 @@ def test_video_stop_loop_after_the_last_frame():
 
 
 def test_both_camera_flags():
-    """Field note 6.9: stills win."""
+    """Field note 6.9: stills take precedence."""
     session = loaded()
     go(
         session,
@@ -137,8 +137,8 @@ def test_both_camera_flags():
 @pytest.mark.parametrize("fps", [12, 24, 29.97])
 @pytest.mark.parametrize("angles", [(0, 180), (90, 270), (350, 360), (0, 1)])
 def test_stills(fps, angles):
-    """Field note 6.9: shutter and meter while frame phase × 360° lies in [open, close], the last
-    frame as well."""
+    """Field note 6.9: shutter and meter while frame phase × 360° is within [open, close], in the
+    last frame as well."""
     session = loaded()
     request = run_request(
         fps, 1, FRAMES, 500, 0, flags=STILLS, open_angle=angles[0], close_angle=angles[1]
@@ -229,7 +229,7 @@ def test_angles_refused():
                 24, 1, 5, 500, 500, flags=STILLS, open_angle=angles[0], close_angle=angles[1]
             ),
         )
-    # only used with that flag (specification)
+    # these count only with that flag (specification)
     session.accept(run_request(24, 1, 5, 500, 500, flags=0, open_angle=500, close_angle=65535))
     session.wait_idle()
     session.refuse(

@@ -1,4 +1,4 @@
-"""`framestep check`: its verdict is the controller's, its figures are those of the path that is
+"""`framestep check`: its verdict is the controller's, and its figures describe the path that is
 played."""
 
 import json
@@ -45,7 +45,7 @@ def verdicts(found):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_peaks_are_those_of_the_path(seed):
-    """Against many samples of it: none is beyond, and some are as far but for the grain."""
+    """Against many samples of the path: none is beyond, and some come close."""
     random = np.random.default_rng(seed)
     steps = np.cumsum(np.cumsum(random.integers(-40, 41, 30))).tolist()
     path = Reference({1: steps}, 25_000, 500, 700)
@@ -68,14 +68,14 @@ def test_peaks_are_those_of_the_path(seed):
         found.lowest.value, abs=0.02
     )
     knots, _ = path.pieces(1)
-    begin, end = knots[:-1] + 1e-6, knots[1:] - 1e-6  # inside of each cubic
+    begin, end = knots[:-1] + 1e-6, knots[1:] - 1e-6  # within each cubic
     jerk = (path.acceleration(1, end) - path.acceleration(1, begin)) / (end - begin)
     assert found.jerk.value == pytest.approx(abs(jerk).max(), rel=1e-6)
 
 
 def test_places_are_scene_frames_and_rolls():
-    """A motor at constant velocity has its greatest acceleration in the pre-roll; of one that
-    jumps, it is beside the jump, also backward."""
+    """A motor at constant velocity has its greatest acceleration in the pre-roll; a motor that
+    jumps has it next to the jump, also backward."""
     even = move_of([10 * i for i in range(20)], start=101)
     found = check(even, run_of(even), {1: FAST}, Device({}))
     assert found.place(found.motors[0].peaks.acceleration)[0] == "pre-roll"
@@ -88,7 +88,7 @@ def test_places_are_scene_frames_and_rolls():
 
 
 def test_the_path_that_is_judged_is_the_one_that_is_played():
-    """The velocity that is set holds the path's slopes down: then every edge lies elsewhere."""
+    """The motor's velocity limits the path's slopes: then every edge is elsewhere."""
     steps = [0, 10, 30, 130, 330, 530, 630, 650, 660, 660, 660, 660]
     setting = Setting(4850, 100_000)
     move = move_of(steps)
@@ -139,7 +139,7 @@ def test_what_fits():
     ],
 )  # fmt: skip
 def test_what_is_refused_is_so_in_the_controllers_words(steps, setting, words):
-    """Of two motors, the one that does not fit."""
+    """The message names the one of two motors that does not fit."""
     move = move_of([0] * 4, steps)
     found = check(move, run_of(move), {1: FAST, 2: setting}, Device({}))
     if words:
@@ -155,8 +155,8 @@ def test_what_is_refused_is_so_in_the_controllers_words(steps, setting, words):
 
 
 def test_the_rig_file_counts():
-    """strict_moves refuses what is too steep; pulse_us bounds the velocity; motor_count says how
-    many motors there are."""
+    """strict_moves refuses what is too steep; pulse_us limits the velocity; motor_count gives the
+    number of motors."""
     move = move_of([0] * 4, [0, 250, 550, 550])
     settings = {1: FAST, 2: FAST}
     for rig, words in (
@@ -188,7 +188,7 @@ def test_memory_counts_for_the_move_as_a_whole():
 
 @pytest.fixture
 def framestep(capsys):
-    """A command line, run: its status, what it prints, what it complains."""
+    """Return a command line, which gives its status, its output and its errors."""
 
     def run(line):
         status = cli.app.status(line.split())

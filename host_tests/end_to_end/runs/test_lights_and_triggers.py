@@ -1,4 +1,4 @@
-"""What goes with a run on the host simulation: lights, triggers, bloop."""
+"""Outputs of a run on the host simulation: lights, triggers, bloop."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_lights_and_triggers(fps, first, last):
     assert_levels(session, times, frames)
     assert_triggers(session, times, frames)
     assert not edges(session, "gio4"), "an output outside the mask"
-    # the levels stay, the triggers do not outlast the last frame
+    # the levels stay, the triggers end with the last frame
     for channel, row in LEVELS.items():
         assert edges(session, f"dmx{channel}")[-1][1] == row[last - 1]
     for signal in ("gio1", "gio2", "gio3"):
@@ -76,9 +76,9 @@ def test_lights_in_a_loop(flags):
 
 
 def test_no_room_for_more(monkeypatch):
-    """Positions, lights and triggers share one memory (docs/internals/realtime.md). Whichever
-    exceeds it is refused; what was uploaded before is kept and plays."""
-    units = 37  # that one motor's 25 frames leave of the least that eight motors need
+    """Positions, lights and triggers share one memory (docs/internals/realtime.md). A request that
+    exceeds it is refused; earlier data stays and plays."""
+    units = 37  # one motor's 25 frames leave these of the least for eight motors
     monkeypatch.setattr(host, "UPLOAD_BYTES", 2 * (69 + 17 * units))
     session = rig()
     session.accept(p.RtUploadMoveBegin(1, FRAMES))
@@ -113,7 +113,7 @@ def test_no_room_for_more(monkeypatch):
 
 
 def test_lights_left_alone():
-    """SYNC DMX 0: neither levels nor triggers."""
+    """SYNC DMX 0: neither levels nor triggers change."""
     session = loaded()
     session.accept(p.Dmx(0, 17, [0x55]))
     go(session, run_request(24, 1, FRAMES, 300, 300))
@@ -134,7 +134,7 @@ def test_position_frame_sets_lights():
 
 @pytest.mark.parametrize("frame", [1, 4, 6, 12, 25, 2])
 def test_position_frame_sets_triggers(frame):
-    """As levels, at once; output bits outside the mask are left alone (field note 6.8)."""
+    """Like levels, at once; output bits outside the mask stay (field note 6.8)."""
     session = loaded()
     session.accept(p.GioOut(0b1101))
     session.accept(p.RtPositionFrame(frame))
@@ -149,8 +149,8 @@ def test_position_frame_sets_triggers(frame):
 @pytest.mark.parametrize("sync", [0, 1])
 @pytest.mark.parametrize("flags", [None, LOOP])
 def test_bloop(sync, flags):
-    """Field note 6.7: on for BLOOP TIME from the first frame, once in a run; the channel goes
-    back."""
+    """Field note 6.7: on for BLOOP TIME from the first frame, once in a run; then the channel
+    returns to its level."""
     session = loaded()
     session.accept(p.Dmx(0, 300, [0x0C]), p.Dmx(0, 40, [0x22]))
     for channel, old in ((40, 0x22), (300, LEVELS[300][3] if sync else 0x0C)):
@@ -193,7 +193,7 @@ BLOOP = {"bloop_outputs": 0b1001, "bloop_channel": 40}
 
 
 def assert_bloop(session, from_s, ms, level=0x22):
-    """Outputs 1 and 4 and channel 40 were on for so long, and nothing else happened to them."""
+    """Assert that outputs 1 and 4 and channel 40 were on that long, without other changes."""
     for name in ("gio1", "gio4"):
         assert changes(session, name) == [
             (pytest.approx(from_s, abs=0.001), 1),
@@ -207,7 +207,7 @@ def assert_bloop(session, from_s, ms, level=0x22):
 
 @pytest.mark.parametrize("ms", [1, 2, 30, 59, 61, 900, 2500, 5000])
 def test_bloop_outlives_its_run(ms):
-    """Field note 6.7: on for BLOOP TIME from the first frame, also where the run ends before."""
+    """Field note 6.7: on for BLOOP TIME from the first frame, even if the run ends before."""
     session = loaded()
     session.accept(p.Dmx(0, 40, [0x22]))
     go(session, run_request(24, 1, FRAMES, 300, 200, bloop_ms=ms, **BLOOP))
@@ -222,7 +222,7 @@ def test_bloop_outlives_its_run(ms):
 @pytest.mark.parametrize("after", [0.1, 0.31, 0.7, 1.5, 1.7])
 @pytest.mark.parametrize("ms", [500, 3000])
 def test_bloop_outlives_a_stop(after, ms):
-    """Cut off by nothing; a run that is stopped before its first frame has none."""
+    """Nothing cuts it off; a run that is stopped before its first frame has none."""
     session = loaded()
     session.accept(p.Dmx(0, 40, [0x22]))
     go(session, run_request(24, 1, FRAMES, 300, 200, bloop_ms=ms, **BLOOP))
@@ -240,8 +240,8 @@ def test_bloop_outlives_a_stop(after, ms):
 
 
 def test_bloop_and_another_run():
-    """A run without a bloop leaves that of the one before on; the next with one begins its own at
-    its first frame."""
+    """A run without a bloop leaves the earlier bloop on; the next run with a bloop begins its own
+    at its first frame."""
     session = loaded()
     session.accept(p.Dmx(0, 40, [0x22]))
     run = run_request(24, 1, 3, 200, 100, bloop_ms=4000, **BLOOP)
@@ -269,8 +269,8 @@ def test_bloop_and_another_run():
 @pytest.mark.parametrize("how", ["E-stop", "lost host"])
 @pytest.mark.parametrize("after", [0.5, 2.2])
 def test_bloop_and_safe_levels(how, after):
-    """A fault puts outputs to their safe levels, in the run and after it, and nothing comes behind
-    that."""
+    """A fault puts outputs to their safe levels, in the run and after it, and nothing changes them
+    after that."""
     session = simulated(
         {
             "estop": "nc",

@@ -40,8 +40,8 @@ from host_tests.end_to_end.session import assert_within, run_request
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG, LOOP | PING_PONG])
 @pytest.mark.parametrize(("first", "last"), [(1, FRAMES), (FRAMES, 1), (4, 20)])
 def test_passes(flags, first, last):
-    """Every pass keeps to its frames as a single one does, with ramps inside the limits between
-    them; one RT_END."""
+    """Every pass keeps to its frames like a single one, with ramps within the limits between
+    passes; RT_END comes once."""
     session = loaded()
     before = go(session, run_request(24, first, last, 500, 300, flags=flags))
     session.run(4.8)
@@ -61,7 +61,7 @@ def test_passes(flags, first, last):
         assert len(set(turns)) == 1
 
 
-# seconds after GO; the passes that are then played to their ends
+# seconds after GO; the passes then played to their ends
 @pytest.mark.parametrize(
     ("after", "ping_pong", "loop"),
     [
@@ -71,8 +71,8 @@ def test_passes(flags, first, last):
 )
 @pytest.mark.parametrize("flags", [PING_PONG, LOOP])
 def test_stop_loop(after, ping_pong, loop, flags):
-    """Field note 6.6: the pass under way reaches its end, then RT_END: in pre-roll, pass, the ramp
-    behind its end frame up to the moment of rest at 2 s, next roll or way back."""
+    """Field note 6.6: the present pass reaches its end, then comes RT_END: in the pre-roll, the
+    pass, the ramp after its end frame until rest at 2 s, the next roll or the way back."""
     session = loaded()
     before = go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
     session.run(after)
@@ -84,7 +84,7 @@ def test_stop_loop(after, ping_pong, loop, flags):
     session.accept(RtStopLoop())
     session.refuse(Ack.ERR_GENERAL, RtGo())
     session.wait_idle()
-    # and it is forgotten: the next loop is one again
+    # STOP_LOOP counts once: the next loop loops again
     go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
     session.run(3.5)
     assert not session.events(RtEnd)
@@ -96,7 +96,7 @@ def test_stop_loop(after, ping_pong, loop, flags):
 @pytest.mark.parametrize("after", [1.2, 1.3, 1.45, 1.499, 1.51])
 @pytest.mark.parametrize("flags", [PING_PONG, LOOP])
 def test_stop_loop_late_in_a_pass(after, flags):
-    """Field note 6.11: when the ramp behind the end frame is queued, it becomes the post-roll,
+    """Field note 6.11: if the ramp after the end frame is already queued, it becomes the post-roll,
     within the limits."""
     session = loaded()
     go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
@@ -135,8 +135,8 @@ def test_stop_loop_on_the_way_back():
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG])
 @pytest.mark.parametrize("wait", [0.0, 0.02, 2.0])
 def test_stop_loop_before_go(flags, wait):
-    """Field note 6.12: it takes the loop away, on the way to the pre-roll position and while GO is
-    awaited."""
+    """Field note 6.12: it cancels the loop, both on the way to the pre-roll position and in the
+    wait for GO."""
     session = loaded()
     session.accept(run_request(24, 1, FRAMES, 500, 500, flags=flags))
     session.run(wait)
@@ -170,7 +170,7 @@ def test_stop_loop_without_a_loop():
 
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG])
 def test_rolls_of_no_time(flags):
-    """Pre-roll 0 and post-roll 0: the shortest ramps that the motors can, in each pass."""
+    """Pre-roll 0 and post-roll 0: in each pass the shortest ramps that the motors can follow."""
     session = loaded()
     before = go(session, run_request(24, 1, FRAMES, 0, 0, flags=flags))
     session.run(3.5)
@@ -193,7 +193,7 @@ def test_loop_of_a_single_frame():
 
 
 def test_lights_alone():
-    """An upload without positions is played as well: lights and triggers in time, then RT_END."""
+    """An upload without positions plays as well: lights and triggers in time, then RT_END."""
     session = rig()
     upload(session, {}, LEVELS, TRIGGERS)
     session.accept(run_request(24, 1, FRAMES, 300, 0, sync_dmx=1))

@@ -1,4 +1,4 @@
-"""Every edge of a run lies where the ideal path crosses its step, turns between frames included."""
+"""Every edge of a run is where the ideal path crosses its step, also at turns between frames."""
 
 import numpy as np
 import pytest
@@ -14,8 +14,8 @@ LIMITS = Limits(path_us=5)
 
 
 def swing(fps, frames):
-    """Turns that no frame lies on: the path has its peaks between frames and passes the frames
-    beside them."""
+    """Return a move with turns between frames: the path has its peaks there and passes the frames
+    on either side."""
     time = np.arange(frames) / fps
     period = max(1.3, 6.3 / fps)
     reach = min(0.5 * 20_000 * period, 0.5 * 100_000 * period**2 / (2 * np.pi)) / (2 * np.pi)

@@ -1,5 +1,5 @@
-"""`framestep play` against the whole controller, on virtual time: what moves, what the outputs do,
-what is said."""
+"""`framestep play` on the whole controller, in virtual time: what moves, what the outputs do, what
+it prints."""
 
 import io
 
@@ -82,7 +82,7 @@ def test_what_is_too_steep_is_played_and_told(framestep, board, tmp_path):
 
 
 def test_lights_and_outputs_play_with_it(framestep, board, move, tmp_path):
-    """Each level and output changes at its frame, to a tick and what a pass takes."""
+    """Each level and output changes at its frame, except for a tick and the time of a pass."""
     levels = [5 * i for i in range(FRAMES)]
     on = [1 if i in (3, 9) else 0 for i in range(FRAMES)]
     lights = tmp_path / "lights.csv"
@@ -111,7 +111,7 @@ def test_lights_and_outputs_play_with_it(framestep, board, move, tmp_path):
 
 
 def test_a_loop_ends_with_ctrl_c_where_it_is_said(framestep, board, move, monkeypatch):
-    """Passes follow each other until then; the motors ramp down, and it is told where they are."""
+    """Passes follow each other until then; the motors ramp down, and it prints where they are."""
     seen = []
 
     def show(display, event):
@@ -137,7 +137,7 @@ def test_a_second_ctrl_c_stops_harder(framestep, board, move, monkeypatch):
     wait_idle, request, waits, stops = Client.wait_idle, Client.request, [], []
 
     def interrupted(client, *more, **options):
-        """On the way to the pre-roll, and again while the motors slow down."""
+        """Interrupt on the way to the pre-roll, and again while the motors slow down."""
         waits.append(client)
         if len(waits) <= 2:
             client.pump(0.05)

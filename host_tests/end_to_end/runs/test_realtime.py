@@ -1,5 +1,4 @@
-"""Real-time runs on the host simulation: what is planned before GO, what is refused, what stops
-them."""
+"""Real-time runs on the host simulation: planning before GO, refusals, stops."""
 
 import random
 
@@ -26,16 +25,15 @@ from host_tests.end_to_end.realtime import (
 )
 from host_tests.end_to_end.session import assert_within, run_request
 
-# ---- what is planned before GO -------------------------------------------------------------------
+# ---- planning before GO -------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("ms", [0, 1, 2, 3, 5, 8, 12, 20, 50])
 def test_go_at_any_moment_of_planning(ms):
-    """The same run, whether its beginning has been planned, is being planned, or was dropped
-    meanwhile."""
+    """The run is the same, whether its beginning is planned, is being planned, or was dropped."""
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 300, 300))
-    session.speed(1, VELOCITY, ACCELERATION)  # begun anew
+    session.speed(1, VELOCITY, ACCELERATION)  # planning begins again
     session.run(ms / 1000)
     assert not session.moving
     before = session.positions
@@ -48,13 +46,14 @@ def test_go_at_any_moment_of_planning(ms):
 @pytest.mark.parametrize("ms", [1, 4, 9, 20, 60])
 @pytest.mark.parametrize("cause", ["E-stop", "lost host"])
 def test_a_stop_while_the_beginning_is_planned(cause, ms):
-    """Nothing moves, GO is refused, and afterwards the same run goes as if nothing had been."""
+    """Nothing moves, GO is refused, and afterwards the same run plays as if nothing had
+    happened."""
     session = loaded(estop="nc")
     board = session.board._board
     board.set_input("estop", 0)
     session.run(0.05)
     session.ready(run_request(24, 1, FRAMES, 300, 300))
-    session.speed(1, VELOCITY, ACCELERATION)  # planning begins anew
+    session.speed(1, VELOCITY, ACCELERATION)  # planning begins again
     session.run(ms / 1000)
     before = session.positions
     session.forget()
@@ -92,7 +91,7 @@ def test_what_is_planned_before_go_makes_no_edge():
     assert session.positions == before
     assert not session.trace().motors
     session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
-    # away and back: MOVE starts from where the motor stands
+    # away and back: MOVE starts from the motor's position
     session.ready(run_request(24, 1, FRAMES, 300, 300))
     session.run(0.3)
     for place in (before[1] + 700, before[1]):
@@ -106,7 +105,7 @@ def test_what_is_planned_before_go_makes_no_edge():
     assert len(judged(session, before, roll=0.3)) == 1
 
 
-# ---- what is refused, with nothing moved ---------------------------------------------------------
+# ---- refusals, without motion ---------------------------------------------------------
 
 RUN_VELOCITY = 60 * 24
 REFUSED = {
@@ -162,7 +161,7 @@ def test_refused_before_motion(case, flags):
 
 
 def test_refused_keeps_what_waits():
-    """A run that waits is not harmed by one that is refused."""
+    """A refused run does not affect a waiting one."""
     session = loaded()
     session.ready(
         run_request(24, 1, FRAMES, 500, 500, flags=STILLS, open_angle=90, close_angle=180)
@@ -188,8 +187,8 @@ def test_refused_keeps_what_waits():
     [run_request(24, 25, 1), p.RtShootFrame(20, 1, 100, 500), p.RtShootFrame2(20, 300, 0, 180)],
 )
 def test_go_too_early(request_):
-    """Field note 6.1: 0x16 until all are there; a client that waits for zero then says GO and it is
-    taken."""
+    """Field note 6.1: 0x16 until all are in position; a client that waits for zero before its GO is
+    accepted."""
     session = loaded()
     for motor in MOVE:
         session.speed(motor, 4000, 20_000)
@@ -226,7 +225,7 @@ def test_go_with_a_motor_disabled_meanwhile():
         to_the_end(session)
 
 
-# ---- stopped at any moment -----------------------------------------------------------------------
+# ---- stops at any time -----------------------------------------------------------------------
 
 
 OPERATIONS = {
@@ -265,8 +264,8 @@ def stop(session, how, rng):
 @pytest.mark.parametrize("how", STOPS)
 @pytest.mark.parametrize("name", OPERATIONS)
 def test_stopped_at_any_moment(name, how):
-    """At rest in the end, by ramps inside the limits, RT_END once for runs and exposures, nothing
-    left on."""
+    """In the end all rest after ramps within the limits, RT_END comes once for runs and exposures,
+    and nothing is left on."""
     rng = random.Random(f"{name} {how}")
     session = loaded()
     for _ in range(3):
@@ -304,12 +303,12 @@ def test_stopped_at_any_moment(name, how):
                 assert_within(times, signs, VELOCITY, factor * ACCELERATION)
             assert session.position(motor) == before[motor] + signs.sum()
         for signal in ALL_OFF:
-            if name != "position" or not signal.startswith("gio"):  # those are set as at its frame
+            if name != "position" or not signal.startswith("gio"):  # those have its frame's levels
                 assert level_now(session, signal) == 0, signal
         assert level_now(session, "dmx40") == 0
         if tells:
             session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
-        # whatever it was, the rig works on
+        # after any of these the rig works
         session.accept(p.RtPositionFrame(3))
         session.wait_idle()
         assert session.positions[1] == MOVE[1][2]
@@ -317,7 +316,7 @@ def test_stopped_at_any_moment(name, how):
 
 
 def test_lost_host_while_it_waits():
-    """In each state before GO; the next host finds nothing prepared."""
+    """In each state before GO; nothing is prepared for the next host."""
     for request in (OPERATIONS["stills"], OPERATIONS["shoot"], OPERATIONS["shoot 2"]):
         for wait in (0.05, 3):
             session = loaded()
@@ -334,8 +333,8 @@ def test_lost_host_while_it_waits():
 
 
 def test_lost_host_that_comes_back_at_once():
-    """While the motors still ramp down: the next host is not told of an end that it knows nothing
-    of."""
+    """While the motors still ramp down: the next host gets no RT_END of an operation that it does
+    not know."""
     session = loaded()
     for motor in MOVE:
         session.speed(motor, VELOCITY, 20_000)
@@ -349,6 +348,6 @@ def test_lost_host_that_comes_back_at_once():
     session.run(1)
     assert not session.events(p.RtEnd)
     assert not session.moving
-    # the next run is told of as ever
+    # the next run has its reports
     go(session, run_request(12, 1, FRAMES))
     to_the_end(session)

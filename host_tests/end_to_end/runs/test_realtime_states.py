@@ -18,8 +18,8 @@ CODES = {
     "15": p.Ack.ERR_GENERAL,
     "16": p.Ack.ERR_NOT_IN_POSITION,
 }
-SLOW = 2000, 4000  # so that a state lasts for all the messages
-# What no state minds
+SLOW = 2000, 4000  # a state lasts for all the messages
+# Requests that no state refuses
 QUESTIONS = {
     r.TYPE
     for r in (
@@ -36,12 +36,12 @@ QUESTIONS = {
 
 
 def test_what_sets_motors_in_motion_is_declared():
-    """It is taken with a move uploaded, or for a run that is ready, but not while the E-stop is
-    held."""
+    """Such a message is accepted with a move uploaded, or for a run that is ready, but not while
+    the E-stop is held."""
     tried = set()
     for _, request, answers in realtime_answers.ANSWERS:
         told = dict(zip(realtime_answers.STATES, answers.split(), strict=True))
-        if "OK" in told.values():  # others need a rig with virtual axes or switches
+        if "OK" in told.values():  # other messages need virtual axes or switches
             taken = "OK" in (told["idle"], told["ready"])
             refused = told["estop"] == "15"
             assert (taken and refused) is request.MOVES, request
@@ -55,7 +55,7 @@ def slow(session):
 
 
 def enter(state):
-    """A session in that state."""
+    """Return a session in that state."""
     session = (
         rig()
         if state in ("empty", "upload")
@@ -76,7 +76,7 @@ def enter(state):
         session.run(0.005)
     elif state in ("ready", "run", "stop"):
         for motor in (1, 2):
-            # just enough for the run, so that a stop takes a while
+            # just enough for the run, so that a stop takes some time
             session.speed(motor, 20_000, 20_000)
         session.ready(run_request(24, 1, FRAMES))
         if state != "ready":
@@ -109,7 +109,7 @@ def enter(state):
 
 
 def code_of(session, request, answer):
-    """What the table says, where the device has what it is about."""
+    """Return the table's code, or the refusal of a device without virtual axes."""
     virtual = 0x0200 <= request.TYPE < 0x0300
     if virtual and request.TYPE not in session.board._board.controller.handlers:
         return p.Ack.ERR_UNSUPPORTED
@@ -117,7 +117,7 @@ def code_of(session, request, answer):
 
 
 def inside(session):
-    """What a refusal may not change."""
+    """Return what a refusal must not change."""
     moves = session.board._board.controller.moves
     operations = moves.operations
     return (
@@ -131,7 +131,7 @@ def inside(session):
 
 @pytest.mark.parametrize("state", realtime_answers.STATES)
 def test_refusals_and_questions(state):
-    """In a row, in one session: neither refusals nor questions nor settings change the state."""
+    """In a row in one session, refusals, questions and settings do not change the state."""
     session = enter(state)
     was = inside(session)
     for request, answer in realtime_answers.expected(state):
@@ -142,12 +142,12 @@ def test_refusals_and_questions(state):
 
 @pytest.mark.parametrize("state", realtime_answers.STATES)
 def test_accepted(state):
-    """Each in a session of its own; whatever it starts comes to its end."""
+    """Each in its own session; whatever it starts must come to its end."""
     for request, answer in realtime_answers.expected(state):
         if answer != "OK":
             continue
         if request.TYPE in QUESTIONS:
-            continue  # as test_refusals_and_questions has it
+            continue  # test_refusals_and_questions tests it
         session = enter(state)
         before = inside(session)
         assert session.code(request) == p.Ack.OK, (state, request)
@@ -163,7 +163,7 @@ def test_accepted(state):
 
 
 def test_landing():
-    """A JOG_ALL that lands is one that runs."""
+    """A JOG_ALL that lands counts as running."""
     for request, answer in realtime_answers.expected("jog"):
         session = enter("jog")
         session.accept(p.MotorStopAll())
@@ -187,7 +187,7 @@ def test_every_message_is_in_the_table():
 
 
 def test_page():
-    """docs/internals/realtime.md is what the table says."""
+    """docs/internals/realtime.md is the table's page."""
     page = (ROOT / "docs/internals/realtime.md").read_text()
     assert page == realtime_answers.page(), (
         "run python -m host_tests.end_to_end.realtime_answers > docs/internals/realtime.md"
@@ -198,11 +198,11 @@ def test_page():
 
 
 class Poll:
-    """Asks for MOTOR_STATUS about every millisecond; all answers with their times."""
+    """Asks for MOTOR_STATUS about every millisecond; keeps all answers with their times."""
 
     def __init__(self, session):
         self.session = session
-        # (from when the answer holds at the latest, until when at the earliest, bits)
+        # (the latest start and the earliest end of the answer's time, bits)
         self.told = []
 
     def once(self):
@@ -222,8 +222,8 @@ class Poll:
             self.once()
 
     def check(self):
-        """No edge of a motor while its bit was 0: neither before an answer with 0 nor between two
-        of them."""
+        """Assert that no motor has an edge while its bit was 0: before an answer with 0 or between
+        two."""
         for motor in range(1, 9):
             times, _ = self.session.steps(motor)
             for (_, told, bits), (asked, _, later) in zip(self.told, self.told[1:], strict=False):
@@ -250,7 +250,7 @@ def polled():
     ],
 )
 def test_wait_for_zero_then_go(polled, request_):
-    """The bits are set from the acknowledgement on; where they are zero GO is taken, and after it
+    """The bits are set from the acknowledgement on; with all bits zero GO is accepted, and after it
     the next request."""
     session, poll = polled
     for _ in range(2):
@@ -272,7 +272,8 @@ def test_wait_for_zero_then_go(polled, request_):
 @pytest.mark.parametrize("flags", [1, 2])
 @pytest.mark.parametrize("pre", [0, 200])
 def test_no_zero_in_a_loop(polled, flags, pre):
-    """Neither at the turns nor on the way back; and zero means that RT_END has come or is next."""
+    """There is none at the turns and on the way back; zero means that RT_END has come or is
+    next."""
     session, poll = polled
     session.accept(run_request(24, 1, 7, pre, pre, flags=flags))
     poll.until_zero()
@@ -289,8 +290,8 @@ def test_no_zero_in_a_loop(polled, flags, pre):
 
 
 def test_status_of_holds_and_waits(polled):
-    """A motor that holds still within a run, or waits for its ramp, counts as moving: it is about
-    to."""
+    """A motor that holds within a run, or waits for its ramp, counts as moving, because it will
+    move."""
     session, poll = polled
     session.accept(p.RtShootFrame2(9, 3000, -180, 360))
     poll.until_zero()

@@ -10,7 +10,7 @@ from host_tests.end_to_end.session import assert_within, run_request
 
 
 def played_to(loaded, run):
-    """Play a run up to its RT_END and no further. Where the motors stood before, when RT_END
+    """Play a run up to its RT_END and no further. Return where the motors waited, and when RT_END
     came."""
     loaded.ready(run)
     before = loaded.positions
@@ -24,8 +24,8 @@ def played_to(loaded, run):
 @pytest.mark.parametrize("fps", [12, 24, 29.97])
 @pytest.mark.parametrize("post", [0, 300])
 def test_the_last_frame_lasts_its_period(loaded, first, last, fps, post):
-    """The end frame's velocity until END + 1 frame, then the ramp; RT_END at its end, then back to
-    the end frame."""
+    """The motors keep the end frame's velocity until END + 1 frame, then ramp; RT_END comes at the
+    end of the ramp, then they return to the end frame."""
     before, end = played_to(loaded, run_request(fps, first, last, 300, post))
     loaded.wait_idle()
     assert not loaded.events(p.RtEnd), "RT_END came twice"
@@ -49,14 +49,14 @@ def test_the_last_frame_lasts_its_period(loaded, first, last, fps, post):
     for motor, steps in MOVE.items():
         assert loaded.position(motor) == steps[last - 1]
     assert loaded.ask_positions().move_time == last * 1000
-    # it stands on a frame: what needs that goes on from here
+    # it rests on a frame, so a JOG_ALL can start from here
     loaded.accept(p.RtJogAll(12_000, 12))
     loaded.wait_idle()
     assert loaded.position(1) == MOVE[1][11]
 
 
 def test_the_way_back_is_a_position_frame(loaded):
-    """MOTOR_STATUS tells it, it keeps to limits, POSITION_FRAME retargets it, STOP stops it,
+    """MOTOR_STATUS reports it, it keeps to limits, POSITION_FRAME retargets it, STOP stops it,
     RUN_MOVE waits."""
     loaded.speed(1, 800, 1500)
     run = run_request(10, 1, FRAMES, 700, 700)
@@ -71,7 +71,7 @@ def test_the_way_back_is_a_position_frame(loaded):
     assert set(signs[back]) == {-1}
     assert_within(times[back], signs[back], 800, 1500, window=0.1)
     assert loaded.position(1) == 1540
-    # another frame under way
+    # another frame in motion
     played_to(loaded, run)
     loaded.run(0.1)
     loaded.accept(p.RtPositionFrame(20))
@@ -93,8 +93,8 @@ def test_the_way_back_is_a_position_frame(loaded):
     [p.MotorMove(4, 4321), p.RtPositionFrame(20), p.MotorStop(1), p.MotorStopAll(), None],
 )
 def test_asked_as_motors_set_out_for_the_way_back(loaded, request_):
-    """They set out one after the other; what is asked in between finds all on their way, and none
-    sets out later."""
+    """Motors start one after the other; a request in between finds all of them moving, and none
+    starts later."""
     run = run_request(10, 1, FRAMES, 700, 700)
     played_to(loaded, run)
     assert loaded.moving == sorted(MOVE)
@@ -120,7 +120,7 @@ def test_asked_as_motors_set_out_for_the_way_back(loaded, request_):
 
 
 def test_no_way_back_after_a_stop(loaded):
-    """A run that is stopped stays where it comes to rest."""
+    """A run that is stopped stays where it rests."""
     for after in (0.2, 0.8, 1.62):
         loaded.ready(run_request(24, 1, FRAMES, 500, 500))
         loaded.accept(p.RtGo())
@@ -135,8 +135,8 @@ def test_no_way_back_after_a_stop(loaded):
 
 
 def test_only_motors_of_the_run_go_back(loaded):
-    """A motor that was disabled stays, even if it is enabled by then; one under live control goes
-    where it is sent."""
+    """A motor that was disabled stays, even if it is enabled by then; a motor under live control
+    goes to its own target."""
     loaded.accept(
         p.MotorConfigure(2, 0), p.MotorConfigure(4, 0x01 | 0x08), p.MotorResetPosition(2, 70)
     )
@@ -151,19 +151,21 @@ def test_only_motors_of_the_run_go_back(loaded):
 
 
 def test_the_way_back_keeps_to_limits(loaded):
-    """What POSITION_FRAME would refuse by then is left: the rig stays where the post-roll has
-    ended."""
+    """A way back that POSITION_FRAME would then refuse does not happen: the rig stays at the end of
+    the post-roll."""
     loaded.ready(run_request(24, 1, FRAMES, 500, 500))
     loaded.accept(p.RtGo())
     loaded.run(1.0)
-    loaded.accept(p.MotorSetLimits(1, 1, 1800, 0, 0))  # taken at any time; the end frame lies below
+    loaded.accept(
+        p.MotorSetLimits(1, 1, 1800, 0, 0)
+    )  # accepted at any time; the end frame is below
     loaded.client.wait_event(p.RtEnd, 5)
     loaded.run(0.5)
     assert loaded.position(1) == 1540 + 60 + 360
 
 
 def test_the_last_period_and_the_ends_of_the_range(fast):
-    """0x18 where the last frame's period or the post-roll would leave 32 bits, up and down, forward
+    """0x18 if the last frame's period or the post-roll would exceed 32 bits, up and down, forward
     and backward."""
     top = 2**31 - 1
     for steps, place in (

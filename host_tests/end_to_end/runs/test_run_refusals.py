@@ -1,5 +1,4 @@
-"""Runs that are refused on the host simulation: too fast, too steep, limits in the way, while
-moving."""
+"""Refused runs on the host simulation: too fast, too steep, limits in the way, during motion."""
 
 import numpy as np
 import pytest
@@ -26,8 +25,7 @@ def test_run_refused_for_its_numbers(loaded):
 
 
 def test_too_fast_is_refused_at_its_rate(loaded):
-    """Field note 5.5: refused where the rate asks for more than the motor's maxima, taken where it
-    does not."""
+    """Field note 5.5: refused if the rate exceeds the motor's limits, accepted otherwise."""
     loaded.speed(1, 1500, 100_000)  # 60 steps a frame: 25 fps
     loaded.refuse(
         p.Ack.ERR_RANGE,
@@ -39,14 +37,14 @@ def test_too_fast_is_refused_at_its_rate(loaded):
     assert_played(loaded, before, MOVE, 24)
 
 
-# At 4 frames/s 1280 steps/s from frame to frame, but 2560 at either end by the parabola that leads
-# there; and 1920 and 2440 at the third frame
+# At 4 frames/s this is 1280 steps/s from frame to frame, but at either end 2560 by the parabola
+# that leads there; and 1920 and 2440 at the third frame
 STEEP_ENDS = [0, 320, 0, 320]
 STEEP_FRAME = [300, 0, 480, 960, 660]
 
 
 def gap(times, signs):
-    """The least time between two steps in the same direction."""
+    """Return the least time between two steps in the same direction."""
     return np.diff(times)[signs[1:] == signs[:-1]].min()
 
 
@@ -55,7 +53,7 @@ def gap(times, signs):
     ("flags", "rolls"), [(0, (300, 300)), (0, (0, 0)), (1, (300, 200)), (2, (0, 300))]
 )
 def test_no_end_of_a_run_is_faster_than_its_motor(fast, first, last, flags, rolls):
-    """Of the last frame's period, the rolls, the turns of a loop and the frames, none."""
+    """Neither the last frame's period, the rolls, the turns of a loop nor the frames are."""
     fast.upload({1: STEEP_ENDS})
     fast.speed(1, 2000, 100_000)
     fast.ready(run_request(4, first, last, *rolls, flags=flags))
@@ -89,8 +87,8 @@ CORNERS = np.array([0, 0, 0, 50, 100, 150, 150, 150])  # 50 steps/frame² at 24 
 
 @pytest.mark.parametrize("acceleration", [500, 20_000, 100_000])
 def test_corners_are_played_as_uploaded(fast, acceleration):
-    """Field note 5.5: acceleration is no reason to refuse, and each frame is met; what is exceeded
-    is told."""
+    """Field note 5.5: acceleration is no reason to refuse; each frame is met, and the excess is
+    reported."""
     positions = {1: CORNERS, 2: 10 * np.arange(8)}
     fast.upload(positions, start_frame=11)
     fast.speed(1, 20000, acceleration)
@@ -107,7 +105,7 @@ def test_corners_are_played_as_uploaded(fast, acceleration):
 
 
 def test_strict_moves():
-    """The setting refuses them, told in the same way."""
+    """The setting refuses them, with the same report."""
     fast = simulated({"strict_moves": True})
     fast.upload({1: CORNERS, 2: 10 * np.arange(8)})
     fast.speed(1, 20000, 20_000)
@@ -123,7 +121,7 @@ def test_strict_moves():
 
 
 def test_what_is_exceeded_is_told(fast):
-    """Velocity: the first frame to which it is too far, and by how much."""
+    """Velocity: the first frame that is too far, and by how much."""
     fast.upload(
         {1: np.zeros(30, int), 3: np.concatenate((np.zeros(20, int), 1000 + np.zeros(10, int)))}
     )
@@ -136,8 +134,8 @@ def test_what_is_exceeded_is_told(fast):
 @pytest.mark.parametrize("fps", [24, 60, 200])
 @pytest.mark.parametrize("shape", ["jump", "stop", "zigzag"])
 def test_the_sharpest_corners_that_the_board_can_make(fast, fps, shape):
-    """Up to what its numbers hold each frame is met; beyond that it is refused, never played
-    wrongly."""
+    """Each frame is met as long as the board's numbers suffice; beyond that the run is refused,
+    never played wrongly."""
     unit = {
         "jump": np.array([0, 0, 0, 0, 1, 1, 1, 1, 1]),
         "stop": np.array([0, 1, 2, 3, 4, 4, 4, 4, 4]),
@@ -171,7 +169,7 @@ def test_the_sharpest_corners_that_the_board_can_make(fast, fps, shape):
 
 
 def test_limits_in_the_way(loaded):
-    """Field note 6.2: pre-roll 0x17, post-roll 0x18; and a frame that lies past a limit."""
+    """Field note 6.2: pre-roll 0x17, post-roll 0x18; and a frame past a limit."""
     velocity = 60 * 24
     begin, end = 100 - velocity // 4, 1540 + 60 + velocity // 4
     for lower, upper, code in (
@@ -197,7 +195,7 @@ def test_limits_in_the_way(loaded):
 
 
 def test_roll_too_steep(loaded):
-    """A pre-roll so short that the motor's acceleration does not do."""
+    """A pre-roll too short for the motor's acceleration."""
     loaded.speed(1, 20000, 20_000)
     loaded.refuse(p.Ack.ERR_PREROLL, run_request(24, 1, FRAMES, 50, 500))
     loaded.refuse(p.Ack.ERR_POSTROLL, run_request(24, 1, FRAMES, 500, 50))
@@ -217,7 +215,8 @@ def test_position_frame_past_a_limit(loaded):
 
 
 def test_refused_while_moving(loaded):
-    """0x12 to RUN_MOVE while anything moves, and during a run to all that would disturb it."""
+    """0x12 to RUN_MOVE while anything moves, and during a run to everything that would disturb
+    it."""
     loaded.ask(p.MotorMove(7, 2000))
     loaded.refuse(p.Ack.ERR_MOVING, run_request(24, 1, FRAMES))
     loaded.wait_idle()

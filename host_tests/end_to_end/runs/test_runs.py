@@ -26,7 +26,7 @@ def test_run_in_all_three_lengths(both, more):
 
 
 def test_run_told(loaded):
-    """One position report at each frame's time with its MOVE TIME, then RT_END once; field notes
+    """At each frame's time a position report has its MOVE TIME, then RT_END comes once; field notes
     4.6 and 6.4."""
     loaded.ready(run_request(24, 1, FRAMES, 700, 300))
     before = loaded.positions
@@ -62,7 +62,7 @@ def test_run_told(loaded):
 @pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1), (4, 20), (20, 4), (7, 8)])
 @pytest.mark.parametrize("roll", [(1000, 400), (400, 1000)])
 def test_roll_positions(loaded, first, last, roll):
-    """Field notes 6.2 and 6.11: p − ½·v·T before the first frame, by constant acceleration; behind
+    """Field notes 6.2 and 6.11: p − ½·v·T before the first frame, by constant acceleration; after
     the last one a frame at the same velocity and then ½·v·T."""
     pre, post = (ms / 1000 for ms in roll)
     fps = 24
@@ -83,7 +83,7 @@ def test_roll_positions(loaded, first, last, roll):
     times, signs = times[times < end], signs[times < end]
     rate = abs(velocity)
     assert_within(times, signs, rate * 1.001, rate / min(pre, post), window=0.1)
-    # the roll lasts T: its edges lie where a constant acceleration puts them
+    # the roll lasts T: its edges are those of a constant acceleration
     n = int(rate * pre / 2)
     begun = times[n - 1] - pre
     ideal = begun + (2 * np.arange(1, n + 1) * pre / rate) ** 0.5
@@ -94,7 +94,7 @@ def test_roll_positions(loaded, first, last, roll):
 
 @pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1), (5, 21), (21, 5), (3, 6)])
 def test_sections_and_backward(loaded, first, last):
-    """Field note 6.5: END before START plays backward, a part is played as if it were the whole."""
+    """Field note 6.5: END before START plays backward, and a part plays like a whole."""
     before = loaded.play(run_request(25, first, last, 500, 500))
     assert_played(loaded, before, section(first, last), 25)
     step = 1 if last > first else -1
@@ -120,7 +120,7 @@ def test_single_frame(loaded):
 @pytest.mark.parametrize("post", [0, 500])
 @pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1)])
 def test_pre_roll_of_no_time(loaded, first, last, post):
-    """Field note 6.2: as short as the motor's own acceleration allows, where it moves at the first
+    """Field note 6.2: as short as the motor's own acceleration allows, if it moves at the first
     frame."""
     loaded.speed(1, 20000, 20_000)
     before = loaded.play(run_request(24, first, last, 0, post))
@@ -133,7 +133,7 @@ def test_pre_roll_of_no_time(loaded, first, last, post):
         farthest = before[1] + (np.cumsum(signs).max() if velocity > 0 else np.cumsum(signs).min())
         assert farthest == pytest.approx(MOVE[1][last - 1] + velocity / 24 + way, abs=1)
     # motor 2 has five times the acceleration and twice the velocity: it starts later, and keeps to
-    # it
+    # its own acceleration
     for motor, acceleration in ((1, 20_000), (2, 100_000)):
         times, signs = loaded.steps(motor)
         assert_within(times, signs, 20000, acceleration)
@@ -146,7 +146,7 @@ def test_pre_roll_of_no_time(loaded, first, last, post):
 
 
 def test_no_roll_at_rest(fast):
-    """A move that begins and ends at rest starts where its first frame is."""
+    """A move that begins and ends at rest starts at its first frame."""
     steps = np.round(500 * (1 - np.cos(np.linspace(0, 2 * np.pi, 30)))).astype(int)
     steps[:3], steps[-3:] = 0, 0
     positions = {1: steps, 2: steps + 3}
@@ -159,7 +159,8 @@ def test_no_roll_at_rest(fast):
 
 
 def test_a_second_run_and_after(loaded):
-    """The same upload as often as wanted, other moves between; each run is told for itself."""
+    """The same upload as often as wanted, with other moves between; each run has its own
+    reports."""
     for _ in range(2):
         before = loaded.play(run_request(24, 1, FRAMES))
         assert_played(loaded, before, MOVE, 24)
@@ -195,7 +196,8 @@ def test_motors_without_a_part_hold_still(loaded):
 
 
 def test_go_too_early(loaded):
-    """Field note 6.1: 0x16 until all are there; then it goes. MOTOR_STATUS tells when."""
+    """Field note 6.1: 0x16 until all are in position, then GO is accepted. MOTOR_STATUS shows
+    it."""
     loaded.accept(run_request(24, 1, FRAMES))
     while loaded.moving:
         loaded.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
@@ -210,7 +212,7 @@ def test_go_too_early(loaded):
 
 
 def test_go_after_a_motor_was_moved(loaded):
-    """What waits is not where it should be any more: 0x16, and once it is back it goes."""
+    """The waiting run is no longer in position: 0x16; after the motor is back, GO is accepted."""
     loaded.ready(run_request(24, 1, FRAMES))
     waits = loaded.position(1)
     loaded.ask(p.MotorMove(1, waits + 10))
@@ -240,7 +242,7 @@ def test_acknowledged_before_it_moves(loaded):
 
 def test_moving_bits_from_the_acknowledgement_on(loaded):
     loaded.accept(p.RtPositionFrame(9))
-    assert loaded.moving == [1, 2]  # motor 4 stands there already
+    assert loaded.moving == [1, 2]  # motor 4 is there already
     loaded.wait_idle()
     loaded.accept(run_request(24, 1, FRAMES))
     assert set(loaded.moving) >= {1, 2}
@@ -256,8 +258,8 @@ def test_moving_bits_from_the_acknowledgement_on(loaded):
 @pytest.mark.parametrize("after", [0.2, 0.5, 0.9, 1.6])
 @pytest.mark.parametrize("hard", [False, True])
 def test_stop_all_in_a_run(loaded, after, hard):
-    """Field note 6.6: ramp down, RT_END once; in the pre-roll, at its end, between frames, in the
-    post-roll."""
+    """Field note 6.6: the motors ramp down, RT_END comes once; in the pre-roll, at its end, between
+    frames, in the post-roll."""
     loaded.speed(1, 20000, 20_000)
     loaded.ready(run_request(24, 1, FRAMES, 500, 500))
     before = loaded.positions
@@ -292,8 +294,8 @@ def test_stop_of_one_motor_ends_the_run(loaded):
 
 
 def test_stop_all_before_go(loaded):
-    """A run that waits, or is still on its way to where it begins, is given up: RT_END, and no GO
-    any more."""
+    """It ends a run that waits, or is on its way to its start: RT_END comes, and GO is no longer
+    accepted."""
     for wait in (0.03, 3):
         loaded.accept(run_request(24, 1, FRAMES))
         loaded.run(wait)
@@ -307,8 +309,8 @@ def test_stop_all_before_go(loaded):
 
 
 def test_port_closed_in_a_run(loaded):
-    """Field note 1.11: a lost host; motors ramp down, the run is over, the next host finds a rig at
-    rest."""
+    """Field note 1.11: a lost host; motors ramp down, the run is over, and the next host finds a
+    rig at rest."""
     loaded.ready(run_request(24, 1, FRAMES))
     before = loaded.positions
     loaded.forget()

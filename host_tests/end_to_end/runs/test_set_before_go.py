@@ -1,4 +1,4 @@
-"""What is set between the request and GO, or during a loop, counts: GO checks again (field note
+"""Settings between the request and GO, or during a loop, count: GO checks again (field note
 6.12)."""
 
 import numpy as np
@@ -26,12 +26,12 @@ CHANGES = [
     (p.MotorConfigure(1, 0x00), p.Ack.ERR_GENERAL),
     (p.MotorConfigure(1, 0x09), p.Ack.ERR_GENERAL),
     (p.MotorConfigure(2, 0x11), p.Ack.OK),
-    # motor 2 would be led by it, but has a part of its own
+    # motor 2 would follow it, but takes part itself
     (p.MotorConfigure(1, 0x11), p.Ack.ERR_GENERAL),
     (p.MotorResetPosition(1, 5), p.Ack.ERR_NOT_IN_POSITION),
     (p.MotorResetPosition(1, LOWER), p.Ack.OK),
     (p.MotorSetSpeed(1, 1500, 3000), p.Ack.OK),
-    (p.MotorSetSpeed(3, 10, 10), p.Ack.OK),  # has no part in it
+    (p.MotorSetSpeed(3, 10, 10), p.Ack.OK),  # takes no part
     (p.VirtConfig(2, (p.VirtualAxis(1, 1000), p.VirtualAxis(2, 1000))), p.Ack.OK),
 ]
 BACK = (
@@ -51,7 +51,8 @@ def loaded(**settings):
 @pytest.mark.parametrize("pause", [0, 0.3], ids=["at once", "later"])
 @pytest.mark.parametrize(("change", "code"), CHANGES, ids=lambda value: str(value)[:60])
 def test_before_go(change, code, pause):
-    """As RUN_MOVE would answer; refused, nothing moves, and what is set back lets it go."""
+    """GO answers as RUN_MOVE would; a refused GO moves nothing, and the old setting allows it
+    again."""
     session = loaded()
     session.ready(RUN)
     session.forget()
@@ -72,7 +73,7 @@ def test_before_go(change, code, pause):
 
 
 def test_shortest_rolls_are_others_now():
-    """The motors wait where they would begin no more."""
+    """The motors no longer wait where they would begin."""
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 0, 0))
     session.speed(1, VELOCITY, 20_000)
@@ -135,7 +136,7 @@ def test_before_go_of_an_exposure(second):
     ],
 )
 def test_in_a_loop(flags, after, change):
-    """The pass under way ends as it was acknowledged, the next one would not be: the run ends
+    """The present pass ends as acknowledged; the next one would be refused, so the run ends
     there."""
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 500, 500, flags=flags))
@@ -148,7 +149,7 @@ def test_in_a_loop(flags, after, change):
 
 
 def test_a_slower_way_back_in_a_loop():
-    """What allows the next pass still holds on the way there."""
+    """A setting that allows the next pass also counts on the way back."""
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 500, 500, flags=LOOP))
     session.accept(p.RtGo())
@@ -163,7 +164,7 @@ def test_a_slower_way_back_in_a_loop():
 
 
 def test_a_limit_set_on_the_way_to_the_start():
-    """The motors go no farther than that, and GO is refused."""
+    """The motors go no further than the limit, and GO is refused."""
     session = loaded()
     session.accept(p.MotorSetSpeed(1, 2_000, 4_000), RUN)
     session.run(0.2)

@@ -41,7 +41,7 @@ def positions(client):
 
 
 def played(board, client, seconds=60):
-    """(trace, positions before it)"""
+    """Return (trace, positions before it)."""
     start = positions(client)
     board.edges()
     client.request(RtGo())
@@ -52,9 +52,9 @@ def played(board, client, seconds=60):
 
 
 def common_origin(trace, start, upload, fps, index):
-    """The one moment of the first frame, ns, at which all motors stand where the upload has them.
+    """Return the one time of the first frame, ns, with all motors on their uploaded positions.
 
-    index: of the frames in the order in which they are played.
+    index: the frames in the order of play.
     """
     due = frame_times_ns(len(index), round(1000 * fps))
     low, high = -(1 << 62), 1 << 62
@@ -89,7 +89,7 @@ def test_the_uploaded_positions_at_each_frame_and_less_ripple(fps):
         sums = Ripple()
         for motor, path in paths.items():
             times, ways = trace.steps(motor)
-            if not smoothing:  # the edge onto the second frame's position of the fastest motor
+            if not smoothing:  # the fastest motor's edge onto the second frame's position
                 fast = max(upload, key=lambda m: abs(upload[m][9] - upload[m][8]))
                 edges, turns = trace.steps(fast)
                 at = start[fast] + np.cumsum(turns)
@@ -104,7 +104,7 @@ def test_the_uploaded_positions_at_each_frame_and_less_ripple(fps):
 
 
 def edges_by_frame(trace, motor, origin, fps, frames):
-    """The motor's edges between frames, µs after the frame before them."""
+    """Return the motor's edges between frames, µs after the frame before them."""
     times, ways = trace.steps(motor)
     due = frame_times_ns(frames, round(1000 * fps))
     at = times - origin
@@ -168,8 +168,8 @@ HARD = {
 @pytest.mark.parametrize("backlash", [0, 7])
 @pytest.mark.parametrize("backward", [False, True])
 def test_turns_corners_and_holds(backward, backlash):
-    """No step that the upload does not have: a hold has no edge, and steps go one way between
-    frames of which the path does."""
+    """Smoothing adds no step: a hold has no edge, and between frames steps go one way if the path
+    does."""
     rig = {"motors": [{"backlash": backlash}] * 4}
     order = list(range(24))[:: -1 if backward else 1]
     board, client = prepared(HARD, 24, order[0] + 1, order[-1] + 1, rig=rig)
@@ -211,14 +211,15 @@ def test_a_motor_at_its_limits_is_not_driven_beyond_them(reach, period):
 
 
 def turning(frames):
-    """Slow and fast motors that turn often, and one that tells when each frame is."""
+    """Return a move of slow and fast motors that turn often, and one motor that marks each
+    frame."""
     x = np.arange(frames)
     swings = [(31, 14.3, 2.4), (50.5, 6.02, 1.1), (36, 11.7, 4.7), (3.2, 38, 0.3), (57, 22.1, 3.2)]
     upload = {
         motor: np.rint(reach * np.sin(2 * np.pi * x / period + phase)).astype(int)
         for motor, (reach, period, phase) in enumerate(swings, 1)
     }
-    # a frame's position here and there that is one off, as by rounding
+    # some frames' positions are wrong by one, as by rounding
     upload[6] = np.cumsum(np.random.default_rng(5).choice([-1, 0, 0, 0, 1, 1], frames))
     return upload | {8: 400 * x}
 
@@ -226,8 +227,8 @@ def turning(frames):
 @pytest.mark.parametrize("smoothing", [False, True])
 @pytest.mark.parametrize("fps", [13.7, 23.976, 24, 59.94])
 def test_the_count_of_steps_at_each_frame(smoothing, fps):
-    """Exactly the uploaded one: a step that leads there has come by then, within two microseconds,
-    and none that leads away, also where the frame lies within a tick and the motor turns."""
+    """The count is the uploaded one: within two microseconds the last step to it has come, and no
+    step away, also if the frame is within a tick and the motor turns."""
     upload = turning(160)
     due = frame_times_ns(160, round(1000 * fps))
     board, client = prepared(upload, fps, rig={"smoothing": smoothing})
@@ -235,7 +236,7 @@ def test_the_count_of_steps_at_each_frame(smoothing, fps):
     times, ways = trace.steps(8)
     at = start[8] + np.cumsum(ways)
     origin = np.median([times[np.argmax(at == upload[8][k])] - due[k] for k in range(2, 159)])
-    if smoothing:  # it passes a frame half a step beyond the position
+    if smoothing:  # the path passes a frame half a step beyond the position
         origin += 0.5e9 / fps / 400
     for motor, steps in upload.items():
         times, ways = trace.steps(motor)

@@ -1,5 +1,5 @@
-"""Turning points of an uploaded move: the motor makes their last step, at the frame's time, and the
-step back."""
+"""Turning points of an uploaded move: the motor makes the last step to them, at the frame's time,
+and the step back."""
 
 import numpy as np
 import pytest
@@ -11,8 +11,8 @@ PERIOD = {24: 1 / 24, 23.976: 1 / 23.976, 60: 1 / 60, 25: 1 / 25}
 
 
 def played(positions, fps, flags=1, motor=1):
-    """Steps made at each frame's time, a little before and after it, over all origins that the
-    start may have."""
+    """Return the steps made slightly before and after each frame's time, over all possible origins
+    of the start."""
     session = simulated()
     session.speed(1, 200_000, 4_000_000)
     session.speed(2, 200_000, 4_000_000)
@@ -30,7 +30,8 @@ def played(positions, fps, flags=1, motor=1):
 
 
 def misses(positions, fps, before, times, signs):
-    """The greatest distance from a frame's position at its time, for the best origin of the run."""
+    """Return the greatest distance from a frame's position at its time, for the run's best
+    origin."""
     made = np.concatenate(([0], np.cumsum(signs))) + before
     at = np.arange(len(positions)) * PERIOD[fps]
     best = None
@@ -47,7 +48,7 @@ def misses(positions, fps, before, times, signs):
 @pytest.mark.parametrize("peak", [1, 5, 100, 300])
 @pytest.mark.parametrize("lean", [0, 1])
 def test_a_peak_is_reached(fps, peak, lean):
-    """Up and down, the frame of the turn is the highest step there is, and the lowest."""
+    """Up and down, the turning frame is the highest step, or the lowest."""
     up = [*range(0, peak, max(1, peak // 5)), peak]
     down = [max(0, step - lean) for step in up[-2::-1]]
     positions = [0, *up, *down, *[-step for step in up[1:]], *[-step for step in down], 0]

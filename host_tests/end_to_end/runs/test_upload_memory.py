@@ -1,4 +1,5 @@
-"""What does not fit into the memory of an upload is told: how much it needs, how much is free."""
+"""An upload that does not fit into memory: the firmware says how much it needs, and what is
+free."""
 
 import random
 from types import SimpleNamespace
@@ -40,7 +41,7 @@ class Rig:
             self.client.request(request)
 
     def refused(self, request):
-        """What is said of a request that is refused: the text, what it needs, what is free."""
+        """Return what a refusal says: the text, what the request needs, what is free."""
         with pytest.raises(RequestRefused) as caught:
             self.client.request(request)
         told = self.client.request(p.GetExceeded())
@@ -50,7 +51,7 @@ class Rig:
         return said, told.by, told.room
 
     def unreported(self):
-        """Whether the REPL is to be told; then it has been."""
+        """Whether the REPL has something to report; clear it."""
         faults = self.board._board.controller.faults
         found = faults.unreported & UNREPORTED
         faults.unreported &= ~UNREPORTED
@@ -70,7 +71,7 @@ WILD = [1_000_000 * (i % 2) for i in range(FRAMES)]
 @pytest.mark.parametrize(
     ("request_", "part", "needs"),
     [
-        # 7 pieces for each chunk, so that a change of the steps per frame has 22 bits
+        # 7 pieces for each chunk, for 22-bit changes of the steps per frame
         (p.RtUploadMoveAxis(2, 0, WILD), "the positions of motor 2 from the upload's frame 1 on",
          14 * PIECE),
         (p.RtUploadMoveDmx(5, 0, random.Random(1).choices(range(256), k=FRAMES)),
@@ -111,7 +112,7 @@ def test_a_motor_that_has_no_region(rig):
 
 
 def test_frames_between_those_sent(rig):
-    """They hold the position before them, so that the motor jumps behind them."""
+    """They hold the position before them, so the motor jumps after them."""
     rig.client.request(p.RtUploadMoveBegin(1, FRAMES))
     rig.client.request(p.RtUploadMoveAxis(1, 0, [0]))
     rig.client.request(p.RtUploadMoveAxis(1, 100, [100_000_000]))

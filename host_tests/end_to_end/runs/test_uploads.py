@@ -1,5 +1,5 @@
-"""Uploads on the host simulation: message by message, refused, a frame more, frame numbers at their
-ends."""
+"""Uploads on the host simulation: message by message, refused, with one frame more, with extreme
+frame numbers."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from host_tests.end_to_end.session import run_request
 
 
 def test_upload_message_by_message(both):
-    """BEGIN, sections in any order and again, END; a motor goes to each frame's position."""
+    """BEGIN, sections in any order and repeated, END; a motor goes to each frame's position."""
     both.accept(
         p.RtUploadMoveBegin(10, 19),
         p.RtUploadMoveAxis(2, 5 | p.LAST_SECTION, (50, 60, 70)),
@@ -32,7 +32,7 @@ def test_upload_message_by_message(both):
 
 
 def test_upload_refused(both):
-    """Field notes 5.2 to 5.4, and what was uploaded before stays."""
+    """Field notes 5.2 to 5.4; the earlier upload stays."""
     info_frames = both.ask(p.Hi()).upload_frames
     both.refuse(
         p.Ack.ERR_GENERAL, p.RtUploadMoveAxis(1, 0, (1,)), p.RtUploadMoveEnd(), p.RtPositionFrame(1)
@@ -74,8 +74,7 @@ def test_upload_refused(both):
 
 
 def test_a_frame_more(both):
-    """Field note 5.3: sections that reach past the end are stored as far as they lie inside; END
-    and a run work."""
+    """Field note 5.3: sections that extend past the end are stored up to it; END and a run work."""
     for motor in MOVE:
         both.speed(motor, 20000, 100_000)
     both.accept(p.RtUploadMoveBegin(1, FRAMES))
@@ -117,7 +116,7 @@ def test_sections_that_fill_the_largest_frame(rig):
 
 
 def test_frame_numbers_at_their_ends(fast):
-    """Field note 5.3: ±1 000 000 is the last frame number; MOVE TIME tells it."""
+    """Field note 5.3: ±1 000 000 is the last frame number; MOVE TIME reports it."""
     for start in (-1_000_000, 1_000_000 - FRAMES + 1):
         fast.upload(MOVE, start_frame=start)
         for frame in (start, start + FRAMES - 1):
@@ -150,7 +149,7 @@ def test_negative_frames_and_far_positions(fast):
     fast.wait_idle()
     assert fast.position(1) == positions[1][0]
     assert fast.position(2) == positions[2][0]
-    # run-ups and run-outs would leave the range of 32 bits; from -5 to 9 they do not
+    # run-ups and run-outs would exceed the range of 32 bits; from -5 to 9 they do not
     before = fast.play(run_request(24, -5, 9, 100, 100))
     assert_played(fast, before, {m: s[5:20] for m, s in positions.items()}, 24)
     assert set(fast.frames_told()) >= {1000 * frame for frame in range(-5, 10)}

@@ -5,7 +5,7 @@ import numpy as np
 from framestep_tools.judge.judge import judge
 
 FRAMES = 25
-# A motor at constant speed, one that swings, one that holds still in the middle
+# A motor at constant speed, one that swings, one that holds in the middle
 MOVE = {
     1: 100 + 60 * np.arange(FRAMES),
     2: np.round(400 * np.sin(np.arange(FRAMES) * 0.3)).astype(int),
@@ -14,7 +14,7 @@ MOVE = {
 
 
 def section(first, last, start_frame=1):
-    """The positions of MOVE from one scene frame to another, in the order of play."""
+    """Return the positions of MOVE from one scene frame to another, in the order of play."""
     step = 1 if last >= first else -1
     return {
         m: steps[np.arange(first, last + step, step) - start_frame] for m, steps in MOVE.items()
