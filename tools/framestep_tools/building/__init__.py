@@ -1,1 +1,1 @@
-"""Images: the firmware with constants put in, and MicroPython around it."""
+"""Images: MicroPython with the firmware frozen in, and constants folded into it."""

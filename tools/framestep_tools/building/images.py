@@ -1,4 +1,4 @@
-"""Where the builds of MicroPython lie, made by tools/micropython/build.sh when they are missing."""
+"""Builds of MicroPython, made by tools/micropython/build.sh if they are missing."""
 
 import hashlib
 import os
@@ -40,12 +40,12 @@ _BEGINNING = {
 
 
 class BuildError(ToolError):
-    """A build is missing and cannot be made here; the text says why."""
+    """A build is missing and cannot be made here. The text says why."""
 
 
 def _run(*command: str, show: bool = False, **environment: str) -> str:
-    """What the command prints on standard output. show: what it says of its progress goes where
-    ours goes."""
+    """Run a command and return its standard output. show: pass its progress on to our standard
+    error."""
     result = subprocess.run(
         command,
         cwd=ROOT,
@@ -62,8 +62,8 @@ def _run(*command: str, show: bool = False, **environment: str) -> str:
 
 
 def micropython(target: str) -> Path:
-    """The product of a target of build.sh ("rp2", "unix32f", ...), built first if it is not
-    there."""
+    """Return the product of a target of build.sh ("rp2", "unix32f", ...), and build it if it is
+    missing."""
     product = CACHE / _PRODUCTS[target]
     if not product.exists():
         _run("tools/micropython/build.sh", target)
@@ -72,7 +72,7 @@ def micropython(target: str) -> Path:
 
 @contextmanager
 def _locked(file: Path) -> Iterator[None]:
-    """One process at a time; others wait."""
+    """Admit one process at a time; others wait."""
     import fcntl
 
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -82,7 +82,7 @@ def _locked(file: Path) -> Iterator[None]:
 
 
 def _put(folder: Path, files: dict[str, bytes]) -> None:
-    """Make these the files in a folder; those that are the same are not touched."""
+    """Make these the files of a folder, without touching unchanged ones."""
     for name, data in files.items():
         path = folder / name
         if not path.exists() or path.read_bytes() != data:
@@ -102,7 +102,7 @@ def image_files(board: str) -> dict[str, bytes]:
 
 
 def image_module(board: str, modules: Mapping[str, bytes]) -> str:
-    """Source of framestep_image: the image's ID, its board, a hash of each module in it."""
+    """Return the source of framestep_image: the image's ID, its board, a hash of each module."""
     hashes = b"".join(
         sorted(module_hash(*module) for module in {**modules, **beginnings()}.items())
     )
@@ -111,17 +111,17 @@ def image_module(board: str, modules: Mapping[str, bytes]) -> str:
 
 
 def module_hash(name: str, content: bytes) -> bytes:
-    """Hash of a module, one of framestep_image.HASHES."""
+    """Return a module's hash, as in framestep_image.HASHES."""
     return hashlib.sha256(name.encode() + b"\0" + content).digest()[:4]
 
 
 def beginnings() -> dict[str, bytes]:
-    """{module's path: content} of what an overlay cannot replace."""
+    """Return {module's path: content} of modules that an overlay cannot replace."""
     return {name: (FIRMWARE / source).read_bytes() for name, source in _BEGINNING.items()}
 
 
 def _digest(board: str, files: dict[str, bytes]) -> str:
-    """What tells whether an image is of the present sources."""
+    """Return a digest that changes with the sources of an image."""
     folder = ROOT / "boards" / board
     machinery = ROOT / "tools/micropython"
     recipe = [*machinery.glob("*.sh"), *machinery.glob("patches/*/*.patch")]
@@ -137,7 +137,7 @@ def _digest(board: str, files: dict[str, bytes]) -> str:
 
 
 def images_ready() -> dict[str, Path]:
-    """{board: its UF2 image} of those that are built of the present sources; nothing is built."""
+    """Return {board: UF2 image} of images built from the present sources. Build nothing."""
     found = {}
     for board in board_names():
         build = CACHE / "build" / f"image-{board}"
@@ -152,9 +152,9 @@ def images_ready() -> dict[str, Path]:
 
 
 def flash_left(firmware: bytes) -> int:
-    """Bytes between the end of a firmware and the file system in the same flash.
+    """Return the bytes between the end of a firmware and its file system in the same flash.
 
-    BuildError if they overlap: the file system would lie over the end of the code.
+    Raises BuildError if they overlap: the file system would overwrite the end of the code.
     """
     area = from_flash(firmware, RP2040).file_system()
     if area is None:
@@ -170,12 +170,12 @@ def flash_left(firmware: bytes) -> int:
 
 
 def frozen(board: str = "pico", checkout: str | None = None, show: bool = False) -> Path:
-    """Firmware of a board with framestep in it, beside it firmware.uf2; made anew when a source has
-    changed.
+    """Return a board's firmware with framestep in it, next to firmware.uf2. Build it if a source
+    has changed.
 
-    Two minutes the first time, then some twenty seconds. Frozen code is the .mpy files that a board
-    would get copied. `checkout`: the MicroPython to build, if not Debian's; show: tell the build's
-    steps on standard error. Two processes may call this at once.
+    That takes two minutes the first time, later some twenty seconds. checkout: the MicroPython to
+    build, if not Debian's; show: print the steps on standard error. Several processes may call this
+    at once.
     """
     files = image_files(board)
     folder = ROOT / "boards" / board
@@ -209,8 +209,8 @@ def frozen(board: str = "pico", checkout: str | None = None, show: bool = False)
 
 
 def emulator_ready() -> Path:
-    """What the emulated board needs: node, its package, and the RP2040 firmware, whose path is
-    given back."""
+    """Prepare the emulated board: node, its package, and the RP2040 firmware. Return the firmware's
+    path."""
     if not (
         ROOT / "tools/framestep_emulator/board/node_modules/rp2040js/package.json"
     ).exists() or not shutil.which("node"):

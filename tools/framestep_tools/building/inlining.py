@@ -1,12 +1,11 @@
-"""Puts what a function computes in the place of its calls, before the source is compiled for a
-board.
+"""Replaces calls of some functions by their expressions, before a module is compiled for a board.
 
-A call costs a board ten times what a sum does, and a function a name and 50 bytes of memory. So the
-functions of some modules, each of them a single `return`, are for the reader alone.
+A call costs a board ten times as much as a sum, and a function costs a name and 50 bytes of memory.
+So the functions of some modules, each a single `return`, only exist for readers.
 
-Where the expression has a parameter more than once, or in one of its cases only, a call has to give
-a name, a number or a word of an array for it: nothing that does something when it is computed.
-Lines stay where they are, so that tracebacks are right.
+If the expression uses a parameter more than once, or only in one of its cases, the argument must be
+a name, a number or a word of an array: nothing with a side effect. Line numbers stay the same, so
+tracebacks are right.
 """
 
 import ast
@@ -20,16 +19,16 @@ from .constants import Edits, FoldError, shorten
 class _Function:
     parameters: tuple[str, ...]
     result: ast.expr
-    once: bool  # each parameter is computed once, as in a call
+    once: bool  # each parameter is evaluated once, as in a call
 
     def fits(self, arguments: list[ast.expr]) -> bool:
-        """Whether a call with these can be replaced."""
+        """Return whether a call with these arguments can be replaced."""
         return len(arguments) == len(self.parameters) and (
             self.once or not any(isinstance(n, ast.Call) for a in arguments for n in ast.walk(a))
         )
 
     def call(self, arguments: list[str]) -> str:
-        """The expression with these in the place of the parameters."""
+        """Return the expression with these arguments for the parameters."""
         given = dict(zip(self.parameters, arguments, strict=True))
 
         class Put(ast.NodeTransformer):
@@ -40,9 +39,11 @@ class _Function:
 
 
 def inline(texts: Mapping[str, str], path: str) -> dict[str, str]:
-    """The modules, {path: source}, with no calls of functions of the module `path`. They have been
-    folded (framestep_tools.building.constants) before. FoldError where a function or a use of it is
-    not fit for that."""
+    """Replace all calls of functions of the module `path`.
+
+    texts: {path: source}, already folded (framestep_tools.building.constants). Raises FoldError if
+    a function or its use cannot be inlined.
+    """
     functions = _functions(path, texts[path])
     source = path.removesuffix(".py").replace("/", ".")
     return {
@@ -114,7 +115,7 @@ def _inlined(path: str, text: str, source: str, functions: Mapping[str, _Functio
 def _innermost(
     text: str, here: Mapping[str, str], functions: Mapping[str, _Function]
 ) -> list[tuple[ast.Call, _Function]]:
-    """Calls of functions with none in their arguments."""
+    """Return calls of these functions whose arguments contain no such call."""
     found = []
     for node in ast.walk(ast.parse(text)):
         match node:
@@ -132,6 +133,6 @@ def _innermost(
 
 
 def _source(text: str, node: ast.expr) -> str:
-    """An argument's source, in one line."""
+    """Return an argument's source in one line."""
     given = " ".join((ast.get_source_segment(text, node) or "").split())
     return given if isinstance(node, ast.Name | ast.Attribute | ast.Constant) else f"({given})"

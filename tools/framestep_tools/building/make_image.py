@@ -1,4 +1,4 @@
-"""`make image`: build/<board>.uf2, MicroPython with framestep in it, to be dragged onto a board."""
+"""`make image`: build/<board>.uf2, MicroPython with framestep in it, for a board's drive."""
 
 import shutil
 from typing import Annotated

@@ -1,10 +1,9 @@
 """Kernels that an image runs from RAM.
 
-The flash cache of an RP2040 has 16 kB, which a pass of the main loop goes through more than once:
-what each pass and each request calls has to be fetched from flash anew. The kernels named here,
-those that gain most for their size, are copied to RAM at the start (`make profile` with and without
-`--no-cache` tells). MicroPython's functions that run from RAM are named in
-tools/micropython/in_ram.sh.
+The flash cache of an RP2040 has 16 kB, and a pass of the main loop uses more code than that. So
+code of each pass and each request has to be fetched from flash again. The kernels named here gain
+most for their size (compare `make profile` with and without `--no-cache`); they are copied to RAM
+at the start. tools/micropython/in_ram.sh names MicroPython's own functions that run from RAM.
 """
 
 import ast

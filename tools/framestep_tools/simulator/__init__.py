@@ -1,1 +1,1 @@
-"""The controller on this computer, and what stands beside it: boards, driver chips, chains."""
+"""The controller on this computer, with simulated boards, driver chips and shift registers."""

@@ -1,8 +1,7 @@
-"""A whole controller to talk to, simulated or emulated, behind one face: time, ports and edges.
+"""A whole controller, simulated or emulated, with one interface: time, ports and edges.
 
-Time stands still except in `run_until`; so the same input gives the same run, and a server or a
-test decides how fast it goes. What `Board.edges` hands out is in no particular order but complete
-up to now.
+Time only passes in `run_until`. So the same input gives the same run, and a server or a test
+decides the speed. `Board.edges` returns edges in no particular order, but all of them up to now.
 """
 
 import base64
@@ -25,17 +24,17 @@ if TYPE_CHECKING:
 
     from framestep.hal.host_board import HostBoard
 
-_LOOK_NS = 1_000_000  # how often a simulated board is asked for output while a client waits
+_LOOK_NS = 1_000_000  # interval at which a simulated board is asked for output while a client waits
 _BOOT_LIMIT_MS = 10_000
 
 
 def read_rig(path: str | Path | None) -> dict[str, Any]:
-    """The settings in a rig file, {} for none. What they mean is checked by the controller."""
+    """Read the settings of a rig file, {} for none. The controller checks them."""
     return {} if path is None else read(path)
 
 
 def closed_switches(rig: Rig) -> list[int]:
-    """Pins that stop switches hold low while nobody touches them: the normally closed ones."""
+    """Return pins that untouched stop switches hold low: those of normally closed switches."""
     pins = [rig.board["estop"]] if rig.estop == "nc" else []
     for limit in rig.limits:
         if limit["contact"] == "nc":
@@ -44,52 +43,52 @@ def closed_switches(rig: Rig) -> list[int]:
 
 
 class Channel(Protocol):
-    """One serial port of a board, seen from the host."""
+    """One serial port of a board, as the host sees it."""
 
     def receive(self, data: bytes) -> None:
-        """Bytes for the board; they wait until it takes them."""
+        """Send bytes to the board; they wait until it reads them."""
 
     def transmit(self) -> bytes:
-        """What the board has sent since the last call."""
+        """Return the board's bytes since the last call."""
 
     def open_port(self, on: bool) -> None:
         """Open or close the port (DTR)."""
 
     @property
     def pending(self) -> int:
-        """Bytes that the board has not taken yet."""
+        """Number of bytes that the board has not read yet."""
 
 
 class Board(Protocol):
     """A controller with its protocol port, perhaps a REPL, and pins."""
 
-    slice_ns: int  # how much time to let pass at once, so that a round trip costs little against it
+    slice_ns: int  # time to pass at once, long against the cost of a call
     protocol: Channel
     repl: Channel | None
 
     @property
     def now_ns(self) -> int:
-        """Virtual time."""
+        """Virtual time in ns."""
 
     def run_until(self, ns: int, until_output: bool = False) -> None:
-        """Let time pass; `until_output` stops as soon as the protocol port has sent something."""
+        """Let time pass. until_output: stop as soon as the protocol port has sent something."""
 
     def edges(self) -> list[Edge]:
-        """The edges since the last call; none before `now_ns` will follow."""
+        """Return the edges since the last call. Later calls return none before `now_ns`."""
 
     def close(self) -> None:
-        """End it."""
+        """End the board."""
 
 
 # ---- on the host ---------------------------------------------------------------------------------
 
 
 class SimulatedBoard:
-    """The controller on the host HAL, with the pins of a board in boards/. motors: how many,
-    whatever the board has.
+    """The controller on the host HAL, with the pins of a board in boards/.
 
-    upload_bytes: memory for the uploaded move, 0 for as much as is usual.
-    `chips`: simulated TMC2209 drivers of motor 1, 2, …, where the board has a UART for them.
+    motors: number of motors, if not the board's; upload_bytes: memory for the uploaded move, 0 for
+    the default. `chips`: simulated TMC2209 drivers of motors 1, 2, …, if the board has a UART for
+    them.
     """
 
     slice_ns = 1_000_000
@@ -128,17 +127,17 @@ class SimulatedBoard:
         self.protocol = self
 
     def upload_bytes_for(self, frames: int) -> int:
-        """How much memory for the uploaded move holds so many frames of all motors, about."""
+        """Return the approximate memory for this many uploaded frames of all motors."""
         moves, hal = self._board.controller.moves, self._board.hal
         return -(-hal.upload_bytes * frames // moves.upload_frames)
 
     @property
     def host_board(self) -> "HostBoard":
-        """The controller itself, to look inside."""
+        """The controller itself, for tests that look inside."""
         return self._board
 
     def wire_switches(self) -> None:
-        """Connect the stop switches that the rig has; nobody touches them."""
+        """Connect the rig's stop switches, untouched."""
         for pin in closed_switches(self._board.rig):
             self._board.set_input(pin, 0)
 
@@ -211,16 +210,16 @@ class _EmulatedPort:
 
 
 class BoardHalted(ToolError):
-    """The emulated processor has stopped; the text says why."""
+    """The emulated processor has stopped. The text says why."""
 
 
 class EmulatedBoard:
-    """A board's image on an emulated board: nothing is patched.
+    """A board's unpatched image on an emulated board.
 
-    `rig` becomes the board's rig.json, `files` ({path: content}) lie beside it. With `ports: 1` in
-    it the protocol is on the built-in port and there is no REPL channel. `args` go to the emulator
-    (its --help). `board` is a folder in boards/. `emulator` is the framestep_emulator.Emulator, for
-    pins, loads and the like, `pins` the pin map.
+    rig: content of its rig.json; with `ports: 1` the protocol is on the built-in port and there is
+    no REPL channel; files: {path: content} of other files; args: options of the emulator (see its
+    --help); board: a folder in boards/. `emulator` is the framestep_emulator.Emulator, for pins and
+    loads; `pins` is the pin map.
     """
 
     slice_ns = 4_000_000
@@ -265,8 +264,7 @@ class EmulatedBoard:
         if self._tracing:
             self.emulator.trace_start(self.pins.pins)
         if self._single:
-            # Nothing tells that the controller is up but its greeting, which waits for whoever
-            # reads it.
+            # Only its greeting shows that the controller is up. It waits for its reader.
             self.emulator.cmd("open", port=0, on=True)
             self.emulator.cmd(
                 "run_until_ns", ns=self.emulator.ns + _BOOT_LIMIT_MS * 1_000_000, until_rx=0
@@ -275,8 +273,7 @@ class EmulatedBoard:
             self.emulator.wait_usb(_BOOT_LIMIT_MS, ports=2)
 
     def wire_switches(self) -> None:
-        """Connect the stop switches that the rig has; nobody touches them. A rig file with a
-        mistake has none."""
+        """Connect the rig's stop switches, untouched. A rig file with a mistake has none."""
         try:
             rig = Rig(self._rig or None, self._data)
         except RigError:
@@ -318,8 +315,8 @@ def _is_inverted(motor: Any) -> bool:
 
 
 class LockstepPort:
-    """A board's port as Client takes it: reads that wait let the board's time pass, `timeout` is in
-    its seconds."""
+    """A board's port for Client. Waiting reads let the board's time pass; `timeout` is in its
+    seconds."""
 
     def __init__(self, board: Board, channel: Channel | None = None):
         self.board = board
@@ -330,17 +327,17 @@ class LockstepPort:
         self.channel.open_port(True)
 
     def clock(self) -> float:
-        """The board's time in seconds."""
+        """Return the board's time in seconds."""
         return self.board.now_ns * 1e-9
 
     @property
     def in_waiting(self) -> int:
-        """Bytes that can be read at once."""
+        """Number of bytes that can be read at once."""
         self._arrived += self.channel.transmit()
         return len(self._arrived)
 
     def read(self, size: int = 1) -> bytes:
-        """Up to `size` bytes, waiting as long as `timeout` says."""
+        """Return up to `size` bytes, after waiting for at most `timeout`."""
         board = self.board
         deadline = None if self.timeout is None else board.now_ns + round(self.timeout * 1e9)
         while self.in_waiting < size and (deadline is None or board.now_ns < deadline):
@@ -351,12 +348,12 @@ class LockstepPort:
         return data
 
     def write(self, data: bytes) -> int:
-        """Hand bytes to the board; it takes them when time passes."""
+        """Send bytes to the board; it reads them when time passes."""
         self.channel.receive(bytes(data))
         return len(data)
 
     def close(self) -> None:
-        """Close the port as a host does."""
+        """Close the port, as a host does."""
         if self.is_open:
             self.is_open = False
             self.channel.open_port(False)

@@ -1,9 +1,7 @@
-"""TMC2209 driver chips on one wire, simulated: what they take in, what they answer, when, and what
-can go wrong.
+"""TMC2209 driver chips on one wire, simulated: their answers, their timing, and their faults.
 
-From the TMC2209 datasheet's "UART single wire interface" and the makers' register reference
-(analogdevicesinc/TMC-API, tmc/ic/TMC2209), not from the firmware's own code, so that one checks the
-other.
+Written from the TMC2209 datasheet's "UART single wire interface" and the maker's register reference
+(analogdevicesinc/TMC-API, tmc/ic/TMC2209), not from the firmware's code, so each checks the other.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -15,7 +13,7 @@ SYNC, MASTER, WRITE = 0x05, 0xFF, 0x80
 GCONF, GSTAT, IFCNT, NODECONF = 0x00, 0x01, 0x02, 0x03
 IHOLD_IRUN, TPOWERDOWN, TPWMTHRS, TCOOLTHRS, VACTUAL, COOLCONF = 0x10, 0x11, 0x13, 0x14, 0x22, 0x42
 CHOPCONF, DRV_STATUS, PWMCONF = 0x6C, 0x6F, 0x70
-STANDSTILL = 1 << 31  # of DRV_STATUS
+STANDSTILL = 1 << 31  # bit of DRV_STATUS
 _READABLE = {GCONF, GSTAT, IFCNT, 0x06, CHOPCONF, DRV_STATUS, PWMCONF}
 _AFTER_RESET = {
     GCONF: 0x101,
@@ -27,12 +25,12 @@ _AFTER_RESET = {
 }
 _BIT_NS = 1_000_000_000 / BAUD
 _BYTE_NS = 10 * _BIT_NS
-_IDLE_BITS = 63  # a telegram that stops for so long is dropped
+_IDLE_BITS = 63  # a telegram that pauses for this long is dropped
 
 
 def crc8(data: Iterable[int]) -> int:
-    """The datasheet's CRC: shifted through bit by bit, the lowest bit of each byte first,
-    polynomial 0x07."""
+    """Return the datasheet's CRC: bit by bit, the lowest bit of each byte first, polynomial
+    0x07."""
     crc = 0
     for byte in data:
         for i in range(8):
@@ -43,8 +41,7 @@ def crc8(data: Iterable[int]) -> int:
 
 @dataclass
 class Chip:
-    """One driver. `writes` are all registers written since it has power, in order: (register,
-    value)."""
+    """One driver. `writes`: all registers written since power-up, in order: (register, value)."""
 
     address: int
     powered: bool = True
@@ -59,14 +56,14 @@ class Chip:
         self.reset()
 
     def reset(self) -> None:
-        """Its supply went away and came back."""
+        """Cut the supply and restore it."""
         self.registers = dict(_AFTER_RESET)
         self.writes = []
         self.count = 0
         self.gstat = 1
 
     def take(self, telegram: bytes) -> tuple[bytes, float]:
-        """A telegram has come: the answer, b"" for none, and the pause before it in ns."""
+        """Receive a telegram. Return the answer, b"" for none, and the pause before it in ns."""
         if not self.powered or telegram[0] & 0x0F != SYNC or telegram[1] != self.address:
             return b"", 0
         if crc8(telegram[:-1]) != telegram[-1]:
@@ -90,11 +87,11 @@ class Chip:
         delay = 8 * (self.registers[NODECONF] >> 8 & 0xF | 1)  # 0, 1: 8 bit times; 2, 3: 24 …
         return head + bytes([crc8(head)]), delay * _BIT_NS
 
-    # ---- what was set, in the words of the datasheet
+    # ---- settings, in the datasheet's terms
 
     @property
     def bridges_on(self) -> bool:
-        """Whether it would drive the motor if it were enabled."""
+        """Whether the chip would drive the motor if it were enabled."""
         return self.registers[CHOPCONF] & 0xF != 0
 
     @property
@@ -103,24 +100,24 @@ class Chip:
         return 256 >> (self.registers[CHOPCONF] >> 24 & 0xF)
 
     def run_ma(self, sense_mohm: float = 110) -> float:
-        """Run current in mA, root mean square."""
+        """Return the run current in mA, root mean square."""
         full_scale = 180 if self.registers[CHOPCONF] >> 17 & 1 else 320
         irun = self.registers[IHOLD_IRUN] >> 8 & 0x1F
         return (irun + 1) / 32 * full_scale / (sense_mohm + 20) / 2**0.5 * 1000
 
 
 def of(board: Mapping[str, Any]) -> list[Chip]:
-    """A chip for each address in a board's data: those of motor 1, 2, … board: data from
+    """Return a chip for each address in a board's data, for motors 1, 2, … board: data from
     framestep.rig.pins.fitted."""
     return [Chip(address) for address in board.get("drivers", {}).get("address", [])]
 
 
 class Chips:
-    """A wire with drivers on it, behind the face of framestep.hal's `wire`: bytes take their time.
+    """A wire with drivers, with the interface of framestep.hal's `wire`. Bytes take their time.
 
-    clock: nanoseconds. `spoil(direction, data) -> data` may change or drop what goes to the drivers
-    ("to", a telegram) or comes from them ("from", an answer). echo: what is sent comes back. apart:
-    each chip has its own wire, in the order of the motors.
+    clock: nanoseconds; spoil(direction, data) -> data: may change or drop telegrams ("to") and
+    answers ("from"); echo: sent bytes come back; apart: each chip has its own wire, in the order of
+    the motors.
     """
 
     def __init__(
@@ -136,10 +133,10 @@ class Chips:
         self.clock = clock
         self.echo = echo
         self.spoil: Callable[[str, bytes], bytes] = lambda direction, data: data
-        self.telegrams: list[tuple[float, bytes]] = []  # (time of the first bit, what was sent)
+        self.telegrams: list[tuple[float, bytes]] = []  # (time of the first bit, bytes)
         self._partial = bytearray()
         self._last_ns = 0.0  # end of the last byte on the wire
-        self._arrived: list[tuple[float, int]] = []  # (when it is there, byte)
+        self._arrived: list[tuple[float, int]] = []  # (time of arrival, byte)
 
     # ---- the board's end
 
@@ -167,7 +164,7 @@ class Chips:
     # ---- the wire
 
     def byte(self, value: int, start_ns: float) -> None:
-        """A byte from the board whose first bit came at this moment."""
+        """Receive a byte from the board whose first bit came at this moment."""
         if start_ns - self._last_ns > _IDLE_BITS * _BIT_NS:
             self._partial.clear()
         if not self._partial:
@@ -196,7 +193,7 @@ class Chips:
             self._last_ns = start
 
     def take_answers(self) -> bytes:
-        """Everything that is on its way to the board, for a board that has its own idea of time."""
+        """Return all bytes on their way to the board, for a board with its own time."""
         data = bytes(value for _, value in self._arrived)
         self._arrived.clear()
         return data

@@ -1,4 +1,4 @@
-"""The firmware in the foreground, on the emulated board: `make emu`. Nothing is patched."""
+"""`make emu`: run the unpatched firmware on the emulated board, in the foreground."""
 
 import sys
 from typing import Annotated
@@ -40,7 +40,7 @@ def main(
         str | None, typer.Option(help="keep the board's flash in this file", metavar="FILE")
     ] = None,
 ) -> None:
-    """Run the firmware on the emulated board; prints the path of its pseudo-terminal, then
+    """Run the firmware on the emulated board. Print the path of its pseudo-terminal, then
     `ready`."""
     pace = parse_speed(speed)
     settings = read_rig(rig)

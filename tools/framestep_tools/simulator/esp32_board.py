@@ -1,6 +1,8 @@
-"""The firmware on a simulated ESP32 (tools/micropython/esp32), behind the face of boards.Board:
-real MicroPython in QEMU with the port's own I2S, timers and pins, virtual time, and a chain of
-74HC595 whose outputs are the pins."""
+"""The firmware on a simulated ESP32 (tools/micropython/esp32), with the interface of boards.Board.
+
+Real MicroPython runs in QEMU with the port's own I2S, timers and pins, in virtual time. The pins
+are the outputs of a chain of 74HC595.
+"""
 
 import json
 import os
@@ -30,14 +32,14 @@ _CHIP = paths.ROOT / "tools" / "micropython" / "esp32"
 _STARTS = _CHIP / "firmware.py"
 _BOARD = _CHIP / "board.json"
 RATE = 250_000
-CHAIN = 64  # the pin that is the chain's output 0
+CHAIN = 64  # pin number of the chain's output 0
 _HEAP_KB = 1024
 _QEMU = "qemu-riscv32"
 _END_S = 5
 
 
 def board_data() -> dict[str, Any]:
-    """The data of the board that is simulated, as boards/*/board.json has those of others."""
+    """Return the simulated board's data, in the form of boards/*/board.json."""
     return json.loads(_BOARD.read_text()) | {"pins": CHAIN + 30}
 
 
@@ -46,7 +48,8 @@ class Esp32Error(ToolError):
 
 
 class Esp32Board:
-    """rig: what a rig file holds. The board is tools/micropython/esp32/board.json."""
+    """A simulated board. rig: settings of a rig file; the board is in
+    tools/micropython/esp32/board.json."""
 
     slice_ns = 10_000_000
     repl = None
@@ -79,12 +82,12 @@ class Esp32Board:
         os.close(answers)
         self._now = 0
         self._sent = bytearray()
-        self._played_to = 0  # in the record
-        self._before = 0  # the last bits that were played
-        self._last: tuple[int, int] | None = None  # the last word, and when it came
+        self._played_to = 0  # position in the record
+        self._before = 0  # the last played bits
+        self._last: tuple[int, int] | None = None  # the last word and its time
         self._decoder = PinDecoder(pins_of(data, rig, _BOARD.name), inverted)
         self.protocol = self
-        self._answer()  # the firmware is up
+        self._answer()  # waits until the firmware is up
 
     def _answer(self) -> None:
         head = self._take(12)
@@ -117,7 +120,7 @@ class Esp32Board:
         return data
 
     def open_port(self, on: bool) -> None:
-        """A UART does not tell."""
+        """Do nothing: a UART does not show it."""
 
     @property
     def pending(self) -> int:
@@ -133,20 +136,20 @@ class Esp32Board:
             self._answer()
 
     def pause(self, ms: float) -> None:
-        """The main loop stands still for so long, once, from its next pass on."""
+        """Hold up the main loop once for this long, in its next pass."""
         self._command("s", "Q", round(ms * 1e6))
 
     def set_pin(self, pin: int, level: int) -> None:
-        """The world outside puts a pin of the chip to a level."""
+        """Drive a pin of the chip from outside."""
         self._command("p", "BB", pin, level)
 
     def wire_switches(self) -> None:
-        """Connect the stop switches that the rig has; nobody touches them."""
+        """Connect the rig's stop switches, untouched."""
         for pin in closed_switches(self.rig):
             self.set_pin(pin, 0)
 
     def edges(self) -> list[Edge]:
-        """Edges of the chain's outputs, in what has been played since the last call."""
+        """Return edges of the chain's outputs in what has been played since the last call."""
         with self._record.open("rb") as file:
             file.seek(self._played_to)
             buffers, end = shift_registers.buffers(file.read())
@@ -164,12 +167,12 @@ class Esp32Board:
         return self._decoder.feed(records)
 
     def close(self) -> None:
-        """End it."""
+        """End the board."""
         os.close(self._commands)
         os.close(self._answers)
         try:
             self._process.wait(_END_S)
-        except subprocess.TimeoutExpired:  # it reads no commands
+        except subprocess.TimeoutExpired:  # it no longer reads commands
             self._process.kill()
             self._process.wait()
         self._errors.close()

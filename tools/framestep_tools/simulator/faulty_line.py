@@ -1,4 +1,4 @@
-"""A board's port on a cable whose faults can be had on demand, to try a host program against."""
+"""A board's port with a cable that fails on demand, to test host programs."""
 
 from collections import Counter
 
@@ -9,19 +9,19 @@ _FLIP = 0x10
 
 
 class FaultyLine:
-    """A Channel in front of another one. `recorder` is told what passes, as it arrives.
+    """A Channel in front of another one. recorder: gets all bytes as they arrive.
 
-    `plugged`: False after unplug().
+    `plugged`: False while the cable is out.
     """
 
     def __init__(self, channel: Channel, recorder: Recorder):
         self.plugged = True
         self._channel, self._recorder = channel, recorder
-        self._open = False  # as the host has its end
-        self._damage: Counter[str] = Counter()  # bytes to come, by who sends them
+        self._open = False  # state of the host's end
+        self._damage: Counter[str] = Counter()  # number of next bytes to damage, by sender
 
     def plug(self, on: bool) -> None:
-        """Pull the cable, or put it back: the board finds its port closed, the host is not told."""
+        """Pull the cable, or plug it in. The board's port closes, but the host does not notice."""
         if on == self.plugged:
             return
         self.plugged = on
@@ -29,18 +29,18 @@ class FaultyLine:
             self._tell_board(on)
 
     def damage(self, who: str) -> None:
-        """Flip a bit of what HOST or DEVICE sends next."""
+        """Flip a bit of the next bytes from HOST or DEVICE."""
         self._damage[who] += 1
 
     def receive(self, data: bytes) -> None:
-        """Bytes for the board; lost while the cable is out."""
+        """Send bytes to the board; they are lost while the cable is out."""
         if self.plugged:
             data = self._damaged(HOST, data)
             self._recorder.passed(HOST, data)
             self._channel.receive(data)
 
     def transmit(self) -> bytes:
-        """What the board has sent since the last call; nothing while the cable is out."""
+        """Return the board's bytes since the last call; none while the cable is out."""
         data = self._channel.transmit()
         if not self.plugged or not data:
             return b""
@@ -49,14 +49,14 @@ class FaultyLine:
         return data
 
     def open_port(self, on: bool) -> None:
-        """The host opens or closes its end."""
+        """Open or close the host's end."""
         self._open = on
         if self.plugged:
             self._tell_board(on)
 
     @property
     def pending(self) -> int:
-        """Bytes that the board has not taken yet."""
+        """Number of bytes that the board has not read yet."""
         return self._channel.pending
 
     def _tell_board(self, on: bool) -> None:

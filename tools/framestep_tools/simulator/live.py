@@ -1,4 +1,4 @@
-"""The simulator with a live view in the terminal, and keys for what can go wrong."""
+"""The simulator with a live view in the terminal, and keys that cause faults."""
 
 import contextlib
 import os
@@ -26,7 +26,7 @@ _KEYS = (
 
 @contextlib.contextmanager
 def _single_keys(descriptor: int) -> Iterator[None]:
-    """Keys come as they are pressed, unseen; Ctrl-C stays what it is."""
+    """Read single keys without echo. Ctrl-C keeps its effect."""
     import termios
     import tty
 
@@ -39,7 +39,7 @@ def _single_keys(descriptor: int) -> Iterator[None]:
 
 
 class LiveServer(Server):
-    """A Server of a simulated board that shows what goes on, and takes keys."""
+    """A Server of a simulated board with a live view and keys."""
 
     def __init__(
         self,
@@ -62,17 +62,17 @@ class LiveServer(Server):
         self.view.tell(entry)
 
     def run(self) -> None:
-        """Until q or Ctrl-C."""
+        """Run until q or Ctrl-C."""
         live = Live(console=self._console, screen=True, auto_refresh=False)
         with _single_keys(sys.stdin.fileno()), live:
             self._live = live
             super().run()
 
     def announce(self) -> None:
-        """The heading of the view has the ports."""
+        """Do nothing: the heading of the view has the ports."""
 
     def step(self) -> None:
-        """One slice, then keys, and ten times a second a new picture."""
+        """Run one slice, then handle keys, and draw ten times a second."""
         super().step()
         if self._live and time.monotonic() - self._drawn >= _DRAW_S:
             while select.select([sys.stdin], [], [], 0)[0]:
@@ -86,7 +86,7 @@ class LiveServer(Server):
             self._live.update(self.view.draw(self.line.plugged), refresh=True)
 
     def press(self, key: str) -> None:
-        """What a key does; others do nothing."""
+        """Handle a key; unknown keys do nothing."""
         if key == "e":
             self._estop()
         elif key == "h":
@@ -107,7 +107,7 @@ class LiveServer(Server):
         if board.rig.estop == "none":
             self.view.message = 'the rig file has no E-stop: "estop": "nc" gives it one'
             return
-        held = int(board.rig.estop == "nc")  # an opened contact is pulled up
+        held = int(board.rig.estop == "nc")  # an open contact is pulled up
         pin = board.rig.board["estop"]
         now = board.hal.levels() >> pin & 1
         board.set_input(pin, 1 - now)

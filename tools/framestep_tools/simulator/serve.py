@@ -1,16 +1,16 @@
 """Serve a board in the foreground: its ports as pseudo-terminals and raw TCP, its edges as a CSV
 file.
 
-The ports' paths are printed one a line, the protocol port's first, and then `ready`:
+It prints the ports' paths, one a line, the protocol port's first, and then `ready`:
 
     /dev/pts/5
     tcp 127.0.0.1:7000
     repl /dev/pts/6
     ready
 
-A client that opens the pseudo-terminal or connects opens the port (DTR), one that leaves closes it.
-One client at a time: while one is there a further connection is closed at once, and what comes from
-a further terminal is dropped.
+A client that opens the pseudo-terminal or connects opens the port (DTR), and closes it when it
+disconnects. There is one client at a time: another connection is closed at once, and bytes from
+another terminal are dropped.
 """
 
 import select
@@ -25,23 +25,23 @@ from ..errors import ToolError
 from ..judge.trace import TraceWriter
 from .boards import Board, Channel
 
-_HIGH_WATER = 65536  # bytes under way above which the other side has to wait
+_HIGH_WATER = 65536  # with more bytes under way, the sender has to wait
 _TRACE_FLUSH_S = 0.1
-_LONGEST_CATCH_UP_NS = 100_000_000  # a pace that has fallen further behind starts anew
+_LONGEST_CATCH_UP_NS = 100_000_000  # a pace that has fallen further behind restarts from now
 _BUSY_NS = 250_000_000  # board time: positions come every 100 ms while anything moves
 _CLOSED_NS = 10_000_000  # board time that a port stays closed between two clients
-# Board time for the board to take what its client wrote last, as a computer's serial driver gives
-# it; after that the rest is lost.
+# Board time in which the board can read its client's last bytes, as with a serial driver; after it
+# the rest is lost
 _DRAIN_NS = 2_000_000_000
-_WAITING_S = 0.1  # real time after a client's last byte in which it is taken to wait for an answer
+_WAITING_S = 0.1  # real time after its last byte in which a client counts as waiting for an answer
 
 
 class AddressError(ToolError):
-    """Not a HOST:PORT that can be listened on."""
+    """Not a valid HOST:PORT to listen on."""
 
 
 def parse_address(text: str) -> tuple[str, int]:
-    """`127.0.0.1:7000` as host and port; port 0 takes a free one."""
+    """Parse `127.0.0.1:7000` to host and port; port 0 takes a free one."""
     host, colon, port = text.rpartition(":")
     if not colon or not host or not port.isdecimal() or int(port) > 65535:
         raise AddressError(f"expected HOST:PORT such as 127.0.0.1:7000, found {text!r}")
@@ -49,24 +49,24 @@ def parse_address(text: str) -> tuple[str, int]:
 
 
 class Link(Protocol):
-    """A way for one client at a time to reach a port."""
+    """A connection to a port for one client at a time."""
 
     def is_open(self, taken: bool) -> bool:
-        """Whether a client is there; `taken` says that the port is in use by another link."""
+        """Return whether a client is connected. taken: another link uses the port."""
 
     def read(self) -> bytes:
-        """What the client has sent, b"" for nothing."""
+        """Return the client's bytes, b"" for none."""
 
     def write(self, data: bytes) -> int:
-        """Send to the client; returns how many bytes it took."""
+        """Send to the client. Return the number of accepted bytes."""
 
     def readable(self) -> int | None:
-        """A file descriptor that becomes readable when read() or is_open() has news, None if there
-        is none."""
+        """Return a file descriptor that becomes readable when read() or is_open() has news, or
+        None."""
 
 
 class TcpLink:
-    """Raw TCP."""
+    """A Link over raw TCP."""
 
     def __init__(self, address: str):
         host, port = parse_address(address)
@@ -77,11 +77,13 @@ class TcpLink:
         self._server.setblocking(False)
         self.address = f"{host}:{self._server.getsockname()[1]}"
         self._client: socket.socket | None = None
-        self._next: socket.socket | None = None  # came when the client had perhaps left
+        self._next: socket.socket | None = (
+            None  # connected when the client had perhaps disconnected
+        )
         self._left = False
 
     def is_open(self, taken: bool) -> bool:
-        if self._left:  # to be seen even when the next client is already waiting
+        if self._left:  # show the end even if the next client is already waiting
             self._left = False
             return False
         if self._next:
@@ -105,7 +107,7 @@ class TcpLink:
         return self._client is not None
 
     def _at_rest(self) -> bool:
-        """Whether the client is there and has sent nothing that is still to be read."""
+        """Return whether the client is connected and has sent nothing unread."""
         assert self._client
         try:
             self._client.recv(1, socket.MSG_PEEK)
@@ -154,22 +156,22 @@ class TcpLink:
 
 
 class Exchange:
-    """Carries bytes between a board's port and whichever of its links has a client."""
+    """Carries bytes between a board's port and the link that has a client."""
 
     def __init__(self, channel: Channel, links: list[PtyLink | TcpLink]):
         self.channel, self.links = channel, links
         self.active: PtyLink | TcpLink | None = None
         self._to_client = bytearray()
         self._drained_ns: int | None = (
-            None  # the client has left: when its port closes at the latest
+            None  # after the client has disconnected: latest time to close its port
         )
         self._free_ns = 0
 
     def from_client(self, now_ns: int) -> int:
-        """Take what the client has sent, notice it come or go; returns the number of bytes."""
+        """Read the client's bytes, and notice it come or go. Return the number of bytes."""
         taken = 0
         if self.active:
-            # Read first: what a client sent before it left still counts.
+            # Read first: bytes before a disconnection still count.
             while self.channel.pending < _HIGH_WATER and (data := self.active.read()):
                 self.channel.receive(data)
                 taken += len(data)
@@ -198,7 +200,7 @@ class Exchange:
         return taken
 
     def to_client(self) -> int:
-        """Pass on what the board has sent; returns the number of bytes that came from it."""
+        """Forward the board's bytes. Return their number."""
         sent = 0
         if len(self._to_client) < _HIGH_WATER:
             data = self.channel.transmit()
@@ -211,7 +213,7 @@ class Exchange:
         return sent
 
     def readable(self) -> list[int]:
-        """File descriptors to wait for."""
+        """Return the file descriptors to wait for."""
         if self.active and self.channel.pending >= _HIGH_WATER:
             return []
         return [fd for link in self.links if (fd := link.readable()) is not None]
@@ -222,19 +224,20 @@ class Exchange:
 
 
 class Pace:
-    """How far a board's time may go: `speed` times as fast as the clock, or without bound while
-    there is work."""
+    """Limits a board's time: `speed` times as fast as the clock, or unlimited while there is
+    work."""
 
     def __init__(self, speed: float | None, now_ns: int):
         self.speed = speed  # None: as fast as possible
-        self.lost_ns = 0  # of the board's time, which was not made up for
+        self.lost_ns = 0  # the board's time that was never caught up
         self._start(now_ns)
 
     def _start(self, now_ns: int) -> None:
         self._real, self._virtual = time.monotonic(), now_ns
 
     def target(self, now_ns: int, slice_ns: int, work: bool) -> int:
-        """The time up to which the board may run in the next slice; `now_ns` if it has to wait."""
+        """Return the time until which the board may run in the next slice; `now_ns` if it has to
+        wait."""
         if self.speed is None and work:
             self._start(now_ns + slice_ns)
             return now_ns + slice_ns
@@ -248,7 +251,7 @@ class Pace:
 
 
 def parse_speed(text: str) -> float | None:
-    """`max` as None, otherwise a positive factor of real time; ToolError for anything else."""
+    """Parse `max` (None) or a positive factor of real time. Raises ToolError."""
     if text == "max":
         return None
     try:
@@ -299,7 +302,7 @@ class Server:
         return links
 
     def stop(self, *_: object) -> None:
-        """End `run` after the slice under way; fit for a signal handler."""
+        """End `run` after the present slice; safe in a signal handler."""
         self.stopping = True
 
     def run(self) -> None:
@@ -317,7 +320,7 @@ class Server:
             self.close()
 
     def tell_lost_time(self) -> None:
-        """Say on standard error whether the computer did not keep up with the speed."""
+        """Report on standard error if the computer did not keep up with the speed."""
         if self.pace.speed is not None and self.pace.lost_ns:
             print(
                 f"this computer did not keep up with --speed {self.pace.speed:g}: the board's "
@@ -330,7 +333,7 @@ class Server:
         print(*self.announcements, "ready", sep="\n", flush=True)
 
     def step(self) -> None:
-        """One slice: bytes in, time passes, bytes and edges out; then a short wait if there is
+        """Run one slice: bytes in, time passes, bytes and edges out. Then wait briefly if there is
         nothing to do."""
         board = self.board
         if sum([exchange.from_client(board.now_ns) for exchange in self.exchanges]):
@@ -342,7 +345,7 @@ class Server:
             or any(exchange.channel.pending for exchange in self.exchanges)
         )
         target = self.pace.target(board.now_ns, board.slice_ns, work)
-        # a whole slice: there may be more of them to catch up with
+        # a whole slice, as there may be more to catch up with
         behind = target - board.now_ns >= board.slice_ns
         if target > board.now_ns:
             board.run_until(target)

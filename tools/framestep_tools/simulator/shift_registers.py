@@ -1,10 +1,9 @@
-"""74HC595 shift registers in a chain behind an ESP32's I2S: what was played, as levels of their
-outputs.
+"""A chain of 74HC595 shift registers behind an ESP32's I2S: levels of its outputs from played data.
 
-I2S sends 16-bit stereo in Philips format: in each frame 16 bits of the left sample while WS is low
-and 16 of the right one while it is high, the highest first, each bit a clock after the place that
-WS gives it. SCK is the chain's clock, SD its data, and with the rising edge of WS its outputs take
-what has been shifted in by then. So they change once a frame, in the middle of it.
+I2S sends 16-bit stereo in Philips format. Each frame has 16 bits of the left sample while WS is low
+and 16 bits of the right one while WS is high, highest bit first, each one clock later than WS. SCK
+is the chain's clock, SD its data. At the rising edge of WS its outputs take the bits shifted in so
+far. So they change once a frame, in the middle of it.
 """
 
 import os
@@ -13,18 +12,18 @@ import numpy as np
 
 from ..errors import ToolError
 
-BITS = 32  # of a frame; as many outputs are told
+BITS = 32  # in a frame, and number of outputs
 RECORD = np.dtype([("t", "u8"), ("pin", "u1"), ("level", "u1")])
 _HALF = BITS // 2
 
 
 class ChainError(ToolError):
-    """A record of played words that does not say what it should."""
+    """A record of played words is invalid."""
 
 
 def played(path: str | os.PathLike) -> list[tuple[int, bytes]]:
-    """The DMA buffers in a record of the simulated chip (tools/micropython/esp32/i2s.c): when each
-    began to be played, in ns, and its bytes. ChainError if it is cut off."""
+    """Read the DMA buffers in a record of the simulated chip (tools/micropython/esp32/i2s.c): the
+    time in ns at which each began to play, and its bytes. Raises ChainError if it is cut off."""
     with open(path, "rb") as file:
         data = file.read()
     found, end = buffers(data)
@@ -34,7 +33,7 @@ def played(path: str | os.PathLike) -> list[tuple[int, bytes]]:
 
 
 def buffers(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
-    """The same of a piece of a record, and where the last whole buffer ends in it."""
+    """Parse the buffers in a piece of a record. Also return where the last whole buffer ends."""
     found, at = [], 0
     while at + 12 <= len(data):
         end = at + 12 + int.from_bytes(data[at + 8 : at + 12], "little")
@@ -46,15 +45,15 @@ def buffers(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
 
 
 def latched(samples: bytes, before: int = 0) -> np.ndarray:
-    """The chain's outputs after the latch of each frame: bit n is output n, output 0 that of the
-    chip's first stage.
+    """Return the chain's outputs after the latch of each frame: bit n is output n, output 0 is the
+    first stage of the chip.
 
-    samples: 16-bit stereo, left and right, lowest byte first. before: the last 17 bits that were
-    sent before it, the last of them lowest.
+    samples: 16-bit stereo, left and right, lowest byte first; before: the previous 17 bits, the
+    last of them lowest.
     """
     frames = np.frombuffer(samples, "<u2").astype(">u2")
     sent = np.unpackbits(frames.view("u1"))
-    # the wire is a clock late: a latch sees the bits up to the one before the 16th of its frame
+    # the wire is one clock late: a latch sees the bits before the 16th of its frame
     head = [before >> bit & 1 for bit in range(_HALF, -1, -1)]
     wire = np.concatenate((np.array(head, "u1"), sent))
     windows = np.lib.stride_tricks.sliding_window_view(wire, BITS)[::BITS]
@@ -65,10 +64,9 @@ def latched(samples: bytes, before: int = 0) -> np.ndarray:
 def outputs(
     buffers: list[tuple[int, bytes]], rate: int, before: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """When the chain's outputs took which word: times in ns and words, one for each frame.
+    """Return the outputs' words and their times in ns, one for each frame.
 
-    buffers: as played() gives them. rate: frames a second. before: last_bits() of what was played
-    before these.
+    buffers: from played(); rate: frames a second; before: last_bits() of the previous buffer.
     """
     times, words = [], []
     for start, samples in buffers:
@@ -82,14 +80,14 @@ def outputs(
 
 
 def last_bits(samples: bytes) -> int:
-    """The last bits of a buffer that the next one's first latch sees."""
+    """Return the last bits of a buffer, for the next one's first latch."""
     right, left = (int.from_bytes(samples[at:][:2], "little") for at in (-2, -4))
     return (left << _HALF | right) & (2 << _HALF) - 1
 
 
 def records(times: np.ndarray, words: np.ndarray) -> np.ndarray:
-    """The changes of each output as the emulator writes those of pins, for trace.PinDecoder and
-    trace.Trace.from_records: the first of each output is its level before."""
+    """Return the changes of each output in the emulator's form, for trace.PinDecoder and
+    trace.Trace.from_records. The first record of each output is its level before."""
     found = []
     for output in range(BITS if len(words) else 0):
         levels = words >> output & 1

@@ -1,4 +1,4 @@
-"""The controller in the foreground, on this computer: `make sim`, which is `framestep sim`."""
+"""`make sim`, which is `framestep sim`: the controller on this computer, in the foreground."""
 
 from ..commands.sim import sim
 from ..errors import Command

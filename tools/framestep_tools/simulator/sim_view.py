@@ -1,4 +1,4 @@
-"""What a simulated board is at, as a picture for a terminal."""
+"""The state of a simulated board as a picture for a terminal."""
 
 from collections import deque
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from framestep.hal.host_board import HostBoard
 
 _TOLD = 12  # lines of traffic
-_LIGHTS = 24  # channels shown
+_LIGHTS = 24  # number of DMX channels in the picture
 
 
 class Switch(NamedTuple):
-    """A switch or an input that can be pressed: its name, its pin, its level while it is not."""
+    """A switch or an input that can be pressed: its name, its pin, its level at rest."""
 
     name: str
     pin: int
@@ -31,7 +31,7 @@ class Switch(NamedTuple):
 
 
 def switches_of(rig: Any) -> list[Switch]:
-    """The limit switches of a rig, then its inputs."""
+    """List the limit switches of a rig, then its inputs."""
     found = []
     for i, limit in enumerate(rig.limits, 1):
         for end, name in (("high", "upper"), ("low", "lower")):
@@ -45,7 +45,7 @@ def switches_of(rig: Any) -> list[Switch]:
 
 
 class View:
-    """Draws a HostBoard; `told` has the newest traffic."""
+    """Draws a HostBoard; `told` has the latest traffic."""
 
     def __init__(self, board: "HostBoard", heading: str, keys: str):
         self.board = board
@@ -58,11 +58,11 @@ class View:
         self._since = board.now_ns
 
     def tell(self, entry: Entry) -> None:
-        """One more line of traffic."""
+        """Add a line of traffic."""
         self.told.append(timed(entry))
 
     def draw(self, plugged: bool) -> Group:
-        """The picture of this moment."""
+        """Return the present picture."""
         self._measure()
         parts: list[RenderableType] = [
             Text(self._heading, style="bold"),
@@ -114,7 +114,7 @@ class View:
         return shown
 
     def pressed(self, switch: Switch) -> bool:
-        """Whether it is not at rest."""
+        """Return whether a switch is pressed."""
         return (self.board.hal.levels() >> switch.pin & 1) != switch.rest
 
     def _levels(self) -> Table:
