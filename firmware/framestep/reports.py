@@ -13,7 +13,7 @@ CAPABILITIES = (
 class Reports:
     """Keeps what is due to be sent until the writer has room.
 
-    header: of the tick. Call join() before the first pass. Nothing allocates after construction.
+    header: the tick's. Call join() before the first pass. Nothing allocates after construction.
     """
 
     def __init__(self, hal, rig, writer, axes, io):
@@ -44,16 +44,16 @@ class Reports:
         self.virtuals = virtuals
 
     def report_positions(self):
-        """Have positions sent, as one has been set."""
+        """Request a report of positions, because one was set."""
         self.position = True
 
     def report_fault(self):
-        """Have an internal fault reported to the host."""
+        """Request a report of an internal fault to the host."""
         self.hard_stop = m.HARD_STOP_FAULT
 
     def on_closed(self):
-        """Drop everything that is due, as the port is closed; but keep the reason of a stop for the
-        next host."""
+        """Drop everything that is due, because the port is closed; but keep the reason of a stop
+        for the next host."""
         self.hi = self.position = self.frame = self.virtual = self.end = self.go = False
 
     def send(self, now, listened):
@@ -99,7 +99,7 @@ class Reports:
     def send_hi(self, reader):
         """Send HI: what the device is and what it has (field note 1.5).
 
-        reader: of the request, or None. Return whether there was room.
+        reader: has the request, or None. Return whether there was room.
         """
         writer = self.writer
         writer.begin(m.MSG_HI, reader)
@@ -120,8 +120,8 @@ class Reports:
     def send_positions(self, reader, frame=False):
         """Send MOTOR_GET_POSITION: MOVE TIME and positions at the same time on the pins.
 
-        reader: of the request, or None. frame: send those of the frame reached last (field note
-        4.6). Return whether there was room.
+        reader: has the request, or None. frame: send those of the frame reached last (field
+        note 4.6). Return whether there was room.
         """
         writer = self.writer
         writer.begin(m.MSG_MOTOR_GET_POSITION, reader)

@@ -79,8 +79,8 @@ class Runner:
         self.task = None  # a function of framestep.repl to call between two passes
         self._traceback_task = self._traceback
         self._failing = False  # a pass was broken off: the next one stops the motors
-        self._failed = False  # that is to be printed
-        self._news = False  # that, or lines about drivers, are to be printed
+        self._failed = False  # it has yet to be printed
+        self._news = False  # it, or lines about drivers, have yet to be printed
         self._struck = False  # Ctrl-C came in a pass; pass it on to the program on the REPL
         self._ctrl_c = _CtrlC()
 
@@ -161,7 +161,7 @@ class Runner:
             _interrupt(dupterm, dupterm_notify, self._ctrl_c)
 
     def _turn(self):
-        """Do one pass in the background, whatever is raised in it.
+        """Do one pass in the background; catch anything that it raises.
 
         A Ctrl-C is meant for a program on the REPL.
         """

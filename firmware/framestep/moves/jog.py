@@ -107,7 +107,7 @@ class JogAll(Operation):
         self.phases = JogPhases(self.player.numbers)
         self.begun = 0  # tick of the first pulse
         self.positions = array("i", [0] * operations.axes.count)
-        # direction in which each motor sets out from there
+        # direction in which each motor starts from there
         self.directions = array("i", [0] * operations.axes.count)
         # the same for a request that may be refused
         self.draft = array("i", [0] * operations.axes.count)

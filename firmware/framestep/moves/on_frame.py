@@ -115,7 +115,7 @@ def find_switch_on_path(player, safety, bits, at, to, positions):
 
 
 def find_switch_ahead(player, safety, operation):
-    """Return OK, or the code of an active limit switch toward which a motor would set out."""
+    """Return OK, or the code of an active limit switch toward which a motor would start."""
     if safety.active:
         for motor in range(player.count):
             if (operation.bits >> motor) & 1:

@@ -76,7 +76,7 @@ class Operation:
         return OK
 
     def heading(self, motor):
-        """Return the direction in which a motor sets out: 1 up, -1 down, 0 not at all."""
+        """Return the direction in which a motor starts: 1 up, -1 down, 0 not at all."""
         return 0
 
     # End

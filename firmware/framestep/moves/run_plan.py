@@ -84,10 +84,10 @@ class Plan:
         self.begins = array("i", [0] * motors)  # for each motor: where it waits,
         self.begin_directions = array(
             "i", [0] * motors
-        )  # and the direction in which it sets out: 1 up, -1 down, 0 not at all
+        )  # and the direction in which it starts: 1 up, -1 down, 0 not at all
         # where it comes to rest after any pass but the last,
         self.ends = array("i", [0] * motors)
-        # and the direction in which it sets out from there to play backward
+        # and the direction in which it starts from there to play backward
         self.end_directions = array("i", [0] * motors)
 
 
@@ -233,7 +233,7 @@ class PreparedRun(Operation):
         )
 
     def _find_directions(self, plan, directions, index, step):
-        """directions[motor] = the direction in which it sets out from the frame `index` in steps of
+        """directions[motor] = the direction in which it starts from the frame `index` in steps of
         `step`."""
         player = self.player
         r = player.numbers

@@ -105,7 +105,7 @@ class Shot:
         self.ramp = array("i", [0] * 2)  # real: ticks of a ramp
         self.window = array("i", [0] * 2)  # real: ticks of constant velocity, from a to b
         self.starts = array("i", [0] * motors)  # for each motor: where it waits,
-        # and the direction in which it sets out: 1 up, -1 down, 0 not at all
+        # and the direction in which it starts: 1 up, -1 down, 0 not at all
         self.directions = array("i", [0] * motors)
         self.a = array("i", [0] * motors)
         self.b = array("i", [0] * motors)

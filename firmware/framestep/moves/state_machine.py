@@ -10,7 +10,7 @@
                                     +-------- another pass (a loop) ----------------+
 
 An operation (operation.py; its kinds are run.py, shoot.py and jog.py) defines where the motors
-begin and in which direction each sets out, queues phases and cues, and decides whether another pass
+begin and in which direction each starts, queues phases and cues, and decides whether another pass
 follows. JOG_ALL has no GO and no RT_END: it begins like a further pass.
 
 When POSITIONING ends, each motor's backlash has been taken up for the direction in which it sets
@@ -42,7 +42,7 @@ from framestep.pulse import stepper
 
 # States
 IDLE = const(0)
-# like IDLE, but motors have yet to set out for the end frame: see return_to_frame()
+# like IDLE, but motors have yet to start for the end frame: see return_to_frame()
 LEAVING = const(1)
 POSITIONING = const(2)
 READY = const(3)
@@ -83,7 +83,7 @@ class OperationRunner:
         self.state = IDLE
         self.operation = Operation(self)
         self.start_positions = None  # for each motor: where the operation begins
-        # for each motor: direction in which it sets out, 1 up, -1 down, 0 unknown or not at all
+        # for each motor: direction in which it starts, 1 up, -1 down, 0 unknown or not at all
         self.directions = None
         self.waiting = 0  # bits of motors that have yet to be sent there, or to get first phases
         self.early_plan = _NOT_YET
@@ -202,7 +202,7 @@ class OperationRunner:
         """Prepare an operation: move its motors to where it begins.
 
         frame: scene frame to report as MOVE TIME. begins: positions by motor. directions: in which
-        each motor sets out, 1 up, -1 down, 0 unknown or not at all.
+        each motor starts, 1 up, -1 down, 0 unknown or not at all.
         """
         self.operation = operation
         self.start_positions = begins
@@ -310,7 +310,7 @@ class OperationRunner:
         """
         if self.state == LEAVING:
             self.waiting = 0
-            self.state = IDLE  # the motors that have set out are stopped like any others
+            self.state = IDLE  # the motors that have started are stopped like any others
         if self.state == IDLE:
             return 0
         self.operation.bits &= ~spared

@@ -79,7 +79,7 @@ class Jogs:
         self.jog.speed = 0
 
     def none(self):
-        """Note that what sets out now is no jog."""
+        """Note that the motion that starts now is no jog."""
         self.jog.kind = NONE
         self.jog.asked = -1
 

@@ -252,7 +252,7 @@ class Line:
         self.rested = True
 
     def forget_end(self):
-        """Drop the kept pose, as the motors set out."""
+        """Drop the kept pose, because the motors start."""
         self.rested = False
 
     def _is_where_line_ended(self):

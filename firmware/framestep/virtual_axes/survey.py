@@ -297,7 +297,7 @@ class Survey:
         return _inside(self.rows, a, b, c, self.line.bounds, self.motor)
 
     def take_directions(self, a, b, c, first):
-        """Note in which direction each motor sets out, from the next cell of the line or the first.
+        """Note in which direction each motor starts, from the next cell of the line or the first.
 
         A motor that does not move until a later cell has no direction yet.
         """

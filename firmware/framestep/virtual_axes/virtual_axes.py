@@ -1,4 +1,4 @@
-"""The virtual axes of a rig: whether they may move, how they set out, what stops them.
+"""The virtual axes of a rig: whether they may move, how they start, what stops them.
 
 requests.py adds the messages. Nothing allocates after construction.
 """
