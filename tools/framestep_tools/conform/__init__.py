@@ -1,5 +1,5 @@
-"""A conformance kit: whether a device does what the DMC v2 specification says, judged from outside.
+"""A conformance kit: checks from outside whether a device follows the DMC v2 specification.
 
-The checks are written from the specification's words, apart from the firmware and its constants.
-docs/internals/conformance.md says how they judge.
+The checks are written from the specification's text, independently of the firmware and its
+constants. docs/internals/conformance.md says how they judge.
 """

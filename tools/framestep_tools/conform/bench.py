@@ -1,4 +1,4 @@
-"""The device under test and what checks do with it: ask, move, upload, play, come back."""
+"""The device under test, and the actions of checks: ask, move, upload, play, return."""
 
 import contextlib
 import math
@@ -18,8 +18,7 @@ FRAMES = 12
 
 
 class Position(NamedTuple):
-    """A message of positions: when it came (0 for an answer), MOVE TIME in 1/1000 frames,
-    steps."""
+    """A message of positions: its time (0 for an answer), MOVE TIME in 1/1000 frames, steps."""
 
     time_s: float
     move_time: int
@@ -27,7 +26,7 @@ class Position(NamedTuple):
 
 
 class Played(NamedTuple):
-    """A run as a host sees it: position messages and the times of RT_END since GO."""
+    """A run as a host sees it: position messages since GO, and the times of RT_END."""
 
     ready: tuple[int, ...]
     go_s: float
@@ -51,32 +50,35 @@ class Hello(NamedTuple):
 
 
 class Pins(Protocol):
-    """What shows a device's pins, such as a trace that is written while it runs."""
+    """A source of a device's edges, such as a trace that is written while it runs."""
 
     def take(self) -> list[Edge]:
-        """The edges since the last call, up to now, in the order of their times."""
+        """Return the edges since the last call, up to now, in the order of their times."""
 
 
 class Hands(Protocol):
-    """Who presses the switches of a device: `input 1`, `upper limit 1` or `lower limit 1` (of the
-    limit set 1), `E-stop`. `slow`: they cannot do so within a fraction of a second."""
+    """Presses the switches of a device: `input 1`, `upper limit 1` or `lower limit 1` (of limit set
+    1), `E-stop`. `slow`: takes more than a fraction of a second."""
 
     slow: bool
 
     def has(self, what: str) -> bool:
-        """Whether there is such a switch."""
+        """Return whether there is such a switch."""
 
     def press(self, what: str, on: bool) -> None:
-        """Press it, or let go of it."""
+        """Press or release a switch."""
 
     def ready(self, what: str) -> None:
-        """A motor is about to move; slow hands press it as soon as it does."""
+        """Announce that a motor is about to move; slow hands press the switch once it does."""
 
 
 class Bench:
-    """One device. `home` holds the positions found at the start, to which everything is
-    relative. `pins` and `hands`, where there are any, show its pins and press its switches.
-    `hold_ups`: how late this computer is, where the device is not in lockstep with it."""
+    """One device.
+
+    `home`: positions at the start, to which everything is relative; `pins`, `hands`: show its pins
+    and press its switches, or None; `hold_ups`: measures how late this computer is, unless the
+    device runs in lockstep.
+    """
 
     def __init__(
         self,
@@ -91,7 +93,7 @@ class Bench:
         self.pins = pins
         self.hands = hands
         self.hold_ups = hold_ups
-        self.kept: dict[Any, Any] = {}  # what several checks judge, by whatever names it
+        self.kept: dict[Any, Any] = {}  # results that several checks judge, by a key
         self.hello = self._hello()
         self.home = self.positions().steps if self.hello.motors else ()
         self._played: dict[Request, Played] = {}
@@ -105,15 +107,15 @@ class Bench:
         fields = (name, tuple(rest[:3]), *rest[3:], len(data))
         return Hello._make(fields)
 
-    # ---- asking
+    # ---- requests
 
     def ask(self, request: Request) -> Reply:
-        """The answer to a request."""
+        """Return the answer to a request."""
         return self.link.ask(*request)
 
     def expect(self, request: Request, *codes: int) -> None:
-        """The answer is an acknowledgement with one of these codes; OK without any. A reply with
-        data counts as OK."""
+        """Require an acknowledgement with one of these codes, by default OK. A reply with data
+        counts as OK."""
         code = self.ask(request).code
         code = spec.OK if code is None else code
         if code not in (codes or (spec.OK,)):
@@ -124,25 +126,25 @@ class Bench:
             )
 
     def data(self, type: int, payload: bytes = b"") -> bytes:
-        """The data of an answer that is no acknowledgement."""
+        """Return the data of an answer that is not an acknowledgement."""
         reply = self.link.ask(type, payload)
         if reply.code is not None:
             raise Failed(f"0x{type:04X} is answered with code 0x{reply.code:04X} and no data")
         return reply.frame.payload
 
     def positions(self) -> Position:
-        """MSG_MOTOR_GET_POSITION."""
+        """Send MSG_MOTOR_GET_POSITION."""
         return self.unpack(self.data(spec.GET_POSITION), 0)
 
     def unpack(self, data: bytes, time_s: float) -> Position:
-        """A message of positions; Failed for another length than the number of motors asks."""
+        """Decode a message of positions. Raises Failed if its length does not match the motors."""
         if len(data) != 4 + 4 * self.hello.motors:
             raise Failed(f"GET_POSITION has {len(data)} bytes for {self.hello.motors} motors")
         move_time, *steps = struct.unpack(f"<{1 + self.hello.motors}i", data)
         return Position(time_s, move_time, tuple(steps))
 
     def moving(self) -> int:
-        """The bits of MSG_MOTOR_STATUS."""
+        """Return the bits of MSG_MOTOR_STATUS."""
         return int.from_bytes(self._status()[:4], "little")
 
     def _status(self) -> bytes:
@@ -152,11 +154,11 @@ class Bench:
         return data
 
     def lit(self) -> int:
-        """DMX STATUS of MSG_MOTOR_STATUS."""
+        """Return DMX STATUS of MSG_MOTOR_STATUS."""
         return self._status()[4]
 
     def refused(self, request: Request) -> None:
-        """The answer is any code but OK."""
+        """Require any code but OK as the answer."""
         self.expect(request, *(code for code in spec.CODES if code != spec.OK))
 
     def idle(self, limit_s: float = _IDLE_S) -> None:
@@ -170,22 +172,22 @@ class Bench:
     # ---- a known state
 
     def prepare(self) -> None:
-        """Every motor enabled, slow and without limits."""
+        """Enable every motor, slow and without limits."""
         for motor in range(1, self.hello.motors + 1):
             self.expect(spec.configure(motor, 1))
             self.expect(spec.speed(motor, VELOCITY, ACCELERATION))
             self.expect(spec.limits(motor))
 
     def rest(self) -> None:
-        """Nothing moves; what came unasked is forgotten."""
+        """Wait until nothing moves, and forget unasked messages."""
         if self.hello.motors:
             self.idle()
         self.link.reports.clear()
         self.link.answers.clear()
 
     def recover(self) -> None:
-        """The same after a check that failed, as far as the device lets it. Failed where it says
-        nothing any more."""
+        """Return to a known state after a failed check, as far as possible. Raises Failed if the
+        device is silent."""
         if self.link.answer(self.link.send(spec.HI)) is None:
             self.link.pump(_IDLE_S)
             if self.link.answer(self.link.send(spec.HI)) is None:
@@ -199,29 +201,29 @@ class Bench:
         self.link.answers.clear()
 
     def forget(self) -> None:
-        """What several checks judge is played anew."""
+        """Forget the shared results, so they are played again."""
         self.kept.clear()
         self._played.clear()
 
     def return_home(self) -> None:
-        """Every motor back to where it stood at the start."""
+        """Bring every motor back to its start."""
         for motor, steps in enumerate(self.home, 1):
             self.expect(spec.move(motor, steps))
         self.idle()
 
     def at(self, motor: int, steps: int, within: int = 0) -> None:
-        """The motor stands there, counted from home."""
+        """Require a motor at a position, counted from home."""
         found = self.positions().steps[motor - 1] - self.home[motor - 1]
         if abs(found - steps) > within:
             raise Failed(f"motor {motor} stands {found} steps from its start, expected {steps}")
 
     def go(self, motor: int, steps: int) -> None:
-        """Move a motor and wait, in steps from home."""
+        """Move a motor to a position, in steps from home, and wait."""
         self.expect(spec.move(motor, self.home[motor - 1] + steps))
         self.idle()
 
     def reports(self, since: float = 0) -> list[Position]:
-        """Position messages that came unasked."""
+        """Return the unasked position messages."""
         return [
             self.unpack(report.frame.payload, report.time_s)
             for report in self.link.reports
@@ -231,7 +233,7 @@ class Bench:
     # ---- uploaded moves
 
     def path(self, motor: int) -> list[int]:
-        """The positions uploaded for a motor: there and half back, from standstill; the second
+        """Return the uploaded positions of a motor: there and half back, from rest. The second
         motor goes the other way."""
         sign = 1 if motor % 2 else -1
         return [
@@ -240,7 +242,7 @@ class Bench:
         ]
 
     def off_path(self, frame: int, position: Position) -> str:
-        """Which uploaded motor is more than a step beside its path at a frame, "" if none is."""
+        """Name the motor that is more than a step off its path at a frame, or return ""."""
         for motor in range(1, min(2, self.hello.motors) + 1):
             stands, uploaded = position.steps[motor - 1], self.path(motor)[frame - 1]
             if abs(stands - uploaded) > 1:
@@ -248,7 +250,7 @@ class Bench:
         return ""
 
     def upload(self) -> None:
-        """Frames 1 to FRAMES for the first two motors, in two sections."""
+        """Upload frames 1 to FRAMES for the first two motors, in two sections."""
         self.expect(spec.begin(1, FRAMES))
         for motor in range(1, min(2, self.hello.motors) + 1):
             path = self.path(motor)
@@ -257,8 +259,10 @@ class Bench:
         self.expect(Request(spec.UPLOAD_END))
 
     def play(self, request: Request, seconds: float, loop_s: float = 0) -> Played:
-        """Upload, run and wait until RT_END or so long; the same request is played once only.
-        loop_s: after so long STOP_LOOP."""
+        """Upload, run, and wait for RT_END, at most `seconds`. Each request is played only once.
+
+        loop_s: time after which to send STOP_LOOP.
+        """
         if request in self._played:
             return self._ended(self._played[request], seconds)
         self.upload()
@@ -285,5 +289,5 @@ class Bench:
         return played
 
     def ends(self) -> list[float]:
-        """The times of the RT_END messages that have come."""
+        """Return the times of the received RT_END messages."""
         return [r.time_s for r in self.link.reports if r.frame.type == spec.END]

@@ -1,4 +1,4 @@
-"""Checks, and running them one after another."""
+"""Checks, and how they are run."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
@@ -10,16 +10,16 @@ from .pace import HELD_UP_S
 MUST, SHOULD, READING = "must", "should", "reading"
 PASSED, FAULT, DEPARTS, LEFT_OUT = "passed", "fault", "departs", "left out"
 NOT_JUDGED = "not judged"
-_TRIES = 3  # on the computer's clock, which other programs may hold up
-# what these find does not hang on when a byte comes
+_TRIES = 3  # tries on the computer's clock, as other programs may hold this one up
+# results of these subjects do not depend on time
 _TIMELESS = ("framing", "lengths", "numbers", "uploads")
 
 
 class Check(NamedTuple):
-    """One thing that a device must or should do, and the words it rests on.
+    """One thing that a device must or should do, and its source.
 
-    `run` raises Failed, or gives back a text that is reported as a reading. `needs` says whether
-    the device has what is checked; `full` ones are for the bench only.
+    run: raises Failed, or returns a text that is reported as a reading; needs: returns whether the
+    device has this feature; full: only for a bench without a load.
     """
 
     subject: str
@@ -32,8 +32,8 @@ class Check(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What came of a check: one of PASSED, FAULT (a must), DEPARTS (a should), READING,
-    LEFT_OUT, NOT_JUDGED (this computer was held up)."""
+    """Result of a check: PASSED, FAULT (of a must), DEPARTS (from a should), READING, LEFT_OUT, or
+    NOT_JUDGED (this computer was held up)."""
 
     check: Check
     verdict: str
@@ -45,7 +45,7 @@ def run(
     checks: Iterable[Check],
     tell: Callable[[Result], None] = lambda result: None,
 ) -> list[Result]:
-    """Run checks; after each the device stands still again with no limits set."""
+    """Run checks. After each one the device is at rest and has no limits."""
     results = []
     for result in results_of(bench, checks):
         results.append(result)
@@ -54,7 +54,7 @@ def run(
 
 
 def results_of(bench: Bench, checks: Iterable[Check]) -> Iterator[Result]:
-    """The same one by one, for whoever has seen enough after the first that fails."""
+    """Yield the results one by one, so a caller can end after the first failure."""
     return (_one(bench, check) for check in checks)
 
 

@@ -1,4 +1,4 @@
-"""The line to the device under test: what was sent, what came back, and when."""
+"""The line to the device under test: sent and received frames, and their times."""
 
 import time
 from typing import Any, NamedTuple
@@ -10,11 +10,11 @@ _GRAIN_S = 1e-6
 
 
 class Failed(Exception):
-    """What a check found; the text says what was expected and what came."""
+    """A check has failed. The text says what was expected and what came."""
 
 
 class Reply(NamedTuple):
-    """The answer to one request: its frame, the code it carries or None, and after how long."""
+    """The answer to one request: its frame, its code or None, and its delay."""
 
     frame: Frame
     code: int | None
@@ -22,15 +22,15 @@ class Reply(NamedTuple):
 
 
 class Report(NamedTuple):
-    """A message with ID 0, and when it came, in seconds of the port's clock."""
+    """A message with ID 0, and its time in seconds of the port's clock."""
 
     time_s: float
     frame: Frame
 
 
 class Link:
-    """Sends frames and bytes, sorts what comes. `strange` counts answers to nothing that is
-    waited for."""
+    """Sends frames and bytes, and sorts received messages. `strange` counts answers without a
+    request."""
 
     def __init__(self, port: Any, patience_s: float = 1.0):
         self.port = port
@@ -42,18 +42,18 @@ class Link:
         self.id = 100
 
     def write(self, data: bytes) -> None:
-        """Send bytes as they are."""
+        """Send raw bytes."""
         self.port.write(data)
 
     def send(self, type: int, payload: bytes = b"", id: int | None = None) -> int:
-        """Send a good frame; its ID."""
+        """Send a good frame. Return its ID."""
         if id is None:
             self.id = id = self.id + 1
         self.write(encode(type, payload, id))
         return id
 
     def pump(self, seconds: float) -> None:
-        """Take what comes in for so long."""
+        """Receive messages for some seconds."""
         end = self.clock() + seconds
         while (left := end - self.clock()) > _GRAIN_S:
             self._read(left)
@@ -69,7 +69,7 @@ class Link:
             (self.answers if frame.id else self.reports).append(Report(now, frame))
 
     def answer(self, id: int, patience_s: float | None = None) -> Reply | None:
-        """The first answer with that ID, or None in time."""
+        """Return the first answer with this ID, or None if none comes in time."""
         start = self.clock()
         end = start + (self.patience_s if patience_s is None else patience_s)
         while True:
@@ -83,7 +83,7 @@ class Link:
             self._read(left)
 
     def ask(self, type: int, payload: bytes = b"", id: int | None = None) -> Reply:
-        """The answer to a request; Failed where none comes or it is of another type."""
+        """Return the answer to a request. Raises Failed if none comes or it is of another type."""
         reply = self.answer(self.send(type, payload, id))
         if reply is None:
             raise Failed(f"no answer to 0x{type:04X} within {self.patience_s:g} s")
@@ -93,7 +93,7 @@ class Link:
 
 
 def _code(frame: Frame) -> int | None:
-    """The response code: a WORD, or the low word of a DWORD (both are in the field)."""
+    """Return the response code: a WORD, or the low word of a DWORD (devices use both)."""
     if not frame.is_ack:
         return None
     if len(frame.payload) not in (2, 4) or any(frame.payload[2:]):

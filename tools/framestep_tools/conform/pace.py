@@ -1,8 +1,7 @@
-"""The time of a device that is not this computer's: how fast it runs, and how busy this computer
-is that judges it.
+"""Time of a device: its speed, and how late this computer measures it.
 
-No message of the protocol says when it was sent. So the times of frames, ramps and exposures are
-taken when their bytes come in, and a computer that is held up then takes them late.
+No message of the protocol says when it was sent. So frames, ramps and exposures get the time at
+which their bytes arrive. A computer that is held up at that moment measures them late.
 """
 
 import threading
@@ -10,13 +9,14 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-HELD_UP_S = 0.02  # of the device's time; a third of what a frame may be late
+HELD_UP_S = 0.02  # of the device's time; a third of a frame's allowed lateness
 _SLEEP_S = 0.005
 
 
 class PacedPort:
-    """A port on a device that runs at `speed` times real time, as `make sim ARGS="--speed 0.25"`
-    does: `clock` and `timeout` are in the device's seconds. speed: more than 0."""
+    """A port of a device that runs at `speed` times real time, as with
+    `make sim ARGS="--speed 0.25"`. `clock` and `timeout` are in the device's seconds. speed: more
+    than 0."""
 
     def __init__(self, port: Any, speed: float):
         self.port = port
@@ -24,22 +24,22 @@ class PacedPort:
         self.timeout: float | None = 1.0
 
     def clock(self) -> float:
-        """The device's time in seconds, from any moment on."""
+        """Return the device's time in seconds, from an arbitrary moment."""
         return time.monotonic() * self.speed
 
     def read(self, size: int = 1) -> bytes:
-        """As the port's own."""
+        """Forward to the port."""
         self.port.timeout = None if self.timeout is None else self.timeout / self.speed
         return self.port.read(size)
 
     def write(self, data: bytes) -> Any:
-        """As the port's own."""
+        """Forward to the port."""
         return self.port.write(data)
 
 
 class HoldUps:
-    """Measures how late this process comes to its turn: a thread that sleeps for 5 ms again and
-    again, and looks how long that took."""
+    """Measures how late this process gets its turn: a thread repeatedly sleeps for 5 ms and
+    measures the time."""
 
     def __init__(
         self,
@@ -54,7 +54,7 @@ class HoldUps:
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def start(self) -> "HoldUps":
-        """Begin to measure."""
+        """Start measuring."""
         self._thread.start()
         return self
 
@@ -64,12 +64,12 @@ class HoldUps:
         self._thread.join()
 
     def take(self) -> float:
-        """The longest since the last call, in seconds of the device's time."""
+        """Return the longest hold-up since the last call, in seconds of the device's time."""
         worst, self._worst_s = self._worst_s, 0.0
         return worst * self.speed
 
     def look(self) -> None:
-        """Sleep once and see."""
+        """Sleep once and measure."""
         before = self._clock()
         self._sleep(_SLEEP_S)
         self._worst_s = max(self._worst_s, self._clock() - before - _SLEEP_S)

@@ -1,4 +1,4 @@
-"""What a run of the kit has found: as text, for programs, as a page."""
+"""Results of the kit as text, for programs, or as a page."""
 
 import html
 from collections import Counter
@@ -11,21 +11,21 @@ _ORDER = (FAULT, DEPARTS, NOT_JUDGED, READING, LEFT_OUT, PASSED)
 
 
 def counts(results: Iterable[Result]) -> str:
-    """One line of numbers."""
+    """Return a line with the number of each verdict."""
     found = Counter(result.verdict for result in results)
     told = [v for v in reversed(_ORDER) if v != NOT_JUDGED or found[v]]
     return ", ".join(f"{found[verdict]} {verdict}" for verdict in told)
 
 
 def line(result: Result) -> str:
-    """A result in a line."""
+    """Return a result as a line."""
     check = result.check
     text = f": {result.text}" if result.text else ""
     return f"{result.verdict:8} {check.subject}: {check.name}{text} [{check.level}; {check.source}]"
 
 
 def as_json(device: str, results: Iterable[Result]) -> dict[str, Any]:
-    """For programs, and as a baseline for a later run."""
+    """Return the results for programs, and as a baseline for a later run."""
     return {
         "device": device,
         "checks": [
@@ -43,7 +43,7 @@ def as_json(device: str, results: Iterable[Result]) -> dict[str, Any]:
 
 
 def as_html(device: str, results: list[Result]) -> str:
-    """One page without anything beside it."""
+    """Return a page that needs no other files."""
     rows = "\n".join(
         "<tr>"
         + "".join(
@@ -71,7 +71,7 @@ def as_html(device: str, results: list[Result]) -> str:
 
 
 def changes(before: dict[str, Any], results: Iterable[Result]) -> list[str]:
-    """What differs from an earlier report."""
+    """Return the differences from an earlier report."""
     old = {(c["subject"], c["name"]): c["verdict"] for c in before["checks"]}
     return [
         f"{r.check.subject}: {r.check.name}: was {old[key]}, is {r.verdict}"

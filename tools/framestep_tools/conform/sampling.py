@@ -1,7 +1,7 @@
-"""Motion as a host can see it: positions asked for again and again, and what they rule out.
+"""Motion as a host sees it: repeated requests for positions, and what they rule out.
 
-Each sample belongs to a moment between its question and its answer, so nothing is held against a
-device that answers slowly; it is only judged less sharply.
+Each sample belongs to some moment between its question and its answer. So a slow answer is never a
+fault; it only makes the verdict less sharp.
 """
 
 import itertools
@@ -14,12 +14,13 @@ from .link import Failed
 from .spec import Request
 
 _STEP_S = 0.004
-SLACK = 1.12  # of accelerations and velocities
-_STEPS = 2.5  # rounding of two positions
+SLACK = 1.12  # factor on accelerations and velocities
+_STEPS = 2.5  # steps: rounding of two positions
 
 
 class Sample(NamedTuple):
-    """Positions at some moment between two, in seconds of the host's clock, in steps from home."""
+    """Positions in steps from home, at some moment between two times in seconds of the host's
+    clock."""
 
     asked_s: float
     came_s: float
@@ -27,7 +28,7 @@ class Sample(NamedTuple):
 
 
 def sample(bench: Bench) -> Sample:
-    """One look."""
+    """Take one sample."""
     asked = bench.link.clock()
     steps = bench.positions().steps
     home = bench.home
@@ -35,7 +36,7 @@ def sample(bench: Bench) -> Sample:
 
 
 def watch(bench: Bench, until: Callable[[], bool], limit_s: float = 15.0) -> list[Sample]:
-    """Samples until `until()` is true; Failed where it never is."""
+    """Take samples until `until()` is true. Raises Failed if it never is."""
     seen = [sample(bench)]
     end = bench.link.clock() + limit_s
     while not until():
@@ -48,19 +49,19 @@ def watch(bench: Bench, until: Callable[[], bool], limit_s: float = 15.0) -> lis
 
 
 def motion(bench: Bench, request: Request) -> list[Sample]:
-    """A request and its motion up to its end. The first sample is from before."""
+    """Send a request and sample its motion to the end. The first sample precedes the request."""
     seen = [sample(bench)]
     bench.expect(request)
     return seen + watch(bench, lambda: not bench.moving())
 
 
 def of(samples: Iterable[Sample], motor: int) -> list[tuple[float, float, int]]:
-    """One motor's."""
+    """Return one motor's samples."""
     return [(s.asked_s, s.came_s, s.steps[motor - 1]) for s in samples]
 
 
 def ramps_up(samples: list[Sample], motor: int, acceleration: float) -> None:
-    """From rest a motor gets no further in a time than its acceleration takes it."""
+    """Limit a motor's distance from rest in a given time by its acceleration."""
     track = of(samples, motor)
     _, start, origin = track[0]
     for _, came, steps in track[1:]:
@@ -73,10 +74,10 @@ def ramps_up(samples: list[Sample], motor: int, acceleration: float) -> None:
 
 
 def ramps_down(samples: list[Sample], motor: int, acceleration: float) -> None:
-    """And no more than that is left of its way so long before its end."""
+    """Limit the remaining distance at a given time before the end."""
     track = of(samples, motor)
     last = track[-1][2]
-    # the last step is made before the ramp ends
+    # the last step comes before the end of the ramp
     end = next(came for _, came, steps in track if steps == last) + (2 / acceleration) ** 0.5
     for asked, _, steps in track:
         if asked >= end:
@@ -90,7 +91,7 @@ def ramps_down(samples: list[Sample], motor: int, acceleration: float) -> None:
 
 
 def no_faster(samples: list[Sample], motor: int, velocity: float, over_s: float = 0.2) -> None:
-    """Over no stretch is it faster than its velocity."""
+    """Limit the velocity over each stretch."""
     track = of(samples, motor)
     begin = 0
     for _, came, steps in track:
@@ -106,7 +107,8 @@ def no_faster(samples: list[Sample], motor: int, velocity: float, over_s: float 
 
 
 def crossing(samples: list[Sample], motor: int, steps: float) -> tuple[float, float]:
-    """Between which moments a motor first came past a position; Failed if it did not."""
+    """Return the moments between which a motor first passed a position. Raises Failed if it did
+    not."""
     track = of(samples, motor)
     for (asked, _, a), (_, came, b) in itertools.pairwise(track):
         if (a - steps) * (b - steps) <= 0 and a != b:
@@ -115,7 +117,7 @@ def crossing(samples: list[Sample], motor: int, steps: float) -> tuple[float, fl
 
 
 def took(samples: list[Sample], motor: int, first: float, last: float) -> tuple[float, float]:
-    """The shortest and the longest time that the way between two positions can have taken."""
+    """Return the shortest and the longest possible time between two positions."""
     a, b = crossing(samples, motor, first)
     c, d = crossing(samples, motor, last)
     if d <= a:
@@ -124,7 +126,8 @@ def took(samples: list[Sample], motor: int, first: float, last: float) -> tuple[
 
 
 def moved(bench: Bench, motor: int, request: Request, velocity: int, acceleration: int):
-    """A motor's motion at this speed, which is then set back. Played once for all checks."""
+    """Sample a motor's motion with these settings, and reset them. Played only once for all
+    checks."""
     key = "moved", motor, request, velocity, acceleration
     if key not in bench.kept:
         bench.expect(spec.speed(motor, velocity, acceleration))

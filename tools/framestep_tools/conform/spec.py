@@ -1,4 +1,4 @@
-"""Numbers of the specification, by its sections, and requests packed by hand."""
+"""Numbers of the specification, by its sections, and hand-packed requests."""
 
 import struct
 from typing import NamedTuple
@@ -32,39 +32,39 @@ NAMES = {
 
 
 class Request(NamedTuple):
-    """A type and its payload."""
+    """A request's type and payload."""
 
     type: int
     payload: bytes = b""
 
 
 def move(motor: int, position: int) -> Request:
-    """MSG_MOTOR_MOVE."""
+    """Return MSG_MOTOR_MOVE."""
     return Request(MOVE, struct.pack("<Bi", motor, position))
 
 
 def reset(motor: int, position: int) -> Request:
-    """MSG_MOTOR_RESET_POSITION."""
+    """Return MSG_MOTOR_RESET_POSITION."""
     return Request(RESET, struct.pack("<Bi", motor, position))
 
 
 def jog(motor: int, speed: int, destination: int) -> Request:
-    """MSG_MOTOR_JOG."""
+    """Return MSG_MOTOR_JOG."""
     return Request(JOG, struct.pack("<BHi", motor, speed, destination))
 
 
 def stop(motor: int) -> Request:
-    """MSG_MOTOR_STOP."""
+    """Return MSG_MOTOR_STOP."""
     return Request(STOP, bytes((motor,)))
 
 
 def configure(motor: int, flags: int) -> Request:
-    """MSG_MOTOR_CONFIGURE."""
+    """Return MSG_MOTOR_CONFIGURE."""
     return Request(CONFIGURE, bytes((motor, flags)))
 
 
 def speed(motor: int, velocity: int, acceleration: int) -> Request:
-    """MSG_MOTOR_SET_SPEED."""
+    """Return MSG_MOTOR_SET_SPEED."""
     return Request(SET_SPEED, struct.pack("<BII", motor, velocity, acceleration))
 
 
@@ -79,17 +79,17 @@ def limits(motor: int, lower: int | None = None, upper: int | None = None) -> Re
 
 
 def begin(first: int, last: int) -> Request:
-    """MSG_RT_UPLOAD_MOVE_BEGIN."""
+    """Return MSG_RT_UPLOAD_MOVE_BEGIN."""
     return Request(BEGIN, struct.pack("<ii", first, last))
 
 
 def axis(motor: int, index: int, positions: list[int]) -> Request:
-    """MSG_RT_UPLOAD_MOVE_AXIS."""
+    """Return MSG_RT_UPLOAD_MOVE_AXIS."""
     return Request(AXIS, struct.pack(f"<BI{len(positions)}i", motor, index, *positions))
 
 
 def frame(number: int) -> Request:
-    """MSG_RT_POSITION_FRAME."""
+    """Return MSG_RT_POSITION_FRAME."""
     return Request(POSITION_FRAME, struct.pack("<i", number))
 
 
@@ -102,5 +102,5 @@ def run(
 
 
 def jog_all(fps: float, destination: int) -> Request:
-    """MSG_RT_JOG_ALL."""
+    """Return MSG_RT_JOG_ALL."""
     return Request(JOG_ALL, struct.pack("<Ii", round(fps * 1000), destination))

@@ -41,5 +41,5 @@ SUBJECTS = (
 
 
 def every_check() -> list[Check]:
-    """All of them, by subject, in the order in which they run."""
+    """Return all checks by subject, in the order in which they run."""
     return [check for subject in SUBJECTS for check in subject.CHECKS]

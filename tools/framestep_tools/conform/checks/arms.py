@@ -1,8 +1,7 @@
-"""Virtual axes of an arm, a column and straight axes: types 1 to 4, where motors are enough.
+"""Virtual axes of an arm, a column and straight axes: types 1 to 4, if there are enough motors.
 
-VIRT_MOVE must end where it was asked to; that is in the specification. Formulas, signs and the
-layouts of types 3 and 4 are in no public description that is sure (notes 9.2 to 9.4), so what
-rests on them is a should.
+The specification says that VIRT_MOVE must end at its target. No reliable public description has
+formulas, signs and the layouts of types 3 and 4 (notes 9.2 to 9.4), so their checks are a should.
 """
 
 import struct
@@ -20,26 +19,26 @@ from ..sampling import motion, no_faster
 from ..spec import Request
 
 CHECKS: list[Check] = []
-TRACK, EW, NS, PAN, TILT, ROLL = range(6)  # in a pose
+TRACK, EW, NS, PAN, TILT, ROLL = range(6)  # indices in a pose
 _UNIT = 100_000
 _LAYOUT = {1: "MSG_VIRT_CONFIG", 2: "MSG_VIRT_CONFIG", 3: "note 9.3", 4: "note 9.3"}
 _CAN = {1: 0x04, 2: 0x08, 3: 0x10, 4: 0x20}
 _LENGTH, _EXT = 200.0, 40.0
 _STRAIGHT = 5.0  # steps per unit
-_TURN = 20.0  # steps per degree, where the motor stands near a whole turn
-_SLACK = 1.6  # steps that the motors together may be beside a point
+_TURN = 20.0  # steps per degree, with the motor close to a whole turn
+_SLACK = 1.6  # steps by which the motors together may miss a point
 _VELOCITY = 1000
 
 
 class Arm(NamedTuple):
-    """A type and the axes that have motors: those of the motors 1, 2, ... in this order."""
+    """A type and its axes with motors, in the order of motors 1, 2, ..."""
 
     kind: int
     driven: tuple[str, ...]
     nodal: tuple[float, float, float] = (0.0, 0.0, 0.0)
     safe: float | None = None
     told: tuple[float, ...] = (0.0,) * 6
-    table: int = 0  # steps per degree of a boom table
+    table: int = 0  # steps per degree in a boom table, or 0
 
     def __str__(self) -> str:
         besides = " with a nodal offset" if any(self.nodal) else ""
@@ -49,7 +48,7 @@ class Arm(NamedTuple):
 
 
 def _per_degree(step: int) -> float:
-    """Steps per degree with which this step is a whole number of turns, or nearly level."""
+    """Return steps per degree for which this step is a whole number of turns, or almost level."""
     if abs(step) <= 8 * _TURN:
         return _TURN
     turns = max(1, round(abs(step) / (360 * _TURN)))
@@ -64,13 +63,14 @@ def _rig(bench: Bench, arm: Arm) -> Rig:
         steps = _STRAIGHT if name in ("TRACK", "X", "Y", "Z") else _per_degree(step)
         axes.append(Axis(motor, steps, arm.told[i], step) if motor else Axis(0, 0.0, arm.told[i]))
     table = None
-    if arm.table:  # it counts instead of the boom's steps per unit, which are others
+    if arm.table:  # replaces the boom's steps per unit, which differ from it
         table = tuple(axes[0].step + arm.table * degree for degree in range(-60, 61))
     return Rig(arm.kind, tuple(axes), _LENGTH, _EXT, arm.nodal, table, arm.safe)
 
 
 def _put(name, source, arm: Arm, check: Callable[[Bench, Rig], None], level=SHOULD, can=0):
-    """`check` is run with the arm configured; afterwards there is none, the motors are back."""
+    """Add a check that runs with the arm configured. Afterwards the arm is removed and the motors
+    are back."""
 
     def needs(bench: Bench) -> bool:
         bits = _CAN[arm.kind] | can
@@ -89,11 +89,11 @@ def _put(name, source, arm: Arm, check: Callable[[Bench, Rig], None], level=SHOU
     CHECKS.append(Check("arms", f"{arm}: {name}", source, run, level, needs))
 
 
-# ---- where the camera is
+# ---- the camera's pose
 
 
 def _pose(bench: Bench) -> np.ndarray:
-    """VIRT_GET_POSITION, in units and degrees."""
+    """Return VIRT_GET_POSITION in units and degrees."""
     data = bench.data(spec.VIRT_GET_POSITION)
     if len(data) not in (24, 37):
         raise Failed(f"VIRT_GET_POSITION has {len(data)} bytes, expected 24 or 37")
@@ -106,7 +106,7 @@ def _joints(bench: Bench, rig: Rig) -> np.ndarray:
 
 
 def _grain(rig: Rig, joints: np.ndarray) -> np.ndarray:
-    """How far each number of the pose may be off where no motor is off by more than _SLACK."""
+    """Return the tolerance of each number of the pose if no motor is off by more than _SLACK."""
     here, out = rig.forward(joints), np.full(6, 2 / _UNIT)
     for i, axis in enumerate(rig.axes):
         if axis.motor:
@@ -123,13 +123,13 @@ def _compare(found: np.ndarray, expected: np.ndarray, grain: np.ndarray, when: s
 
 
 def _stands(bench: Bench, rig: Rig, when: str) -> None:
-    """The reported pose is the one that the motors' steps make."""
+    """Require that the reported pose matches the motors' steps."""
     joints = _joints(bench, rig)
     _compare(_pose(bench), rig.told(rig.forward(joints)), _grain(rig, joints), when)
 
 
 def _cut_short(bench: Bench, rig: Rig) -> None:
-    """Refused; the configuration that there was stays."""
+    """A short message is refused, and the previous configuration stays."""
     request = Request(spec.VIRT_CONFIG, rig.payload()[:-1])
     bench.expect(request, spec.ERR_RANGE)
     _stands(bench, rig, "after a VIRT_CONFIG that was refused")
@@ -141,7 +141,7 @@ def _at_first(bench: Bench, rig: Rig) -> None:
 
 
 def _jointwise(name: str, steps: int):
-    """A motor is moved by itself; the camera goes where the formulas say."""
+    """A motor moves alone, and the camera follows the formulas."""
 
     def check(bench: Bench, rig: Rig) -> None:
         motor = rig.axes[NAMES[rig.kind].index(name)].motor
@@ -153,7 +153,8 @@ def _jointwise(name: str, steps: int):
 
 
 def _turned_out(first: str, second: str):
-    """The same with another motor away from its start, where formulas with two angles differ."""
+    """As _jointwise, with another motor away from its start, where formulas with two angles
+    differ."""
 
     def check(bench: Bench, rig: Rig) -> None:
         for name, steps in ((first, 300), (second, -260)):
@@ -167,7 +168,7 @@ def _turned_out(first: str, second: str):
 
 
 def _reached(axis: int, by: float):
-    """A virtual axis ends where it was asked to, by its own report."""
+    """A virtual axis ends at its target by its own report."""
 
     def check(bench: Bench, rig: Rig) -> None:
         target, _ = _go(bench, rig, axis, by)
@@ -180,7 +181,7 @@ def _reached(axis: int, by: float):
 
 
 def _inverse(axis: int, by: float):
-    """The motors stand where the formulas have the camera at its target, all else as before."""
+    """The motors end where the formulas put the camera at its target, with all else unchanged."""
 
     def check(bench: Bench, rig: Rig) -> None:
         before = _joints(bench, rig)
@@ -198,7 +199,7 @@ def _inverse(axis: int, by: float):
 
 
 def _straight(axis: int, by: float):
-    """On the way no other virtual axis leaves its place, and no motor is too fast."""
+    """No other virtual axis leaves its place during the move, and no motor is too fast."""
 
     def check(bench: Bench, rig: Rig) -> None:
         start = _pose(bench)
@@ -216,7 +217,7 @@ def _straight(axis: int, by: float):
 
 
 def _go(bench: Bench, rig: Rig, axis: int, by: float):
-    """The target, as a pose; the positions on the way."""
+    """Move a virtual axis. Return the target pose and the positions on the way."""
     target = _pose(bench)
     target[axis] += by
     return target, motion(bench, _to(axis, target[axis]))
@@ -238,7 +239,7 @@ def _too_far(axis: int, units: float):
 
 
 def _along_line(line: int, axis: int, speed: int):
-    """JOG_ON_LINE goes along the camera's own direction, turned by its pan."""
+    """JOG_ON_LINE follows the camera's own direction, turned by its pan."""
 
     def check(bench: Bench, rig: Rig) -> None:
         bench.expect(_to(PAN, _pose(bench)[PAN] + 30))

@@ -1,7 +1,7 @@
-"""Coupled motors: motor 2 does what motor 1 does, or the opposite.
+"""Coupled motors: motor 2 moves as motor 1, or the opposite way.
 
-The specification has the capability's name only, the flags are of Dragonframe's own header (note
-3.1): so nothing here is a must.
+The specification only has the capability's name; the flags come from Dragonframe's own header (note
+3.1). So nothing here is a must.
 """
 
 from collections.abc import Callable
@@ -17,8 +17,8 @@ CHECKS: list[Check] = []
 _SAME, _REVERSED = 0x11, 0x31  # enabled and coupled
 _SOURCE = "HI: Couple motors; note 3.1"
 _STEPS = 300
-_APART = 2  # steps that one look may find between them
-_PLAY = 30  # steps; what is more is no play of gears
+_APART = 2  # allowed difference in steps in one sample
+_PLAY = 30  # steps; more cannot be backlash
 
 
 def _can(bench: Bench) -> bool:
@@ -38,7 +38,7 @@ def _sense(flags: int) -> int:
 
 
 def _coupled(flags: int, check: Callable[[Bench], None]):
-    """Motors 1 and 2 coupled, and each by itself again afterwards."""
+    """Run a check with motors 1 and 2 coupled, and uncouple them afterwards."""
 
     def run(bench: Bench):
         bench.expect(spec.configure(1, flags))
@@ -51,8 +51,11 @@ def _coupled(flags: int, check: Callable[[Bench], None]):
 
 
 def _play(bench: Bench, flags: int) -> int:
-    """By how much motor 2 stands elsewhere once both have turned: a device that takes up the play
-    of gears reports positions of the load, and the two may differ in their play."""
+    """Return by how much motor 2 differs once both have turned.
+
+    A device with backlash compensation reports positions of the load, and the two motors may have
+    different backlash.
+    """
     key = "play of a couple", flags
     if key not in bench.kept:
         apart = [0]
@@ -72,7 +75,7 @@ def _both_at(bench: Bench, steps: int, flags: int) -> None:
 
 
 def _together(bench: Bench, seen: list[Sample], flags: int) -> None:
-    """At each moment motor 2 has gone as far as motor 1."""
+    """Require that motor 2 has gone as far as motor 1 at each moment."""
     first, most = seen[0].steps, _APART + _play(bench, flags)
     for moment in seen:
         lead, follow = moment.steps[0] - first[0], moment.steps[1] - first[1]
@@ -114,7 +117,7 @@ def _stops(request: Request, flags: int):
 
 
 def _slower(flags: int):
-    """The follower's speed and acceleration are less than the leader's."""
+    """The follower has less velocity and acceleration than the leader."""
 
     def check(bench: Bench):
         bench.expect(spec.speed(2, 250, 500))
@@ -129,7 +132,7 @@ def _slower(flags: int):
 
 
 def _limited(flags: int):
-    """A soft limit of the follower is the leader's too."""
+    """A soft limit of the follower also stops the leader."""
 
     def check(bench: Bench):
         home, up = bench.home[1], _sense(flags) > 0
@@ -167,7 +170,7 @@ def _disabled(motor: int):
 
 
 def _plays(flags: int):
-    """What is uploaded for the leader moves both, frame by frame."""
+    """An upload for the leader moves both, frame by frame."""
 
     def check(bench: Bench):
         path = [10 * i for i in range(FRAMES)]
@@ -204,7 +207,7 @@ def _told_play(bench: Bench):
 
 
 def _apart(bench: Bench):
-    """They keep the distance that they have when they are coupled."""
+    """They keep the distance that they had when they were coupled."""
     bench.go(2, 70)
     bench.expect(spec.configure(1, _SAME))
     bench.go(1, _STEPS)

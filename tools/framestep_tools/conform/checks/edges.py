@@ -1,8 +1,8 @@
-"""Steps on the pins, where they can be seen: as many as the positions say, none lost, none back,
-no pulse sooner than velocity and acceleration allow, and in a run each at its frame's time.
+"""Steps on the pins, if a trace shows them.
 
-A device may make up for play in the gears. How much is measured first; where a motor turns, so many
-steps more are right.
+Their number must match the positions; none may be lost or go back; no pulse may come sooner than
+velocity and acceleration allow; in a run each comes at its frame's time. A device may compensate
+backlash. That is measured first, and then allowed at each turn.
 """
 
 from itertools import pairwise
@@ -27,7 +27,7 @@ def _put(name, source, run, level=MUST, needs=lambda bench: True, full=False):
 
 
 def _steps(edges: list[Edge], motor: int) -> list[tuple[float, int]]:
-    """Times in seconds and directions."""
+    """Return the times in seconds and the directions of a motor's steps."""
     return [(time * 1e-9, value) for time, name, value in edges if name == f"m{motor}"]
 
 
@@ -38,7 +38,7 @@ def _taken(bench: Bench, seconds: float = 0.2) -> list[Edge]:
 
 
 def _moved(bench: Bench, motor: int, *targets: int) -> list[list[tuple[float, int]]]:
-    """The steps of moves one after the other, from home and back there. Made once."""
+    """Return the steps of successive moves from home and back. Made only once."""
     key = "edges", motor, targets
     if key not in bench.kept:
         bench.expect(spec.speed(motor, _V, _A))
@@ -53,13 +53,13 @@ def _moved(bench: Bench, motor: int, *targets: int) -> list[list[tuple[float, in
 
 
 def _play(bench: Bench, motor: int) -> int:
-    """The steps that the device adds where the motor turns."""
+    """Return the steps that the device adds at a turn."""
     _, down, up = _moved(bench, motor, 20, -20)
     return max(0, len(down) - 40, len(up) - 20)
 
 
 def _is_right(made: int, wanted: int, play: int) -> bool:
-    """So many steps for so many positions, with what a turn before or within them takes."""
+    """Return whether the number of steps is right, with the backlash of a turn before or within."""
     return made - wanted in (-play, 0, play)
 
 
@@ -100,7 +100,7 @@ def _ramped(last: bool, *targets: int):
 
 
 def _from_rest(times: list[float]) -> None:
-    """After n steps from rest with an acceleration a the velocity is at most the root of 2 n a."""
+    """Require that the velocity after n steps from rest is at most the root of 2 n a."""
     for n, (a, b) in enumerate(pairwise(times), 2):
         if n >= 4 and 1 / (b - a) ** 2 > 2 * (n + 0.5) * _A * SLACK:
             raise Failed(
@@ -122,7 +122,7 @@ for _last, _targets in (
 
 
 def _agrees(bench: Bench):
-    """Stopped anywhere, the position is what has been stepped."""
+    """After a stop at any place, the position equals the steps."""
     play = _play(bench, 1)
     _taken(bench)
     at = bench.positions().steps[0]
@@ -161,7 +161,7 @@ def _runs(bench: Bench) -> bool:
 
 
 def _run(bench: Bench, fps: float, back: bool):
-    """The steps of the first two motors from GO on, from where they waited. Played once."""
+    """Return the steps of the first two motors since GO, from their start. Played only once."""
     key = "edges of a run", fps, back
     if key not in bench.kept:
         first, last = (FRAMES, 1) if back else (1, FRAMES)
@@ -195,7 +195,7 @@ def _framed(fps: float, back: bool):
         for i, number in enumerate(order):
             for motor, steps in enumerate(made, 1):
                 found = _at(steps, waits[motor - 1], start + i / fps)
-                # an edge of the time by which frame 1 is found is a step at most
+                # the time of frame 1 is uncertain by one step at most
                 if abs(found - path[motor - 1][i]) > 1:
                     raise Failed(
                         f"at the time of frame {number} motor {motor} had stepped to {found}, "
@@ -206,7 +206,7 @@ def _framed(fps: float, back: bool):
 
 
 def _middle(steps: list[tuple[float, int]], start: int, path: list[int]) -> float:
-    """When a motor came to the middle of a path that is the same from both ends."""
+    """Return the time at which a motor reached the middle of a symmetric path."""
     wanted = (path[0] + path[-1]) / 2
     position = start
     for time, value in steps:

@@ -136,7 +136,7 @@ def _in_pieces(size: int):
         link = bench.link
         link.id += 1
         data = encode(spec.STATUS, b"", link.id)
-        # all of it well within the time after which a device may drop what is incomplete
+        # complete well within the time after which a device may drop an unfinished frame
         for i in range(0, len(data), size):
             link.write(data[i : i + size])
             link.pump(0.003)

@@ -1,6 +1,6 @@
-"""General inputs, limit switches and the E-stop, pressed by somebody: by hand, or by the simulator.
+"""General inputs, limit switches and the E-stop, pressed by hand or by the simulator.
 
-Which level of an input counts as on is not said anywhere; only that it changes is judged.
+Nothing says which level of an input counts as on, so only its change is judged.
 """
 
 import struct
@@ -14,8 +14,8 @@ from ..spec import Request
 CHECKS: list[Check] = []
 _TOLD_S = 0.5
 _V, _A = 500, 4000
-_SLOW_V = 30  # for hands that take their time
-_WAY = 900  # steps, at most half of which are made if the switch acts
+_SLOW_V = 30  # for slow hands
+_WAY = 900  # steps; at most half of them if the switch acts
 
 
 def _put(name, source, run, level, needs, full=False):
@@ -136,14 +136,14 @@ def _end(sign: int, swapped: bool) -> str:
 
 
 def _run_into(bench: Bench, sign: int, swapped: bool) -> int:
-    """A move of motor 1, and the switch pressed on its way; where it came to rest."""
+    """Press a switch while motor 1 moves. Return where it comes to rest."""
     _set(bench, 0x81 if swapped else 1)
     _interrupted(bench, f"{_end(sign, swapped)} limit 1", sign * _WAY)
     return (bench.positions().steps[0] - bench.home[0]) * sign
 
 
 def _interrupted(bench: Bench, what: str, steps: int) -> None:
-    """A switch is pressed while motor 1 moves; then it rests."""
+    """Press a switch while motor 1 moves, and wait for rest."""
     assert bench.hands
     bench.hands.ready(what)
     bench.expect(spec.speed(1, _SLOW_V if bench.hands.slow else _V, _A))
@@ -157,13 +157,13 @@ def _interrupted(bench: Bench, what: str, steps: int) -> None:
 
 
 def _is_stopped(bench: Bench, steps: int) -> None:
-    """Failed where the way was not cut short."""
+    """Raise Failed if the motion was not cut short."""
     if steps > (_WAY - 5 if bench.hands and bench.hands.slow else _WAY / 2):
         raise Failed(f"with its switch pressed on the way the motor went {steps} steps")
 
 
 def _free(check, sign: int, swapped: bool):
-    """Afterwards the switch is let go of, and the motor goes back."""
+    """Wrap a check: release the switch afterwards, and bring the motor back."""
 
     def run(bench: Bench):
         try:
@@ -222,7 +222,7 @@ for _sign, _swapped in ((1, False), (-1, False), (1, True), (-1, True)):
 
 
 def _not_its_own(bench: Bench):
-    """Limit set 1 is motor 1's; motor 2 goes on."""
+    """Limit set 1 belongs to motor 1, so motor 2 goes on."""
     try:
         _set(bench, 1)
         if bench.hands and bench.hands.slow:
@@ -257,7 +257,7 @@ _put(
 
 
 def _estop(check):
-    """Pressed while motor 1 moves; afterwards let go of."""
+    """Wrap a check: press the E-stop while motor 1 moves, and release it afterwards."""
 
     def run(bench: Bench):
         try:

@@ -1,4 +1,4 @@
-"""Each message with data that is too short, and those of fixed layout with more than is known."""
+"""Each message with data that is too short, and messages of fixed layout with extra data."""
 
 import struct
 
@@ -19,7 +19,7 @@ def _motors(bench: Bench) -> bool:
     return bench.hello.motors > 0
 
 
-# length, whom it concerns, whether a device that ignores the length might move
+# length, devices that it concerns, whether a device that ignores the length might move
 _MESSAGES = {
     spec.GIO_OUT: (4, lambda b: b.hello.outputs > 0, True),
     spec.GIO_CAM: (4, lambda b: True, True),
@@ -43,7 +43,7 @@ _MESSAGES = {
 def _short(type: int, size: int):
     def run(bench: Bench):
         before = bench.positions().steps if bench.hello.motors else ()
-        # other faults may be told first: nothing uploaded, nothing configured
+        # a device may report another fault first: nothing uploaded, nothing configured
         bench.expect(Request(type, (b"\1" + bytes(40))[:size]), spec.ERR_RANGE, spec.ERR_GENERAL)
         if before:
             bench.idle()

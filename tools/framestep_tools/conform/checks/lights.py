@@ -1,7 +1,7 @@
-"""Lights, general outputs, the camera's outputs and what an uploaded move switches.
+"""Lights, general outputs, the camera's outputs, and outputs of an uploaded move.
 
-What can be seen from outside is DMX STATUS and the answers; where the pins can be seen, they are
-judged."""
+From outside only DMX STATUS and answers are visible. If a trace shows the pins, they are judged.
+"""
 
 import struct
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from ..spec import Request
 
 CHECKS: list[Check] = []
 _FPS = 12
-_FRAME_S = 0.025  # lights go out about forty times a second
+_FRAME_S = 0.025  # lights are sent about forty times a second
 _DMX = "MSG_DMX"
 
 
@@ -40,7 +40,7 @@ def _has_output(number: int) -> Callable[[Bench], bool]:
 
 
 def _put(name, source, run, level=MUST, needs: Callable[[Bench], bool] = _lights, pins=False):
-    """They are for the bench: what hangs on lights and outputs is not known."""
+    """Add a check for --full only: nobody knows what is connected to lights and outputs."""
 
     def has(bench: Bench) -> bool:
         return needs(bench) and (bench.pins is not None or not pins)
@@ -49,12 +49,12 @@ def _put(name, source, run, level=MUST, needs: Callable[[Bench], bool] = _lights
 
 
 def _put_shown(name, source, run, needs: Callable[[Bench], bool] = _lights):
-    """Where the pins show what the lights are at, which not every trace does."""
+    """Add a check that needs a trace with light levels; not every trace has them."""
     _put(name, source, run, MUST, lambda b: needs(b) and _levels_show(b), True)
 
 
 def _levels_show(bench: Bench) -> bool:
-    """Whether any level is seen to change."""
+    """Return whether the trace shows a change of a level."""
     if "levels show" not in bench.kept:
         _dark(bench)
         edges = _seen(bench, _dmx(0, 1, *[9] * bench.hello.lights)) if bench.pins else []
@@ -72,7 +72,7 @@ def _gio(bits: int) -> Request:
 
 
 def _seen(bench: Bench, *requests: Request, seconds: float = 0.1) -> list[Edge]:
-    """The edges that these requests make."""
+    """Return the edges that these requests cause."""
     bench.link.pump(0.1)
     assert bench.pins
     bench.pins.take()
@@ -241,11 +241,11 @@ for _flag, _signal in ((1, "shutter"), (2, "meter")):
 # ---- with an uploaded move
 
 _LEVELS = [10 * (i + 1) for i in range(FRAMES)]
-_ON = {3: 1, 4: 1, 8: 1}  # index of a frame: triggers
+_ON = {3: 1, 4: 1, 8: 1}  # {index of a frame: triggers}
 
 
 def _program(bench: Bench) -> None:
-    """The move with lights on channel 2 and triggers."""
+    """Upload the move with lights on channel 2 and triggers."""
     bench.expect(spec.begin(1, FRAMES))
     bench.expect(spec.axis(1, spec.LAST, bench.path(1)))
     if bench.hello.lights > 1:
@@ -268,7 +268,7 @@ def _run(sync: int, bloop: int, flags: int) -> Request:
 
 
 def _played(bench: Bench, sync: int, bloop: int, flags: int = 0) -> tuple[list[Edge], float]:
-    """The edges from GO to RT_END, and when the first frame was, on their clock. Played once."""
+    """Return the edges from GO to RT_END and the time of the first frame. Played only once."""
     key = "program", sync, bloop, flags
     if key not in bench.kept:
         if bench.hello.lights:
@@ -295,8 +295,8 @@ def _played(bench: Bench, sync: int, bloop: int, flags: int = 0) -> tuple[list[E
 
 
 def _first_frame(bench: Bench, edges: list[Edge]) -> float:
-    """When frame 1 was, by the steps of motor 1 halfway between frames 6 and 7, where the path is
-    steepest."""
+    """Return the time of frame 1, from the steps of motor 1 halfway between frames 6 and 7, where
+    the path is steepest."""
     path = [p - bench.home[0] for p in bench.path(1)]
     middle, steps = (path[5] + path[6]) / 2, 0
     for time, name, value in edges:

@@ -1,5 +1,5 @@
-"""Loops and ping-pong, and how STOP_LOOP ends them; judged by the play head and the positions that
-are reported with it."""
+"""Loops and ping-pong, and their end by STOP_LOOP, judged by the reported play head and
+positions."""
 
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ def _put(name, source, run, level=MUST):
 
 
 class Way(NamedTuple):
-    """What is played: rate, direction, kind, and in which pass STOP_LOOP comes."""
+    """What is played: rate, direction, kind, and the lap in which STOP_LOOP comes."""
 
     fps: float
     back: bool
@@ -38,11 +38,11 @@ class Way(NamedTuple):
 
     @property
     def ends(self) -> tuple[int, int]:
-        """First and last frame of the request."""
+        """Return the first and the last frame of the request."""
         return (FRAMES, 1) if self.back else (1, FRAMES)
 
     def frames(self, number: int) -> list[int]:
-        """The frames of a pass, counted from 1."""
+        """Return the frames of a lap; laps count from 1."""
         first, last = self.ends
         step = 1 if last > first else -1
         frames = list(range(first, last + step, step))
@@ -50,8 +50,8 @@ class Way(NamedTuple):
 
 
 class Looped(NamedTuple):
-    """Reports by pass (each its whole frames, in their order), whole frames between passes,
-    RT_ENDs before STOP_LOOP and at all, when STOP_LOOP came, where the motors stood at last."""
+    """Reports of each lap (its whole frames in order), whole frames between laps, the numbers of
+    RT_ENDs before STOP_LOOP and in all, the time of STOP_LOOP, the final positions."""
 
     passes: list[dict[int, Position]]
     between: list[int]
@@ -62,7 +62,7 @@ class Looped(NamedTuple):
 
 
 def _passes(way: Way, reports: list[Position]) -> tuple[list[dict[int, Position]], list[int]]:
-    """Whole frames in the order in which a pass should have them, and those between passes."""
+    """Return whole frames in the order that a lap should have, and frames between laps."""
     between: list[int] = []
     passes: list[dict[int, Position]] = [{}]
     wanted = way.frames(1)
@@ -85,7 +85,7 @@ def _passes(way: Way, reports: list[Position]) -> tuple[list[dict[int, Position]
         if number == expected:
             passes[-1][number] = report
         elif passes[-1] and number == wanted[len(passes[-1]) - 1] and len(passes[-1]) == 1:
-            passes[-1][number] = report  # in the pre-roll it is the start frame as well
+            passes[-1][number] = report  # in the pre-roll MOVE TIME is the start frame as well
     return passes, between
 
 

@@ -1,5 +1,4 @@
-"""Ramps, stops, jogs and JOG_ALL over time, judged by positions that are asked for again and
-again."""
+"""Ramps, stops, jogs and JOG_ALL over time, judged by repeated requests for positions."""
 
 from .. import spec
 from ..bench import FRAMES, Bench
@@ -109,12 +108,12 @@ for _way in (
 
 
 def _halted(bench: Bench, requests: tuple[Request, ...], between_s: float = 0.05):
-    """How far motor 1 went at full speed after these; the samples."""
+    """Return how far motor 1 went after these requests at full velocity, and the samples."""
     key = "halted", requests
     if key in bench.kept:
         return bench.kept[key]
     bench.expect(spec.speed(1, _V, _A))
-    bench.link.pump(1.2)  # a STOP_ALL of before is no longer soon before
+    bench.link.pump(1.2)  # so an earlier STOP_ALL does not count as the first of two
     bench.expect(spec.move(1, bench.home[0] + 900))
     bench.link.pump(0.9)
     before = sample(bench)
@@ -139,7 +138,7 @@ _FULL = _V * _V / (2 * _A)
 def _stops(*requests: Request):
     def run(bench: Bench):
         seen = _halted(bench, requests)
-        # the answer may take its time; the motor runs on until then
+        # the motor runs on until the answer, which may be slow
         late = (seen[1].asked_s - seen[0].asked_s + 0.03) * _V
         if _went(seen) > _FULL * 1.1 + late:
             raise Failed(

@@ -1,5 +1,5 @@
 """Runs over time: long ones at NTSC rates, pre-roll and post-roll of a path that does not begin and
-end at rest, reports that come when a frame is reached."""
+end at rest, reports of reached frames."""
 
 from .. import spec
 from ..bench import FRAMES, Bench
@@ -11,7 +11,7 @@ from ..spec import Request
 CHECKS: list[Check] = []
 _RUN = "MSG_RT_RUN_MOVE"
 _LONG = 240  # frames
-_DRIFT = 4e-4  # of the rate; 24 for 23.976 is 1e-3
+_DRIFT = 4e-4  # as a part of the rate; 24 instead of 23.976 is 1e-3
 _STEP, _FPS, _ROLL_S = 10, 24, 0.5
 
 
@@ -24,7 +24,7 @@ def _put(name, source, run, level=MUST, full=False):
 
 
 def _drift(fps: float):
-    """The rate, by a straight line through the times of all frames."""
+    """The rate, from a straight line through the times of all frames."""
 
     def run(bench: Bench):
         if bench.hello.frames < _LONG:
@@ -77,8 +77,8 @@ for _rate in (23.976, 29.97):
 
 
 def _steady(bench: Bench) -> tuple[list[Sample], float]:
-    """A path of constant velocity, forward; the samples from before GO until RT_END, and when that
-    came."""
+    """Play a path of constant velocity, forward. Return the samples from before GO until RT_END,
+    and its time."""
     if "steady" not in bench.kept:
         bench.expect(spec.begin(1, FRAMES))
         path = [bench.home[0] + _STEP * i for i in range(FRAMES)]
@@ -104,13 +104,13 @@ def _steady(bench: Bench) -> tuple[list[Sample], float]:
 
 
 _SPEED = _STEP * _FPS
-_WAY = _SPEED * _ROLL_S / 2  # of a roll with constant acceleration
+_WAY = _SPEED * _ROLL_S / 2  # distance of a roll with constant acceleration
 
 
 def _pre_time(bench: Bench):
     seen, _ = _steady(bench)
     low, high = took(seen, 1, seen[0].steps[0] + 2, 0)
-    # two steps are behind after sqrt(4 / a)
+    # two steps are done after sqrt(4 / a)
     wanted = _ROLL_S - (4 * _ROLL_S / _SPEED) ** 0.5
     if not (low - 0.06 <= wanted <= high + 0.06):
         raise Failed(f"the pre-roll took {low:.2f} s from its third step, expected {wanted:.2f} s")

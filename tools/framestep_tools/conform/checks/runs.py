@@ -7,7 +7,7 @@ from ..link import Failed
 from ..spec import Request
 
 CHECKS: list[Check] = []
-_LATE_S = 0.06  # a report of a frame, beside the others
+_LATE_S = 0.06  # lateness of one frame's report against the others'
 
 
 def _can(bench: Bench) -> bool:
@@ -24,8 +24,8 @@ def _played(bench: Bench, fps: float, back: bool) -> Played:
 
 
 def _frames(played: Played):
-    """The report of each frame as it was reached: {frame: Position}. In the pre-roll MOVE TIME may
-    already be the start frame, so of that one it is the last."""
+    """Return {frame: Position}, the report of each reached frame. In the pre-roll MOVE TIME may
+    already be the start frame, so for that one the last report counts."""
     found = {}
     start = next((p.move_time for p in played.positions), None)
     for position in played.positions:

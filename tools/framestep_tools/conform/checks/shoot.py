@@ -1,5 +1,5 @@
-"""Go-motion: both kinds of SHOOT_FRAME, judged by positions asked for during the exposure and,
-where they can be seen, by the pins of the camera."""
+"""Go-motion: both kinds of SHOOT_FRAME, judged by positions requested during the exposure, and by
+the camera's pins if a trace shows them."""
 
 import struct
 from typing import NamedTuple
@@ -47,8 +47,7 @@ def _pairs(pairs) -> bytes:
 
 
 class Shot(NamedTuple):
-    """Where the motors waited, the samples from GO to RT_END, how often that came, the edges
-    meanwhile."""
+    """Positions before GO, samples from GO to RT_END, the number of RT_ENDs, and the edges."""
 
     waits: tuple[int, ...]
     samples: list[Sample]
@@ -57,7 +56,7 @@ class Shot(NamedTuple):
 
 
 def _shot(bench: Bench, request: Request) -> Shot:
-    """Motor 1 is the one to blur. Shot once for all checks."""
+    """Shoot with motor 1 in motion. Shot only once for all checks."""
     if request in bench.kept:
         return bench.kept[request]
     bench.upload()
@@ -83,7 +82,7 @@ def _shot(bench: Bench, request: Request) -> Shot:
 
 
 def _span(shot: Shot, first: float, last: float, seconds: float, slack: float = _TOLERANCE) -> None:
-    """Motor 1 takes so long from one position to another."""
+    """Require the time that motor 1 takes from one position to another."""
     low, high = took(shot.samples, 1, first, last)
     if high < seconds * (1 - slack) or low > seconds * (1 + slack):
         raise Failed(
@@ -184,8 +183,8 @@ def _made2(bench: Bench, kind) -> Shot:
 
 
 def _turn(kind):
-    """A turn lasts exposure x 360 / (CLOSE - OPEN). Between a tenth and nine tenths of the way a
-    device takes 0.7 of it, with ramps inside the turn, to 0.8, without."""
+    """A turn lasts exposure x 360 / (CLOSE - OPEN). From a tenth to nine tenths of the distance a
+    device takes 0.7 of it (with ramps inside the turn) to 0.8 (without)."""
     exposure_ms, opens, closes = kind
 
     def run(bench: Bench):
@@ -319,7 +318,7 @@ for _kind2 in _KINDS2:
         pins=True,
     )
 
-# ---- what is refused
+# ---- refusals
 
 
 def _refused(make, *codes: int):

@@ -1,7 +1,7 @@
-"""Virtual axes in type 1 with nothing but a head: pan, tilt and, where there are motors, track.
+"""Virtual axes in type 1 with only a head: pan, tilt and, if there are enough motors, track.
 
-Only the head and the track are judged here, which need no lengths: what they do follows from steps
-per unit. arms.py has the other types, and what an arm does.
+They need no lengths: their motion follows from steps per unit. arms.py has arms and the other
+types.
 """
 
 import struct
@@ -34,8 +34,8 @@ def _put(name, source, run, level=MUST, axis=PAN, needs=_can):
 
 
 def _config(bench: Bench) -> Request:
-    """BOOM, SWING, TRACK, PAN, TILT, ROLL as motor, steps per unit, position; lengths, nodal
-    offset."""
+    """Return VIRT_CONFIG: BOOM, SWING, TRACK, PAN, TILT, ROLL as motor, steps per unit, position;
+    lengths, nodal offset."""
     motors = {axis: m if m <= bench.hello.motors else 0 for axis, m in _MOTOR.items()}
     order = (0, 0, motors[TRACK], motors[PAN], motors[TILT], 0)
     axes = b"".join(struct.pack("<IIi", motor, _SPU * 1000 if motor else 0, 0) for motor in order)
@@ -50,7 +50,8 @@ def _move(axis: int, units: float) -> Request:
 
 
 def _configured(check):
-    """With a configuration, which is taken away afterwards; the motors go back."""
+    """Wrap a check: configure before it; remove the configuration and bring the motors back after
+    it."""
 
     def run(bench: Bench):
         bench.expect(_config(bench))
@@ -245,7 +246,7 @@ for _enable, _point in ((0, (0, 0, 0)), (0, (5000, -1000, -90000)), (1, (0, 0, -
         needs=lambda b: _can(b) and bool(b.hello.can & spec.CAN_AIM),
     )
 
-# ---- what is refused
+# ---- refusals
 
 
 def _refused(request: Request, codes: Iterable[int]):
