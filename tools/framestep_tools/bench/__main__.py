@@ -1,4 +1,4 @@
-"""`make bench`."""
+"""The command of `make bench`."""
 
 import json
 import time
@@ -18,7 +18,7 @@ from .loops import loop_table, loops
 from .measure import measure
 
 RESULT = ROOT / "build" / "bench.json"
-_WIDTH = 120  # of the table where there is no terminal
+_WIDTH = 120  # of the table, if the output is not a terminal
 
 
 app = Command("bench")

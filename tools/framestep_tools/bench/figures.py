@@ -1,4 +1,4 @@
-"""The figures, their goals, and the table that shows them."""
+"""The figures, their goals, and their table."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from rich.table import Table
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure: its key in bench.json, its unit, its goal, and how it is measured."""
+    """One figure: its key in bench.json, its unit, its goal, and its measurement."""
 
     key: str
     unit: str
@@ -18,13 +18,13 @@ class Figure:
 
     @property
     def goal(self) -> str:
-        """The goal as it stands in the table."""
+        """Return the goal for the table."""
         if self.at_least is not None:
             return f"≥ {number(self.at_least)}"
         return "–" if self.at_most is None else f"≤ {number(self.at_most)}"
 
     def reached(self, value: float) -> bool | None:
-        """Whether the goal is reached; None where there is none."""
+        """Return whether the goal is reached, or None without a goal."""
         if self.at_least is not None:
             return value >= self.at_least
         return None if self.at_most is None else value <= self.at_most
@@ -188,7 +188,7 @@ def number(value: float) -> str:
 def table(
     modelled: Mapping[str, float], ideal: Mapping[str, float], explain: bool = False
 ) -> Table:
-    """The figures beside their goals: with the flash-cache model, and without it."""
+    """Return a table of the figures and their goals, with the flash-cache model and without it."""
     result = Table(title="RP2040 at 125 MHz, emulated", title_justify="left", show_lines=explain)
     result.add_column("figure", no_wrap=True)
     for name in ("goal", "measured", "without cache misses"):

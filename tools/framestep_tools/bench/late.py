@@ -1,4 +1,4 @@
-"""How late a tick comes at worst while a fixed set of requests is made in motion."""
+"""Worst lateness of a tick during a fixed set of requests in motion."""
 
 import numpy as np
 
@@ -39,8 +39,10 @@ _SPEED = (50_000, 200_000)
 
 
 def worst_late_us(session: Session, arm: Rig, speed: tuple[int, int]) -> float:
-    """The worst lateness of a tick in motion, by the firmware's own count. arm: a rig of virtual
-    axes, its motors with `speed`."""
+    """Return the worst lateness of a tick in motion, as the firmware counts it.
+
+    arm: a rig of virtual axes; speed: velocity and acceleration of its motors.
+    """
     client = session.client
     session.repl(f"{_STATE}[{stepper.WORST_LATE}] = 0")
     _single(client)
@@ -56,7 +58,7 @@ def _ask_all(client: Client) -> None:
 
 
 def _single(client: Client) -> None:
-    """All motors: moves, new targets, limits, jogs, each kind of stop."""
+    """Send to all motors: moves, new targets, limits, jogs, each kind of stop."""
     for motor in range(1, MOTORS + 1):
         client.request(MotorSetSpeed(motor, *_SPEED))
         client.request(MotorResetPosition(motor, 0))
@@ -74,7 +76,7 @@ def _single(client: Client) -> None:
         client.wait_idle()
         for motor in range(1, MOTORS + 1):
             client.request(MotorJog(motor, 10_000, _FAR))
-        client.wait_idle()  # not repeated
+        client.wait_idle()  # the jog is not repeated, so it ends
         for motor in range(1, MOTORS + 1):
             client.request(MotorSetLimits(motor, 0, 0, 0, 0))
             client.request(MotorMove(motor, 0))
@@ -82,7 +84,7 @@ def _single(client: Client) -> None:
 
 
 def _uploaded(session: Session) -> None:
-    """A run, its stops, and JOG_ALL."""
+    """Play a run, its stops, and JOG_ALL."""
     client = session.client
     stands = session.positions
     frames = np.arange(_FRAMES)
@@ -117,7 +119,7 @@ def _uploaded(session: Session) -> None:
 
 
 def _virtual(client: Client, arm: Rig, speed: tuple[int, int]) -> None:
-    """A virtual move and jogs, stopped and let go."""
+    """Play a virtual move and jogs, with stops and without repeats."""
     for axis in arm.axes:
         client.request(MotorSetSpeed(axis.motor, *speed))
         client.request(MotorResetPosition(axis.motor, axis.step))

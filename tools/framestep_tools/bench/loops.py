@@ -1,4 +1,4 @@
-"""Passes of the main loop: how many, how long, and how much is queued."""
+"""Passes of the main loop: their number and length, and the queues."""
 
 from rich.table import Table
 
@@ -44,8 +44,7 @@ LOOP_FPS = (25, 60)
 
 
 def loops() -> list[tuple[str, int, int, int, int]]:
-    """[(what, passes in a second, their mean and their longest time in µs, fewest segments
-    queued)]."""
+    """Return [(what, passes in a second, mean and longest time in µs, fewest queued segments)]."""
     names = {
         name: getattr(stepper, name)
         for name in ("PLANNED", "PLAN_SEGMENTS", "WRITE_INDEX", "READ_INDEX")
@@ -77,7 +76,7 @@ def loops() -> list[tuple[str, int, int, int, int]]:
 
 
 def loop_table(rows: list[tuple[str, int, int, int, int]]) -> Table:
-    """loops() as a table."""
+    """Return a table of loops()."""
     result = Table(
         title="passes of the main loop, flash-cache model on, frozen image", title_justify="left"
     )

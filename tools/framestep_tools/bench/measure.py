@@ -1,4 +1,4 @@
-"""How each figure is measured."""
+"""Measurement of each figure."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -44,7 +44,7 @@ from .virtual_cost import virtual_update_us
 
 _CHANNELS = 512
 LEVELS_AT_ONCE = 1000
-PLAYS = 4  # of the mixed move: one has too few replies for their median
+PLAYS = 4  # of the mixed move, because one has too few replies for a median
 TRIGGERS_AT_ONCE = 100
 PULSE_US = 0.5  # a pulse of the default 1 µs ends at 480 000 steps/s
 TOP_RATES = (
@@ -60,9 +60,9 @@ TOP_RATES = (
     250_000,
     200_000,
 )
-STEADY_US = 0.5  # a rate counts as reached if every edge is so close to the ideal
-AT_ONCE = 40  # requests that follow each other at once, right after GO
-# the rig of the virtual motions: steps per degree or millimetre, and what the host calls the pose
+STEADY_US = 0.5  # a rate counts as reached if every edge is this close to the ideal
+AT_ONCE = 40  # requests without pauses, right after GO
+# the rig of the virtual motions: steps per degree or millimetre, and the host's pose
 ARM = Rig(
     1,
     tuple(
@@ -83,13 +83,14 @@ ARM = Rig(
     extension=78.0,
     nodal=(20.0, 35.5, -12.0),
 )
-# the steps of its motors then: boom at 3 degrees, swing at 10
+# steps of its motors in that pose: boom at 3 degrees, swing at 10
 ARM_STANDS = (750, 3_000, 0, -2_500, -750, 0)
 ARM_SPEED = (20_000, 50_000)  # steps/s, steps/s²
 
 
 def top_rate(session: Session, motors: int, say: Callable[[str], None]) -> float:
-    """The highest of TOP_RATES at which `motors` motors play a move with every edge in place."""
+    """Return the highest of TOP_RATES at which `motors` motors play a move with every edge
+    right."""
     for wanted in TOP_RATES:
         say(f"{motors} motors at {wanted} steps/s")
         positions = session.prepare(
@@ -107,7 +108,7 @@ def top_rate(session: Session, motors: int, say: Callable[[str], None]) -> float
 def upload_rate(
     session: Session, frames: int, during: AbstractContextManager[Any] | None = None
 ) -> float:
-    """Bytes per second of an upload for eight motors, while they all move."""
+    """Return bytes per second of an upload for eight motors, while they all move."""
     client = session.client
     t = np.arange(frames)
     positions = {
@@ -134,9 +135,9 @@ def upload_rate(
 
 
 def go_times(session: Session, runs: int = 100) -> list[float]:
-    """From writing GO to the start of motion, in ms, for so many runs of motor 1.
+    """Return the times from writing GO to the start of motion, in ms, for some runs of motor 1.
 
-    The pre-roll is a ramp from rest: its n-th edge is √(2·T·n/v) behind its start.
+    The pre-roll is a ramp from rest: its n-th edge comes √(2·T·n/v) after its start.
     """
     client, board = session.client, session.board
     random = np.random.default_rng(1)
@@ -164,8 +165,8 @@ def go_times(session: Session, runs: int = 100) -> list[float]:
 
 
 def light_channels(session: Session, frames: int) -> int:
-    """How many channels with a random level at each frame fit beside eight motors and a trigger on
-    each frame."""
+    """Return how many channels with a random level at each frame fit next to eight motors and a
+    trigger on each frame."""
     client = session.client
     random = np.random.default_rng(1)
     t = np.arange(frames)
@@ -190,7 +191,7 @@ def light_channels(session: Session, frames: int) -> int:
 
 
 def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
-    """All figures, with the flash-cache model or without."""
+    """Return all figures, with the flash-cache model or without."""
     args = [] if cache else ["--xip-miss", "0"]
     rig: dict[str, Any] = {"motors": [{"pulse_us": PULSE_US}] * MOTORS}
     figures: dict[str, float] = {}
@@ -222,13 +223,12 @@ def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
 
 
 class Asker:
-    """Asks for something when it is called, and notes in `ms` how long the answer takes."""
+    """Sends a request when it is called, and notes the answer's delay in `ms`."""
 
     KINDS = (MotorStatus, MotorGetPosition, Hi)
 
     def __init__(self, client: Client, at_once: int = AT_ONCE, seed: int = 1):
-        """at_once: so many requests follow each other at once, those after them at random
-        moments."""
+        """at_once: number of requests without pauses; later ones come at random moments."""
         self.client = client
         self.at_once = at_once
         self.ms: list[float] = []
@@ -243,13 +243,13 @@ class Asker:
         self.ms.append(1000 * (client.clock() - begun))
 
     def until_idle(self) -> None:
-        """Ask until nothing moves any more."""
+        """Send requests until nothing moves."""
         while not self.client.request(MotorStatus()).idle:
             self()
 
 
 def virtual_replies(session: Session) -> list[float]:
-    """How long answers take while a rig moves along lines, ms."""
+    """Return the delays of answers while a rig moves along lines, in ms."""
     client = session.client
     for axis, step in zip(ARM.axes, ARM_STANDS, strict=True):
         client.request(MotorSetSpeed(axis.motor, *ARM_SPEED))
@@ -265,7 +265,7 @@ def virtual_replies(session: Session) -> list[float]:
         jog()
     client.request(VirtStop(messages.VIRT_MOTOR_EW))
     jog.until_idle()
-    # none: else what is measured next has virtual positions reported as well
+    # none, else later measurements would report virtual positions as well
     client.request(VirtConfig.unpack(b"\0"))
     return ask.ms + jog.ms
 

@@ -1,16 +1,16 @@
-"""The moves that are played."""
+"""The moves for measurements."""
 
 from collections.abc import Callable
 
 import numpy as np
 
 MOTORS = 8
-FPS = 25  # of the moves below, so that their steps per frame are whole numbers
+FPS = 25  # of the moves below, so their steps per frame are whole numbers
 RAMP = 100_000  # steps/s²
-STEEPEST = 4_000_000  # steps/s²: the acceleration that the motors are allowed
+STEEPEST = 4_000_000  # steps/s²: the motors' acceleration setting
 ROLL_MS = 200
-WINDOW = 4  # sections of an upload on their way at once
-# of the motors in the mixed move
+WINDOW = 4  # unanswered sections of an upload
+# velocities of the motors in the mixed move
 STEADY_RATES = (99_700, 80_000, 61_000, 50_000, 33_325, 20_000, 9_975, 1_000)
 
 
@@ -28,7 +28,7 @@ def mixed_move(seconds: float = 2.4, fps: int = FPS) -> dict[int, np.ndarray]:
     for motor, rate in enumerate(STEADY_RATES, 1):
         begun = min(rate / RAMP, total / 2)
         rate = RAMP * begun
-        # in halves of steps per s², exact where the frames are
+        # in halves of steps per s², exact at the frames
         x = np.minimum(t, begun)
         way = RAMP * x * x / 2 + rate * np.clip(t - begun, 0, total - 2 * begun)
         x = np.clip(t - (total - begun), 0, None)
@@ -38,7 +38,7 @@ def mixed_move(seconds: float = 2.4, fps: int = FPS) -> dict[int, np.ndarray]:
 
 
 def steady_move(rate: int, motors: int, frames: int = 11) -> dict[int, np.ndarray]:
-    """Positions of some motors at a constant velocity. rate: steps/s, a multiple of FPS."""
+    """Return positions of some motors at a constant velocity. rate: steps/s, a multiple of FPS."""
     return {
         motor: rate // FPS * np.arange(frames) * (1 if motor % 2 else -1)
         for motor in range(1, motors + 1)
@@ -53,7 +53,7 @@ Shape = Callable[[np.ndarray], np.ndarray]  # a path before rounding: steps at t
 
 
 def _ease(steps: float) -> Shape:
-    """From rest to rest, velocity and acceleration without jumps."""
+    """Return a path from rest to rest, without jumps of velocity and acceleration."""
     return lambda t: steps * np.polyval((6, -15, 10, 0, 0, 0), t / (RIPPLE_FRAMES - 1))
 
 
@@ -66,7 +66,7 @@ def _sine(steps: float, period: float) -> Shape:
 
 
 def ripple_paths() -> dict[int, Shape]:
-    """Lines, eases and sines of 0.4 to 500 steps per frame, one for each of eight motors."""
+    """Return lines, eases and sines of 0.4 to 500 steps per frame, one for each of eight motors."""
     shapes = (
         *(_line(rate) for rate in (0.4, 7.3, -60.7, 500.3)),
         *(_ease(steps) for steps in (97.3, -5000.7)),

@@ -1,5 +1,4 @@
-"""Where the processor's time goes while the emulated board does what `make bench` measures: `make
-profile`."""
+"""`make profile`: where the processor's time goes, in the scenarios of `make bench`."""
 
 from enum import Enum
 from typing import Annotated, Any
@@ -19,13 +18,13 @@ from .measure import PULSE_US, upload_rate
 from .moves import MOTORS, STEADY_RATES, mixed_move
 from .session import Session
 
-_OURS = "fun_data_framestep_"  # how the symbols of frozen code begin
-SERVO_CASES = ((1, 50), (4, 50), (8, 50), (4, 333))  # how many, their pulses' rate in Hz
+_OURS = "fun_data_framestep_"  # prefix of the symbols of frozen code
+SERVO_CASES = ((1, 50), (4, 50), (8, 50), (4, 333))  # number of servos, rate of their pulses in Hz
 _UPLOAD_FRAMES = {"upload": 3000, "single-port": 500}
 
 
 class Scenario(str, Enum):
-    """What is profiled."""
+    """Scenarios to profile."""
 
     UPLOAD = "upload"
     SINGLE_PORT = "single-port"
@@ -35,7 +34,7 @@ class Scenario(str, Enum):
 
 
 def _play(session: Session, profile: Profile, wait_s: float, seconds: float) -> None:
-    """Profile so many seconds of the mixed move from a moment after GO on, with requests at random
+    """Profile some seconds of the mixed move, from `wait_s` after GO, with requests at random
     moments."""
     client = session.client
     session.prepare(mixed_move(), max(STEADY_RATES) * 11 // 10)
@@ -52,8 +51,10 @@ def _play(session: Session, profile: Profile, wait_s: float, seconds: float) -> 
 
 
 def _interrupts(servos: int, rate_hz: int, args: list[str]) -> tuple[float, float]:
-    """Timers' interrupts of a board that has so many servos as its last motors, all at rest: µs of
-    each ms, and interrupts per ms."""
+    """Measure the timers' interrupts of a board whose last motors are servos, all at rest.
+
+    Returns µs in each ms, and interrupts per ms.
+    """
     servo = {"servo": {"at_start": "on", "rate_hz": rate_hz}}
     rig = {"motors": [{}] * (MOTORS - servos) + [servo] * servos}
     with EmulatedBoard(rig, trace=False, args=args) as board:
@@ -65,7 +66,8 @@ def _interrupts(servos: int, rate_hz: int, args: list[str]) -> tuple[float, floa
 
 
 def servo_table(args: list[str]) -> Table:
-    """What servos cost, whose pulses a second timer begins: as µs of each millisecond."""
+    """Return a table of the cost of servos, whose pulses a second timer starts, in µs of each
+    ms."""
     table = Table(
         f"servos of {MOTORS} motors", "Hz", "interrupts per ms", "µs per ms", "µs more than none"
     )
@@ -78,7 +80,7 @@ def servo_table(args: list[str]) -> Table:
 
 
 def tables(profile: Profile, rows: int) -> tuple[Table, Table]:
-    """What was found, per millisecond: by Python function, by function of the firmware."""
+    """Return tables of the time per millisecond, by Python function and by firmware function."""
     python = Table("Python function", "calls per ms", "own, µs per ms", "with calls")
     for function in profile.functions[:rows]:
         figures = function.calls, function.own_us, function.inner_us
@@ -100,8 +102,8 @@ def main(
     rows: Annotated[int, typer.Option(help="lines of each table", min=1)] = 40,
     cache: Annotated[bool, typer.Option(help="with the model of the flash cache")] = True,
 ) -> None:
-    """Print where the processor's time goes: in an upload, in one through a single port, in a move,
-    just after GO; or what servos cost."""
+    """Print where the processor's time goes: in an upload, in an upload through a single port, in a
+    move, just after GO; or the cost of servos."""
     rig: dict[str, Any] = {"motors": [{"pulse_us": PULSE_US}] * MOTORS}
     if scenario is Scenario.SINGLE_PORT:
         rig["ports"] = 1

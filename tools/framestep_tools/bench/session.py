@@ -1,4 +1,4 @@
-"""A board that plays moves, and how its edges are judged."""
+"""A board that plays moves, and the judgement of its edges."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -39,14 +39,14 @@ class Session:
 
     @property
     def positions(self) -> dict[int, int]:
-        """Where the motors say they are."""
+        """Return the reported positions."""
         return dict(enumerate(self.client.request(MotorGetPosition()).steps, 1))
 
     def prepare(
         self, positions: Mapping[int, np.ndarray], velocity: int, fps: int = FPS
     ) -> dict[int, np.ndarray]:
-        """Upload a move that begins where the motors stand, and bring them to where it begins.
-        Gives the positions."""
+        """Upload a move that begins at the motors' positions, and bring them to its start. Return
+        the uploaded positions."""
         client = self.client
         stands = self.positions
         moved = {motor: steps + stands[motor] for motor, steps in positions.items()}
@@ -62,7 +62,7 @@ class Session:
     def play(
         self, positions: Mapping[int, np.ndarray], meanwhile: Callable[[], None] | None = None
     ) -> "Played":
-        """Play what prepare() has prepared."""
+        """Play the prepared move."""
         client, board = self.client, self.board
         start = self.positions
         client.events.clear()
@@ -77,7 +77,7 @@ class Session:
                     meanwhile()
                 else:
                     client.pump(0.05)
-        client.wait_idle()  # on the end frame again
+        client.wait_idle()  # back on the end frame
         client.pump(0.05)
         records = board.emulator.trace_stop()
         reports = sum(isinstance(event.message, Positions) for event in client.events)
@@ -98,8 +98,8 @@ class Session:
 
 @dataclass
 class Played:
-    """A move that has been played: its verdict, what the emulator measured, position reports and
-    faults that came."""
+    """A played move: its verdict, the emulator's measurement, received position reports and
+    faults."""
 
     verdict: Verdict
     path: Reference
@@ -108,7 +108,7 @@ class Played:
     faults: list[HardStop]
 
     def errors_us(self, ramps: bool) -> np.ndarray:
-        """Errors of the edges against the path in its ramps, or where it holds a velocity."""
+        """Return the edges' errors against the path, in its ramps or at constant velocity."""
         found = []
         for motor in self.verdict.motors:
             error = motor.edge_error_us - np.nanmedian(motor.edge_error_us)
@@ -117,15 +117,15 @@ class Played:
         return np.concatenate(found)
 
     def rate(self) -> float:
-        """Steps per second between the first and the last frame, of the slowest motor."""
+        """Return steps per second between the first and the last frame, of the slowest motor."""
         slowest = min(
             (len(m.edge_times_s) - 1) / np.ptp(m.edge_times_s) for m in self.verdict.motors
         )
-        return round(float(slowest), -1)  # an edge is known to 8 ns
+        return round(float(slowest), -1)  # the resolution of an edge is 8 ns
 
     @property
     def complaints(self) -> list[str]:
-        """What was wrong with it."""
+        """List the faults of the move."""
         return self.verdict.complaints + [
             f"HARD_STOP {fault.motor} was sent" for fault in self.faults
         ]

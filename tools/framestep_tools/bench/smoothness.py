@@ -19,7 +19,8 @@ from .session import Session
 def ripple_ratios(
     rig: dict[str, Any], args: Sequence[str], say: Callable[[str], None]
 ) -> tuple[float, float]:
-    """Ripple of velocity and of acceleration with `smoothing`, as parts of that without it."""
+    """Return the ripple of velocity and of acceleration with `smoothing`, divided by the one
+    without."""
     found = []
     for smoothing in (True, False):
         say(f"ripple of rounding, {'with' if smoothing else 'without'} smoothing")
@@ -34,7 +35,8 @@ def ripple_ratios(
 
 
 def _played(session: Session, fps: int, smoothing: bool) -> Ripple:
-    """The ripple of all paths at this rate. ToolError where a motor was beside its position."""
+    """Return the ripple of all paths at this rate. Raises ToolError if a motor missed a
+    position."""
     paths = ripple_paths()
     at = np.arange(RIPPLE_FRAMES)
     rounded = {motor: np.rint(path(at)).astype(int) for motor, path in paths.items()}
@@ -66,7 +68,7 @@ def _played(session: Session, fps: int, smoothing: bool) -> Ripple:
 
 
 def _origin(trace: Trace, start: dict[int, int], moved: dict[int, np.ndarray], fps: int) -> float:
-    """When the first frame was, ns: the one moment that has each motor on its position at each
+    """Return the time of the first frame in ns: with it, each motor is at its position at each
     frame's time."""
     due = frame_times_ns(RIPPLE_FRAMES, 1000 * fps)
     low, high = -(1 << 62), 1 << 62

@@ -1,9 +1,9 @@
-"""What the parts of a tick cost on the emulated board:
-`python -m framestep_tools.bench.tick_cost`, and part of `make bench`.
+"""Cost of the parts of a tick on the emulated board: `python -m framestep_tools.bench.tick_cost`,
+also part of `make bench`.
 
-The kernel runs alone, from RAM, with motors that are given one long segment each; what a motor adds
-is the difference between eight of them and none. Times are those of the whole interrupt, from the
-processor's entry to its return, by the emulator's count of cycles.
+The kernel runs alone, from RAM. Each motor has one long segment; the cost of a motor is the
+difference between eight motors and none. Times cover the whole interrupt, from the processor's
+entry to its return, by the emulator's count of cycles.
 """
 
 from collections.abc import Iterable, Sequence
@@ -46,7 +46,7 @@ def stop():
     time.sleep_ms(20)
 """
 
-# what each motor does: its name, velocity (Q22 steps per tick), acceleration (Q27 steps per tick²)
+# each motor's motion: name, velocity (Q22 steps per tick), acceleration (Q27 steps per tick²)
 _MOTIONS = (
     ("slower than a step per tick", _ONE // 1000, 0),
     ("one step per tick", _ONE + _ONE // 8, 0),
@@ -58,8 +58,8 @@ _MOTIONS = (
 
 
 def measure(args: Sequence[str] = ()) -> list[tuple[str, float]]:
-    """[(what, microseconds)]: the interrupt by itself, the tick with all motors at rest, what a
-    motor adds."""
+    """Return [(what, microseconds)]: the interrupt by itself, the tick with all motors at rest, the
+    cost of a motor."""
     from framestep.pulse import stepper
     from framestep_emulator import Emulator
 
@@ -98,7 +98,7 @@ def measure(args: Sequence[str] = ()) -> list[tuple[str, float]]:
 
 
 def table(rows: Iterable[tuple[str, float, float]]) -> Table:
-    """(what, with the flash-cache model, without) as a table."""
+    """Return a table of (what, with the flash-cache model, without)."""
     result = Table(title="where the tick's time goes, µs", title_justify="left")
     for name in ("part", "measured", "without cache misses"):
         result.add_column(name, justify="left" if name == "part" else "right", no_wrap=True)
@@ -108,7 +108,7 @@ def table(rows: Iterable[tuple[str, float, float]]) -> Table:
 
 
 def both() -> list[tuple[str, float, float]]:
-    """measure() with and without the flash-cache model, side by side."""
+    """Return measure() with and without the flash-cache model, side by side."""
     modelled, ideal = measure(), measure(["--xip-miss", "0"])
     return [(name, value, other) for (name, value), (_, other) in zip(modelled, ideal, strict=True)]
 

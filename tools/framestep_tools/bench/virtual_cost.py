@@ -1,11 +1,9 @@
-"""What the kinematics of the virtual axes cost on the emulated board: `python -m
+"""Cost of the virtual axes' kinematics on the emulated board: `python -m
 framestep_tools.bench.virtual_cost`.
 
-Memory of their modules, and time of an update.
-
-One update is what a virtual axis in motion needs for a knot: inverse() of a boom-swing-track pose
-with nodal offset, and places(), the steps of the six motors, with a boom table. The time is that
-which the board's clock shows.
+It measures the memory of their modules and the time of an update. An update is the calculation for
+a knot of a moving virtual axis: inverse() of a boom-swing-track pose with nodal offset, and
+places(), the steps of the six motors, with a boom table. The time is the board's clock's.
 """
 
 from collections.abc import Callable
@@ -46,8 +44,8 @@ print(out)
 
 
 def virtual_update_us(run: Callable[[str], str]) -> float:
-    """Microseconds of an update; run: runs code on the board's REPL and gives back what it has
-    printed."""
+    """Return the microseconds of an update. run: runs code on the board's REPL and returns the
+    output."""
     found = read(RIGS["the same, boom table"])
     numbers = [
         list(n) for n in (found.motors, found.steps_per_unit, found.positions, found.lengths)
@@ -80,8 +78,8 @@ for name in ("aim", "x_y_z", "swing_pan", "y_swing_track", "boom_swing_track"):
 
 
 def memory(run: Callable[[str], str]) -> dict[str, int]:
-    """Bytes of a fresh board's memory by module; what both arms need counts for y_swing_track, the
-    first."""
+    """Return bytes of a fresh board's memory by module. The common part of both arms counts for
+    y_swing_track, the first."""
     return {name: int(size) for name, size in (line.split() for line in run(_MEMORY).splitlines())}
 
 

@@ -1,9 +1,9 @@
-"""How near the firmware's kinematics come to double precision: `python -m
+"""Precision of the firmware's kinematics against double precision: `python -m
 framestep_tools.bench.virtual_precision`.
 
-The firmware's own code, run here (its numbers are integers, the same on every runtime), against
-virtual_reference over the whole reach of each rig: where the motors should stand for poses as
-VIRT_MOVE gives them, and where they are put.
+It runs the firmware's own code here (its numbers are integers, the same on every runtime) and
+compares it with virtual_reference over the whole reach of each rig: the motors' steps for poses of
+VIRT_MOVE.
 """
 
 import importlib
@@ -44,13 +44,13 @@ MODULES = {
     X_Y_Z: "x_y_z",
 }
 MOTORS = 8
-BANDS = (60, 80, 88)  # degrees of boom and swing, the last the end of an arm's reach
+BANDS = (60, 80, 88)  # degrees of boom and swing; the last is the end of an arm's reach
 
 _HEAD = (Axis(4, 2000.0, 90.0), Axis(5, 2000.0), Axis(6, 2000.0))
 _NODAL = (120.0, -80.0, 60.0)
 _TABLE = tuple(round(2000 * k + 3 * k * k) for k in range(-60, 61))
 
-# A track of 20 m and heights of 2 m at 1000 steps to the millimetre, angles at 2000 to the degree
+# A track of 20 m and heights of 2 m at 1000 steps per millimetre, angles at 2000 steps per degree
 RIGS = {
     "boom-swing-track": Rig(
         1, (Axis(1, 2000.0), Axis(2, 2000.0), Axis(3, 1000.0), *_HEAD), 1200.0, 300.0, _NODAL
@@ -72,11 +72,11 @@ RIGS = {
 
 
 class Refused(Exception):
-    """A code other than 0; it is the argument."""
+    """The firmware has returned a code other than 0, the argument."""
 
 
 def put(r, to: int, value: float) -> None:
-    """r[to] = the nearest number that a register holds."""
+    """Set r[to] to the nearest number that a register can hold."""
     mantissa, exponent = math.frexp(value)
     m = round(mantissa * 2**30)
     if abs(m) == 2**30:
@@ -86,7 +86,7 @@ def put(r, to: int, value: float) -> None:
 
 
 def frame(payload: bytes) -> FrameReader:
-    """A FrameReader that has read a VIRT_CONFIG."""
+    """Return a FrameReader that has read a VIRT_CONFIG."""
     reader = FrameReader()
     data = wire.encode(messages.MSG_VIRT_CONFIG, payload, 7)
     if reader.feed(data, 0, len(data)) != len(data) or reader.poll() != FRAME:
@@ -95,7 +95,7 @@ def frame(payload: bytes) -> FrameReader:
 
 
 def read(rig: Rig) -> Configuration:
-    """What the firmware reads from the VIRT_CONFIG of a rig."""
+    """Return what the firmware reads from a rig's VIRT_CONFIG."""
     found = Configuration()
     if not read_configuration(frame(rig.payload()), rig.kind, MOTORS, found):
         raise Refused(ERR_RANGE)
@@ -103,8 +103,8 @@ def read(rig: Rig) -> Configuration:
 
 
 class Firmware:
-    """The firmware's Geometry of a type, with double-precision numbers in and out. Refused where it
-    gives a code."""
+    """The firmware's Geometry of a type, with double-precision numbers in and out. Raises Refused
+    for a code."""
 
     def __init__(self, kind: int):
         self.r = array("i", [0] * REGISTERS)
@@ -116,7 +116,7 @@ class Firmware:
 
     @classmethod
     def of(cls, rig: Rig) -> "Firmware":
-        """Configured as `rig`, its motors at the steps of its axes."""
+        """Make one configured as `rig`, with its motors at the steps of its axes."""
         firmware = cls(rig.kind)
         for axis in rig.axes:
             if axis.motor:
@@ -133,53 +133,53 @@ class Firmware:
         return [reals.value(self.r, at + 2 * i) for i in range(6)]
 
     def configure(self, payload: bytes) -> None:
-        """As by VIRT_CONFIG."""
+        """Configure it, as VIRT_CONFIG does."""
         if not read_configuration(frame(payload), self.kind, MOTORS, self.configuration):
             raise Refused(ERR_RANGE)
         self._check(self.geometry.configure(self.configuration, self.present))
 
     def pose(self) -> list[float]:
-        """vTrack, vEW, vNS, vPan, vTilt, vRoll."""
+        """Return vTrack, vEW, vNS, vPan, vTilt, vRoll."""
         return self._six(POSE)
 
     def told(self) -> list[float]:
-        """The same as the host counts it."""
+        """Return the pose in the host's coordinates."""
         out = array("i", [0] * 6)
         for i in range(6):
             self.geometry.to_host(out, i, i)
         return [number / 100000 for number in out]
 
     def forward(self, joints: Numbers) -> list[float]:
-        """The pose for joints."""
+        """Return the pose for joints."""
         for i, joint in enumerate(joints):
             put(self.r, JOINT + 2 * i, float(joint))
         self._check(self.geometry.forward())
         return self.pose()
 
     def inverse(self, pose: Numbers) -> list[float]:
-        """The joints for a pose."""
+        """Return the joints for a pose."""
         for i, number in enumerate(pose):
             put(self.r, POSE + 2 * i, float(number))
         self._check(self.geometry.inverse())
         return self._six(JOINT)
 
     def locate(self, steps: dict[int, int]) -> list[float]:
-        """The pose where motors stand; steps: {motor: step}."""
+        """Return the pose at these steps, {motor: step}."""
         for motor, step in steps.items():
             self.present[motor - 1] = step
         self._check(self.geometry.locate(self.present))
         return self.pose()
 
     def steps(self) -> list[float]:
-        """Where the motors of the six axes have to stand, as real numbers."""
+        """Return the target steps of the six axes' motors, as real numbers."""
         out = array("i", [0] * 12)
         self._check(self.geometry.motor_steps(out, 0))
         return [out[k] + out[k + 1] / 65536 for k in range(0, 12, 2)]
 
 
 def joints(rig: Rig, count: int, limit: float, seed: int = 1) -> np.ndarray:
-    """Joints over a rig's whole reach, boom and swing up to ±limit degrees, the swing on either
-    side of the column."""
+    """Return joints over a rig's whole reach: boom and swing up to ±limit degrees, the swing on
+    either side of the column."""
     random = np.random.default_rng(seed)
     spans = {
         "TRACK": 20000,
@@ -204,8 +204,7 @@ def joints(rig: Rig, count: int, limit: float, seed: int = 1) -> np.ndarray:
 def cases(
     rig: Rig, count: int, limit: float, seed: int = 1
 ) -> list[tuple[dict[int, int], np.ndarray, np.ndarray]]:
-    """Steps at which the motors stand, a pose that VIRT_MOVE can ask for, and the steps that it
-    takes."""
+    """Return present steps of the motors, a pose that VIRT_MOVE can request, and its steps."""
     found = []
     for near in joints(rig, count, limit, seed):
         stand = {
@@ -219,7 +218,7 @@ def cases(
 
 
 def errors(rig: Rig, count: int, limit: float, seed: int = 1) -> np.ndarray:
-    """Difference of the firmware's motor steps from those of double precision, one row per pose."""
+    """Return the firmware's motor steps minus the double-precision ones, one row per pose."""
     firmware = Firmware.of(rig)
     rows = []
     for stand, pose, wanted in cases(rig, count, limit, seed):

@@ -1,4 +1,4 @@
-"""A device's pins as a trace shows them that is written while it runs (`make sim`, `make emu` with
+"""A device's pins, from a trace that is written while it runs (`make sim`, `make emu` with
 --trace)."""
 
 import os
@@ -7,11 +7,11 @@ from pathlib import Path
 
 from ..judge.trace import HEADER, Edge, TraceError
 
-_WRITTEN_S = 0.3  # after so long an edge is in the file
+_WRITTEN_S = 0.3  # after this time an edge is in the file
 
 
 class TraceTail:
-    """The edges that come to a trace file from now on. TraceError where it is none."""
+    """The edges that a trace file receives from now on. Raises TraceError if it is not a trace."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -23,7 +23,7 @@ class TraceTail:
         if found != HEADER:
             raise TraceError(f"{path}: expected the header {HEADER!r}, found {found[:60]!r}")
         self._file.seek(0, os.SEEK_END)
-        # the row that is being written belongs to the past
+        # skip the unfinished row
         self._rest = b""
         self._skip = not self._at_row()
 
@@ -32,7 +32,7 @@ class TraceTail:
         return self._file.read(1) == b"\n"
 
     def take(self) -> list[Edge]:
-        """The edges that have come since the last call."""
+        """Return the edges since the last call."""
         time.sleep(_WRITTEN_S)
         rows = (self._rest + self._file.read()).split(b"\n")
         self._rest = rows.pop()

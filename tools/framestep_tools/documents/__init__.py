@@ -1,1 +1,1 @@
-"""Pages, tables and pictures of the documents that are made from data."""
+"""Generated pages, tables and pictures of the documents."""

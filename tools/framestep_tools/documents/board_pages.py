@@ -1,5 +1,5 @@
-"""A board's page: the table of its pins and the drawing, made from boards/<board>/board.json; and a
-check of that data.
+"""Make the table of pins and the drawing of each board's page from boards/<board>/board.json, and
+check that data.
 
 python -m framestep_tools.documents.board_pages          put them into every boards/<board>
 """
@@ -17,7 +17,7 @@ from ..chips import chips
 
 BEGIN = "<!-- pins: made by python -m framestep_tools.documents.board_pages -->\n"
 END = "<!-- end of pins -->"
-_ADDRESSES = 4  # that MS1 and MS2 of a TMC2209 can tell apart
+_ADDRESSES = 4  # that MS1 and MS2 of a TMC2209 can set
 
 _KEYS = {
     *(
@@ -35,22 +35,21 @@ _KEYS = {
         "gio",
     ),
     *("outputs", "inputs", "stops", "led", "rgb", "jumper", "freed", "with_drivers", "page"),
-    "pins",  # not in the file: files.board_data puts it there
+    "pins",  # not in the file: board_files.board_data adds it
 }
 
 
 class Use(NamedTuple):
-    """What a pin is for, and what to wire to it."""
+    """A pin's use, and what to wire to it."""
 
     pin: int
-    kind: str  # what is drawn alike
+    kind: str  # uses of one kind look alike
     what: str
     wire: str
 
 
 def uses(board: Mapping[str, Any]) -> list[Use]:
-    """Every pin that is in use, in the order of the table. board: data from
-    framestep.rig.pins.fitted."""
+    """List all used pins in the order of the table. board: data from framestep.rig.pins.fitted."""
     found = list(_motors(board))
     if isinstance(board["enable"], int):
         found.append(Use(board["enable"], "motor", "enable of all drivers", "EN of every driver"))
@@ -129,7 +128,7 @@ def _motors(board: Mapping[str, Any]) -> Iterator[Use]:
 
 
 def fits(board: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Every state that settings can bring a board's data into: (its name, the data)."""
+    """Yield each variant of a board's data that settings can select: (its name, the data)."""
     for count in range(1, board["motors"] + 1):
         for drivers in (False, True):
             yield (
@@ -139,9 +138,11 @@ def fits(board: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def state_machines(board: Mapping[str, Any]) -> int:
-    """How many from the first on are spoken for: one a motor, two a driver's line from the next PIO
-    block (of four) on, and one the RGB LED, in what the motors leave of their last block or behind
-    them all. (Of a block's 32 words the steps take 14, the lines 11, the LED 12.)
+    """Return the number of used state machines, counted from the first.
+
+    A motor takes one. A driver's line takes two, from the next PIO block (of four) on. The RGB LED
+    takes one, in the rest of the motors' last block or after all others. (Of a block's 32 words the
+    steps take 14, the lines 11, the LED 12.)
     """
     wires = board.get("drivers", {}).get("pins", [])[: board["motors"]]
     count = board["motors"]
@@ -154,7 +155,7 @@ def state_machines(board: Mapping[str, Any]) -> int:
 
 
 def complaints(board: Mapping[str, Any]) -> list[str]:
-    """What is wrong with a board's data, in words; nothing if it is sound."""
+    """List the mistakes in a board's data as text; empty if it is valid."""
     found = [f"{key}: no such entry" for key in board if key not in _KEYS]
     if board["chip"] not in chips():
         return [*found, f"chip: {board['chip']} is none of {', '.join(chips())}"]
@@ -214,7 +215,7 @@ def _rows(board: Mapping[str, Any], found: list[Use]) -> list[str]:
 
 
 def supplies(board: Mapping[str, Any]) -> list[str]:
-    """Rows of the table for what is wired beside the pins."""
+    """Return the table's rows for wiring other than pins."""
     if "sockets" in board.get("page", {}):
         return [
             "| GND | common ground | GND of every switch, and of the motors' supply |",
@@ -245,7 +246,7 @@ def supplies(board: Mapping[str, Any]) -> list[str]:
 
 
 def table(board: Mapping[str, Any]) -> str:
-    """The pins as Markdown: as they are without a rig file, then what settings change."""
+    """Return the pins as Markdown: first without a rig file, then the changes by settings."""
     plain = uses(fitted(dict(board)))
     lines = [*_rows(board, plain), *supplies(board)]
     for variant in board.get("page", {}).get("variants", []):
@@ -277,7 +278,7 @@ _TOP = 70
 
 class _Row(NamedTuple):
     label: str  # of the pin
-    number: str  # of the place in the header
+    number: str  # of the pin in the header
     use: Use | None
 
 
@@ -315,7 +316,7 @@ def _text(x: float, y: float, text: str, anchor: str = "start", **style: str) ->
 
 
 def drawing(board: Mapping[str, Any]) -> str:
-    """The board with its pins, what each is for, and what to wire to it, as SVG."""
+    """Draw the board with its pins, their uses and their wiring, as SVG."""
     data = fitted(dict(board))
     columns = _columns(board, uses(data))
     height = _TOP + _ROW * max(map(len, columns)) + 60
@@ -376,7 +377,7 @@ def drawing(board: Mapping[str, Any]) -> str:
 
 
 def page(name: str) -> dict[Path, str]:
-    """{file: text} of a board's page as they ought to be."""
+    """Return {file: text} of a board's page as it should be."""
     board = board_data(name)
     folder = ROOT / "boards" / name
     before, rest = (folder / "README.md").read_text().split(BEGIN)

@@ -1,10 +1,11 @@
-"""How smooth the motion between frames is: docs/internals/interpolation.svg, made by `make plots`.
+"""`make plots`: draw the smoothness of motion between frames, docs/internals/interpolation.svg.
 
-For each motor of the demo's move velocity and acceleration of framestep's cubics (reference.py,
-whose velocities at frames are the firmware's own) against the straight lines of dmc-lite, the
-device that Dragonframe ships: it works out a position every 20 ms on the straight line from frame
-to frame, and holds one velocity until the next. A velocity that jumps has no acceleration; drawn is
-the jump spread over the whole 20 ms, the least that a motor could make of it.
+It compares velocity and acceleration of framestep's cubics with the straight lines of dmc-lite, the
+device that Dragonframe ships, for each motor of the demo's move. The cubics are reference.py's,
+with the firmware's velocities at frames. dmc-lite calculates a position every 20 ms on the straight
+line from frame to frame, and holds one velocity until the next. A jump of velocity has no
+acceleration, so it is drawn spread over the whole 20 ms, the smallest acceleration that a motor
+could use.
 
 The same source makes the same file, byte for byte.
 """
@@ -29,20 +30,19 @@ PICTURE = ROOT / "docs/internals/interpolation.svg"
 FPS_MILLI = 24_000
 LINEAR_GRID_S = 0.02
 CLOSE_UP_S = 0.4
-# points drawn from frame to frame in the close-up: a parabola of velocity looks round
+# points from frame to frame in the close-up, so a parabola looks smooth
 _PER_FRAME = 4
 
 
 def linear_velocity(positions: Sequence[int], fps_milli: int) -> tuple[np.ndarray, np.ndarray]:
-    """(times in s, steps/s held from each of them on) of straight lines followed on a grid of 20
-    ms."""
+    """Return (times in s, steps/s from each time on) of straight lines on a grid of 20 ms."""
     frames = frame_times_ns(len(positions), fps_milli) * 1e-9
     grid = np.arange(0, frames[-1], LINEAR_GRID_S)
     return grid[:-1], np.diff(np.interp(grid, frames, positions)) / LINEAR_GRID_S
 
 
 def _close_up(reference: Reference, motor: int, frames: np.ndarray) -> float:
-    """Where the close-up begins: around the greatest acceleration, in whole 20 ms."""
+    """Return the start of the close-up around the highest acceleration, in whole 20 ms."""
     peak = frames[np.argmax(np.abs(reference.acceleration(motor, frames)))]
     begin = np.clip(peak - CLOSE_UP_S / 2, 0, frames[-1] - CLOSE_UP_S)
     return float(np.round(begin / LINEAR_GRID_S) * LINEAR_GRID_S)
@@ -62,7 +62,7 @@ def draw(move: Move, out: str | os.PathLike, fps_milli: int = FPS_MILLI) -> None
     )
     with plt.rc_context(
         {
-            "svg.hashsalt": "framestep",  # names within the file: random without it
+            "svg.hashsalt": "framestep",  # else names in the file are random
             "svg.fonttype": "none",
             "font.size": 9,
             "axes.grid": True,
@@ -89,7 +89,7 @@ def draw(move: Move, out: str | os.PathLike, fps_milli: int = FPS_MILLI) -> None
             close.set_xlim(begin, begin + CLOSE_UP_S)
             velocity.axvspan(begin, begin + CLOSE_UP_S, color="0.9", zorder=0)
             acceleration.plot(grid[1:], np.diff(linear) / LINEAR_GRID_S / 1000, **lines)
-            # straight from frame to frame, where it may jump
+            # acceleration is linear between frames and may jump at them
             ends = np.ravel(np.column_stack((frames[:-1], np.nextafter(frames[1:], 0))))
             acceleration.plot(ends, reference.acceleration(motor, ends) / 1000, **ours)
             acceleration.set_xlabel("seconds after the first frame")
@@ -109,7 +109,7 @@ def draw(move: Move, out: str | os.PathLike, fps_milli: int = FPS_MILLI) -> None
 
 
 def _short(svg: str) -> str:
-    """The same picture to a hundredth of a point, a path on a line: half the size."""
+    """Round the picture to a hundredth of a point, with a path on each line: half the size."""
     svg = re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}", svg)
     return re.sub(r' d="[^"]*"', lambda path: re.sub(r" ?\n", "", path[0]), svg)
 

@@ -1,8 +1,8 @@
-"""Drawings of the virtual axes' rigs: docs/use/virtual-*.svg, made by `make plots`.
+"""`make plots`: draw the virtual axes' rigs, docs/use/virtual-*.svg.
 
-Every line is where virtual_reference.py puts it for the pose in POSES: signs and lengths are those
-that the tests hold the firmware to. Left from above, in the middle from the side, right the camera
-with its angles and the nodal offset.
+virtual_reference.py gives every line for the pose in POSES, with the signs and lengths that the
+tests require of the firmware. On the left the rig from above, in the middle from the side, on the
+right the camera with its angles and the nodal offset.
 """
 
 import io
@@ -41,14 +41,14 @@ TITLES = {
     Y_SWING_TRACK: "type 3, Y-swing-track",
     X_Y_Z: "type 4, X-Y-Z",
 }
-# Joints of the pose that is drawn
+# Joints of the drawn pose
 POSES = {
     BOOM_SWING_TRACK: (28.0, 35.0, 250.0, -15.0, 0.0, 0.0),
     SWING_PAN: (35.0, -15.0),
     Y_SWING_TRACK: (420.0, 35.0, 250.0, -15.0, 0.0, 0.0),
     X_Y_Z: (350.0, 420.0, -400.0, 20.0, 0.0, 0.0),
 }
-# COLUMN: how far below the boom's axis the track is drawn
+# COLUMN: distance of the drawn track below the boom's axis
 LENGTH, EXTENSION, COLUMN = 800.0, 260.0, -420.0
 
 _METAL = {"color": "0.25", "linewidth": 3.0, "solid_capstyle": "round"}
@@ -58,14 +58,14 @@ _JOINT = "tab:orange"
 
 
 def rig(kind: int) -> Rig:
-    """The rig that is drawn, without nodal offset: that has a drawing of its own on the right."""
+    """Return the rig to draw, without nodal offset, which has its own drawing on the right."""
     axes = tuple(Axis(i + 1) for i in range(2 if kind == SWING_PAN else 6))
     return Rig(kind, axes, LENGTH, EXTENSION)
 
 
 class _View:
-    """An axes object that looks at the world from one side. across, up: which of X, Y, Z, with
-    their signs."""
+    """An axes object that looks at the world from one side. across, up: one of X, Y, Z, with
+    signs."""
 
     def __init__(self, axes: Any, title: str, across: tuple[int, int], up: tuple[int, int]):
         self.axes = axes
@@ -75,18 +75,18 @@ class _View:
         axes.axis("off")
 
     def flat(self, point: Any) -> tuple[float, float]:
-        """Where a point of the world is on the paper."""
+        """Return a world point's place on the paper."""
         return self._across[1] * point[self._across[0]], self._up[1] * point[self._up[0]]
 
     def line(self, a: Any, b: Any, **style: Any) -> None:
-        """A line between two points of the world."""
+        """Draw a line between two points of the world."""
         (x, y), (u, v) = self.flat(a), self.flat(b)
         self.axes.plot([x, u], [y, v], **style)
 
     def arrow(
         self, a: Any, b: Any, colour: str, text: str = "", shift: tuple[float, float] = (0, 0)
     ) -> None:
-        """An arrow from a to b, and a text at its head."""
+        """Draw an arrow from a to b, with a text at its head."""
         (x, y), (u, v) = self.flat(a), self.flat(b)
         style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
         self.axes.annotate("", (u, v), (x, y), arrowprops=style)
@@ -96,14 +96,14 @@ class _View:
     def text(
         self, at: tuple[float, float], text: str, colour: str = "black", **options: Any
     ) -> None:
-        """A text at a place of the paper."""
+        """Draw a text at a place of the paper."""
         self.axes.text(*at, text, color=colour, fontsize=8, ha="center", va="center", **options)
 
     def arc(
         self, centre: Any, radius: float, begin: float, end: float, colour: str, text: str
     ) -> None:
-        """An arc with an arrow head at its end; angles in degrees on the paper, counter-clockwise
-        from the right."""
+        """Draw an arc with an arrow head at its end. Angles are degrees on the paper,
+        counter-clockwise from the right."""
         x, y = self.flat(centre)
         angles = np.radians(np.linspace(begin, end, 30))
         points = np.column_stack((x + radius * np.cos(angles), y + radius * np.sin(angles)))
@@ -116,14 +116,14 @@ class _View:
         )
 
     def sweep(self, point: Callable[[float], Any], colour: str) -> None:
-        """An arrow along point(t), t from 0 to a right angle."""
+        """Draw an arrow along point(t), t from 0 to a right angle."""
         points = np.array([self.flat(point(t)) for t in np.linspace(0, np.pi / 2, 20)])
         self.axes.plot(*points[:-1].T, color=colour, linewidth=1.2)
         style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
         self.axes.annotate("", points[-1], points[-3], arrowprops=style)
 
     def measure(self, a: Any, b: Any, text: str, aside: tuple[float, float]) -> None:
-        """A length between two points, its text beside the middle."""
+        """Draw a length between two points, with its text next to the middle."""
         (x, y), (u, v) = self.flat(a), self.flat(b)
         style = {"arrowstyle": "<->", "color": "0.4", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
         dx, dy = aside
@@ -131,9 +131,9 @@ class _View:
         self.text(((x + u) / 2 + 2.1 * dx, (y + v) / 2 + 2.1 * dy), text, "0.3")
 
     def camera(self, place: Any, pan: float, tilt: float) -> None:
-        """A camera: its body, and where it looks."""
+        """Draw a camera and its direction of view."""
         forward = looks(pan, tilt)
-        side = rotation(pan, tilt, 0)[:, 0]  # to its right
+        side = rotation(pan, tilt, 0)[:, 0]  # direction to the camera's right
         right = np.array([side[0], side[2], -side[1]])
         up = np.cross(right, forward)
         broad = right if abs(right[self._across[0]]) + abs(right[self._up[0]]) > 0.5 else up
@@ -151,7 +151,7 @@ def _world(pose: Any) -> np.ndarray:
 
 
 def _compass(view: _View, at: Any, directions: dict[str, Any]) -> None:
-    """The world's axes."""
+    """Draw the world's axes."""
     for text, way in directions.items():
         end = np.array(at, float) + 330 * np.array(way, float)
         x, y = view.flat(np.array(way, float))
@@ -242,7 +242,7 @@ def _side(axes: Any, kind: int) -> None:
             _VIRTUAL,
         )
     else:
-        # the arm swung to the front, so that its lengths are true
+        # the arm swung to the front, so its lengths are true
         flat = joints.copy()
         flat[1] = flat[3] = 0
         place = _world(drawn.forward(flat))
@@ -281,14 +281,14 @@ def _side(axes: Any, kind: int) -> None:
 
 
 def _head(axes: Any, kind: int) -> None:
-    """The camera from its side, with the nodal offset, and the signs of its angles."""
+    """Draw the camera from its side, with the nodal offset and the signs of its angles."""
     if kind == SWING_PAN:  # it has neither
         axes.axis("off")
         return
     view = _View(axes, "the camera", (0, 1), (1, 1))
 
     def slanted(right: float, forward: float, up: float) -> np.ndarray:
-        """On the paper, x to the lower right, y to the right, z up."""
+        """Return a place on the paper: x to the lower right, y to the right, z up."""
         return np.array([0.42 * right + forward, up - 0.32 * right, 0.0])
 
     centre = slanted(0, 0, 0)

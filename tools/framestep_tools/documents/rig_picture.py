@@ -1,6 +1,8 @@
-"""The picture of a rig in motion at the top of README: the crane shot of `make demo`, from the side
-and from above, and its four curves. `python -m framestep_tools.documents.rig_picture` draws
-docs/rig.svg again. It moves by itself wherever a browser shows it."""
+"""Draw docs/rig.svg, the moving rig at the top of README: the crane shot of `make demo` from the
+side and from above, and its four curves. A browser animates it by itself.
+
+python -m framestep_tools.documents.rig_picture          draw it again
+"""
 
 from collections.abc import Iterable
 
@@ -12,8 +14,8 @@ from ..paths import ROOT
 PICTURE = ROOT / "docs/rig.svg"
 WIDTH, HEIGHT = 860, 400
 SECONDS = 10
-FRAMES_A_KEY = 6  # between two positions that the drawing goes through
-# What the crane's steps are in the drawing: pixels and degrees
+FRAMES_A_KEY = 6  # frames between two key positions of the animation
+# Pixels and degrees in the drawing for one step
 TRACK_PX = 340 / 47_500
 BOOM_DEG, SWING_DEG, PAN_DEG = 28 / 24_000, 24 / 9000, 80 / 22_500
 ARM = 170  # pixels
@@ -30,12 +32,12 @@ text { font: 13px system-ui, sans-serif; fill: #57606a; }
 
 
 def numbers(values: Iterable[float]) -> list[str]:
-    """As an SVG has them: two decimals at most."""
+    """Format numbers for SVG, with two decimals at most."""
     return [f"{value:.2f}".rstrip("0").rstrip(".") for value in values]
 
 
 def animated(kind: str, values: Iterable[str]) -> str:
-    """An element's way through these values, once in each round."""
+    """Return an animation of an element through these values, once in each round."""
     return (
         f'<animateTransform attributeName="transform" type="{kind}" dur="{SECONDS}s" '
         f'repeatCount="indefinite" values="{";".join(values)}"/>'
@@ -43,13 +45,13 @@ def animated(kind: str, values: Iterable[str]) -> str:
 
 
 def moved(kind: str, values: Iterable[float], rest: str = "", inner: str = "") -> str:
-    """A group that is moved or turned; rest: what follows each value, such as a centre."""
+    """Return a moving or turning group. rest: text after each value, such as a centre."""
     keys = [f"{value}{rest}" for value in numbers(values)]
     return f'<g transform="{kind}({keys[0]})">{animated(kind, keys)}{inner}</g>'
 
 
 def camera(turned: str = "") -> str:
-    """A camera that looks to the right, with the field that it sees."""
+    """Return a camera that looks to the right, with its field of view."""
     return (
         f'<g>{turned}<path class="view" d="M12 0 L120 -38 V38 Z"/>'
         '<rect class="body" x="-16" y="-11" width="28" height="22" rx="3"/>'
@@ -58,7 +60,7 @@ def camera(turned: str = "") -> str:
 
 
 def drawing() -> str:
-    """The text of docs/rig.svg."""
+    """Return the text of docs/rig.svg."""
     move = read_move(CAMERA_MOVE)
     steps = {move.names[motor]: np.asarray(track) for motor, track in move.positions.items()}
     keys = {name: track[::FRAMES_A_KEY] for name, track in steps.items()}
@@ -90,7 +92,7 @@ def drawing() -> str:
 
 
 def curves(steps: dict[str, np.ndarray]) -> str:
-    """The four motors' positions over the frames, and a line at the frame that is shown."""
+    """Return the four motors' positions over the frames, and a line at the present frame."""
     left, right, low, high = 600, 840, 340, 60
     lines = []
     for i, (name, values) in enumerate(steps.items()):

@@ -1,4 +1,4 @@
-"""The rig file as a JSON Schema, for editors: made from the table that the board reads the file by
+"""Make the JSON Schema of the rig file, for editors, from the table with which the board reads it
 (framestep.rig).
 
 python -m framestep_tools.documents.rig_schema          put it into docs/use/rig.schema.json
@@ -65,8 +65,7 @@ def _property(
 
 
 def schema() -> dict[str, Any]:
-    """The schema of a whole file. What pins are free on a board only `framestep rig check`
-    knows."""
+    """Return the schema of a whole file. Only `framestep rig check` knows a board's free pins."""
     head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "framestep's rig.json",
@@ -75,7 +74,7 @@ def schema() -> dict[str, Any]:
 
 
 def text() -> str:
-    """The same as it stands in its file."""
+    """Return the schema as text for its file."""
     return json.dumps(schema(), indent=2, ensure_ascii=False) + "\n"
 
 

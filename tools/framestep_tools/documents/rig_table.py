@@ -62,7 +62,7 @@ def _rows(settings: dict, prefix: str = "") -> list[str]:
 
 
 def _all_rows() -> dict[str, str]:
-    """A table's line for each key."""
+    """Return a table's line for each key."""
     rows = _rows(settings.SETTINGS)
     rows += _rows(settings.MOTOR_SETTINGS, "motors[].")
     rows += _rows(settings.DRIVER_SETTINGS, "motors[].driver.")
@@ -75,7 +75,7 @@ def _all_rows() -> dict[str, str]:
 
 
 def table() -> str:
-    """The tables as Markdown, one for each task."""
+    """Return the tables as Markdown, one for each task."""
     rows, parts = _all_rows(), []
     for task, keys in TASKS.items():
         mine = [
@@ -90,7 +90,7 @@ def table() -> str:
 
 
 def updated(text: str) -> str:
-    """The page's text with the present table in it."""
+    """Return the page's text with the present tables in it."""
     before, rest = text.split(BEGIN)
     return before + BEGIN + table() + END + rest.split(END, 1)[1]
 

@@ -1,1 +1,1 @@
-"""What the pins did, beside what they should have done."""
+"""Comparison of the pins' edges with the ideal motion."""

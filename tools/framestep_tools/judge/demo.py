@@ -1,9 +1,9 @@
-"""Plays a camera move on a board and checks every edge on its pins: `make demo`.
+"""`make demo`: play a camera move on a board and check every edge on its pins.
 
 The move is uploaded, played with pre-roll and post-roll, and judged from the pins.
-`build/demo/trace.csv` gets the edges, `build/demo/move.png` the picture. The last line says how
-many frames, the worst position error at a frame in steps and the worst frame time error in µs; the
-exit status is 1 if the move was not played as uploaded.
+`build/demo/trace.csv` gets the edges, `build/demo/move.png` the picture. The last line has the
+number of frames, the worst position error at a frame in steps, and the worst frame time error in
+µs. The exit status is 1 if the move was not played as uploaded.
 """
 
 import sys
@@ -32,19 +32,19 @@ VELOCITY = 20_000  # steps/s
 ACCELERATION = 100_000  # steps/s²
 ROLL_MS = 1000
 UPLOAD_WINDOW = 4
-SETTLE_S = 0.2  # of board time after the run, so that its last edges are in the trace
+SETTLE_S = 0.2  # board time after the run, so the trace contains its last edges
 _RESULT_FOLDER = ROOT / "build" / "demo"
 
 
 class BoardKind(str, Enum):
-    """What the demo can run on."""
+    """Kinds of boards for the demo."""
 
     EMULATOR = "emulator"
     HOST = "host"
 
 
 class Recorder:
-    """Collects a board's edges, and writes them to a file while they come."""
+    """Collects a board's edges, and writes them to a file as they come."""
 
     def __init__(self, board: Board, path: Path):
         self.board = board
@@ -52,7 +52,7 @@ class Recorder:
         self.edges: list = []
 
     def collect(self) -> None:
-        """Take the edges so far."""
+        """Collect the edges so far."""
         edges = self.board.edges()
         self.edges += edges
         self.writer.add(edges)
@@ -60,7 +60,7 @@ class Recorder:
         self.writer.flush()
 
     def trace(self) -> Trace:
-        """Everything collected, the file closed."""
+        """Close the file. Return all collected edges."""
         self.collect()
         self.writer.close()
         return Trace.from_edges(self.edges)
@@ -72,8 +72,7 @@ Standing = dict[int, int]  # motor -> position in steps
 def play(
     client: Client, move: Move, fps_milli: int, recorder: Recorder, display: MoveDisplay
 ) -> tuple[Standing, Standing]:
-    """Upload a move and play it once; returns where the motors say they are before anything moved,
-    and at the end."""
+    """Upload a move and play it once. Return the reported positions before and after."""
     info = client.request(Hi())
     display.phase(f"{info.name}: {info.motors} motors, holds {info.upload_frames} frames")
     if info.motors < len(move.positions):
@@ -104,12 +103,12 @@ def play(
 
 
 def standing(client: Client) -> Standing:
-    """Where the motors say they are."""
+    """Return the reported positions."""
     return dict(enumerate(client.request(MotorGetPosition()).steps, 1))
 
 
 def show_verdict(verdict: Verdict, move: Move, console: Console) -> None:
-    """A table with a line per motor, then the complaints."""
+    """Print a table with a line per motor, then the complaints."""
     table = Table(
         box=None,
         title="steps on the pins against the upload and its ideal path",

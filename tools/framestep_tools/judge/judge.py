@@ -1,38 +1,37 @@
-"""Judges a played move by the edges on the pins: did each motor stand where the upload wants it, at
-each frame's time?
+"""Judges a played move by the edges on the pins: was each motor at its uploaded position at each
+frame's time?
 
-The time origin. A trace does not say when the first frame was: it is found by vote. Wherever a
-motor passes through a frame's position p(N), the edge that reaches p(N) says that frame 0 was at
-(edge time − frame time). Edges of the run all name the same moment; those of positioning moves, of
-other passes or of errors name scattered ones. The origin is the median of the fullest window of
-`_VOTE_WINDOW_NS`. One origin holds for all motors.
+Time origin. A trace does not contain the time of the first frame, so it is found by vote. When a
+motor passes through a frame's position p(N), the edge that reaches p(N) votes for (edge time −
+frame time) as the time of frame 0. All edges of the run vote for the same moment; edges of
+positioning moves, other laps or errors vote for scattered ones. The origin is the median of the
+fullest window of `_VOTE_WINDOW_NS`, and is the same for all motors.
 
-Frame times are rational: frame N lies at round(N · 10⁹ / fps_milli) µs after the run's first, which
-is frame 0.
+Frame times are rational: frame N is round(N · 10⁹ / fps_milli) µs after the run's first, which is
+frame 0.
 
-What is required (each can fail alone, `Limits` has the figures):
+Requirements (each can fail alone, `Limits` has the figures):
 
     position   within ±20 µs of a frame's time, steps made = position uploaded: ±1 in motion,
                exactly at rest (where a neighbouring frame has the same position)
     time       in motion the edge that reaches the position comes within 20 µs of the frame's time;
                at rest and where the motion turns the motor has arrived by then, and does not leave
                before
-    sum        where the motor's own word is given, all steps of the trace add up to it
+    sum        all steps of the trace add up to the motor's reported position, if given
     holds      no edge between two frames with the same position
-    reversals  no edge against the motion between two frames, except where the motion turns: at a
-               turn the path may pass the frame's position as far as a cubic with the mean slope
-               there does, 4/27 of that slope
+    reversals  no edge against the motion between two frames, except at a turn: there the path may
+               pass the frame's position as far as a cubic with the mean slope does, 4/27 of that
+               slope
     velocity   the two cubics fitted to the edges on either side of a frame have the same velocity
                there
 
-Where the ideal path is given (reference.py makes one), it is what counts for the last two, and a
-further one is added:
+If the ideal path is given (reference.py makes one), it decides the last two, and adds a third:
 
-    reversals  no edge against the motion of the path, but for the step at which that comes to a
-               standstill
-    velocity   the cubics fitted have the path's velocity at the frame
-    path       each edge lies where the path crosses that step: reported, and judged where there is
-               a limit for it
+    reversals  no edge against the motion of the path, except for the step at which it comes to
+               rest
+    velocity   the fitted cubics have the path's velocity at the frame
+    path       each edge lies where the path crosses that step: reported, and judged if there is a
+               limit for it
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -45,42 +44,41 @@ from .trace import Trace
 
 _VOTE_WINDOW_NS = 200_000
 _LEAST_VOTES = 3
-_CUBIC_EDGES = 12  # fewer edges in a frame say too little about the velocity at its ends
-_SEARCH_NS = 2_000_000  # how far from a frame's time its position is looked for
+_CUBIC_EDGES = 12  # fewer edges in a frame do not determine the velocity at its ends
+_SEARCH_NS = 2_000_000  # search range for a position around its frame's time
 _EVER_BEFORE, _EVER_AFTER = -(1 << 62), 1 << 62
-_STENCIL_S = 1e-4  # for the path's derivatives
+_STENCIL_S = 1e-4  # step of the path's numerical derivatives
 _FRAME_STENCIL_S = 1e-5  # the same at a frame, where the acceleration jumps
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a run has to keep."""
+    """Limits that a run must keep."""
 
     moving_steps: int = 1
     rest_steps: int = 0
     time_us: float = 20.0
-    # the time in which the motor makes this part of a step is allowed where it is longer
+    # alternatively the time for this part of a step, if that is longer
     time_steps: float = 0.0
     # allowed jump of velocity at a frame, or difference from the path's …
     velocity_steps_s: float = 10.0
     velocity_share: float = 0.02  # … and this share of the velocity there in addition
-    path_us: float | None = None  # worst edge against the ideal path; None: reported only
+    path_us: float | None = None  # worst edge against the ideal path; None: only reported
 
 
 @dataclass
 class MotorVerdict:
-    """How one motor kept to its frames. Arrays have an entry per frame, NaN where a figure has no
-    meaning."""
+    """Judgement of one motor. Arrays have an entry per frame, NaN if a figure has no meaning."""
 
     motor: int
     position_error: np.ndarray  # steps; at the best moment within the time limit
     time_error_us: np.ndarray  # signed: positive is late
     velocity_error: (
         np.ndarray
-    )  # steps/s: the jump at the frame, or where a path is given the greater difference from it
+    )  # steps/s: the jump at the frame, or with a path the larger difference from it
     edge_times_s: np.ndarray  # edges of the run, seconds after the first frame
     edge_positions: np.ndarray  # position after each
-    edge_error_us: np.ndarray  # against the ideal path; empty where none was given
+    edge_error_us: np.ndarray  # against the ideal path; empty without one
 
     @property
     def worst_position(self) -> int:
@@ -94,14 +92,13 @@ class MotorVerdict:
 
     @property
     def worst_edge_us(self) -> float:
-        """Largest distance of an edge from the path's crossing, in µs; 0 where no path was
-        given."""
+        """Largest distance of an edge from the path's crossing, in µs; 0 without a path."""
         return float(np.nanmax(np.abs(self.edge_error_us), initial=0.0))
 
 
 @dataclass
 class Verdict:
-    """The judgement over a run: good if there is no complaint."""
+    """Judgement of a run: good if there is no complaint."""
 
     fps_milli: int
     frames: int
@@ -111,21 +108,21 @@ class Verdict:
 
     @property
     def good(self) -> bool:
-        """True if nothing is to be complained of."""
+        """True if there is no complaint."""
         return not self.complaints
 
     @property
     def worst_position(self) -> int:
-        """Over all motors, in steps."""
+        """Worst position error of all motors, in steps."""
         return max(m.worst_position for m in self.motors)
 
     @property
     def worst_time_us(self) -> float:
-        """Over all motors, in µs."""
+        """Worst time error of all motors, in µs."""
         return max(m.worst_time_us for m in self.motors)
 
     def summary(self) -> str:
-        """One line: frames, worst position error at a frame, worst frame time error."""
+        """Return one line: frames, worst position error at a frame, worst frame time error."""
         return (
             f"{self.frames} frames, worst position error at a frame {self.worst_position} steps, "
             f"worst frame time error {self.worst_time_us:.1f} µs"
@@ -133,11 +130,11 @@ class Verdict:
 
 
 class NoRun(ToolError):
-    """The trace holds no run of this move."""
+    """The trace contains no run of this move."""
 
 
 def frame_times_ns(count: int, fps_milli: int) -> np.ndarray:
-    """Times of that many frames after the first: round(N · 10⁹ / fps_milli) µs each, in ns."""
+    """Return the times of `count` frames after the first, round(N · 10⁹ / fps_milli) µs, in ns."""
     frames = np.arange(count, dtype=np.int64)
     return (frames * 2_000_000_000 + fps_milli) // (2 * fps_milli) * 1000
 
@@ -157,11 +154,11 @@ def judge(
     positions   the uploaded steps of each motor at the run's frames, in the order of play (for a
                 section or a backward run: that slice)
     start       each motor's position before the trace's first edge, 0 if not given
-    end         where the motor says it is after the last one
+    end         the motor's reported position after the last edge
     path        path(motor, seconds): the ideal positions at times after the first frame
-    after_ns    the time before which no run is looked for
+    after_ns    earliest time of the run
 
-    NoRun if no motor passes through frames in time with the others.
+    Raises NoRun if no motor passes through frames in time with the others.
     """
     frames = {motor: np.asarray(steps, np.int64) for motor, steps in positions.items()}
     counts = {len(steps) for steps in frames.values()}
@@ -200,8 +197,8 @@ def _moves(trace: Trace, motor: int, begin: int, end: int) -> bool:
 
 
 def _through(steps: np.ndarray) -> np.ndarray:
-    """Direction in which a motor passes through each frame: +1, -1, or 0 at rest, at turns and at
-    the two ends."""
+    """Return the direction in which a motor passes through each frame: +1, -1, or 0 at rest, at
+    turns and at the two ends."""
     signs = np.sign(np.diff(steps))
     through = np.zeros(len(steps), np.int64)
     through[1:-1] = np.where(signs[:-1] == signs[1:], signs[1:], 0)
@@ -209,7 +206,8 @@ def _through(steps: np.ndarray) -> np.ndarray:
 
 
 def _turns(steps: np.ndarray) -> np.ndarray:
-    """True where the motion turns at a frame: its velocity is 0 there for a moment only."""
+    """Return True for each frame at which the motion turns, so its velocity is 0 only for a
+    moment."""
     signs = np.sign(np.diff(steps))
     turns = np.zeros(len(steps), bool)
     turns[1:-1] = signs[:-1] * signs[1:] < 0
@@ -247,12 +245,12 @@ def _origin(frames, made, start, times, after_ns) -> int:
 
 
 class _Motor:
-    """The judgement over one motor; times in ns as in the trace, frame times included."""
+    """Judgement of one motor. All times, also of frames, are in ns as in the trace."""
 
     def __init__(self, motor, steps, times, edges, after, start, limits: Limits):
         self.motor, self.steps, self.times, self.limits = motor, steps, times, limits
         self.edges, self.after, self.start = edges, after, start
-        self.positions = np.concatenate(([start], after))  # positions[i]: after i edges
+        self.positions = np.concatenate(([start], after))  # positions[i]: position after i edges
         self.through = _through(steps)
 
     def judge(self, path, complaints: list[str]) -> MotorVerdict:
@@ -316,7 +314,7 @@ class _Motor:
         )
 
     def _allowed_us(self) -> np.ndarray:
-        """Allowed time error at each frame, by the mean velocity over the two frames around it."""
+        """Return the allowed time error at each frame, from the mean velocity around it."""
         allowed = np.full(len(self.times), self.limits.time_us)
         if self.limits.time_steps and len(self.steps) > 2:
             # steps per ns
@@ -331,8 +329,7 @@ class _Motor:
         return self.positions[np.searchsorted(self.edges, times, side="right")]
 
     def _end_in_motion(self) -> np.ndarray:
-        """The first and the last frame, where the run-up or run-out carries a moving motor through
-        them."""
+        """Return the first and the last frame, if a moving motor passes through them."""
         moving = np.zeros(len(self.steps), bool)
         for at, inside in ((0, 1), (-1, -2)):
             if len(self.steps) > 1 and self.steps[at] != self.steps[inside]:
@@ -341,11 +338,11 @@ class _Motor:
         return moving
 
     def _at_frames(self) -> tuple[np.ndarray, np.ndarray]:
-        """Position error (steps) and time error (µs) at each frame."""
+        """Return the position error (steps) and the time error (µs) at each frame."""
         count = len(self.times)
         position, time_us = np.zeros(count, np.int64), np.full(count, np.nan)
         slack = int(self.limits.time_us * 1000)
-        # around[i], around[i + 1]: from when to when the motor stood at positions[i]
+        # the motor was at positions[i] from around[i] to around[i + 1]
         around = np.concatenate(([_EVER_BEFORE], self.edges, [_EVER_AFTER]))
         through = np.where(self._end_in_motion(), 1, self.through)
         turns = _turns(self.steps)
@@ -354,13 +351,13 @@ class _Motor:
             low, high = np.searchsorted(self.edges, (at - slack, at + slack), side="right")
             seen = self.positions[low : high + 1] - wanted
             position[frame] = seen[np.argmin(np.abs(seen))]
-            # The stretches of time near the frame in which the motor stood at the wanted position
+            # intervals close to the frame in which the motor was at the wanted position
             low, high = np.searchsorted(
                 self.edges, (at - _SEARCH_NS, at + _SEARCH_NS), side="right"
             )
             there = np.flatnonzero(self.positions[low : high + 1] == wanted) + low
             if not len(there):
-                # At a turn one step short is as good as there, and has no time of its own.
+                # At a turn one step short also counts, without a time error.
                 time_us[frame] = np.nan if turns[frame] else np.inf
                 continue
             reached, left = around[there], around[there + 1]
@@ -372,7 +369,7 @@ class _Motor:
         return position, time_us
 
     def _between_frames(self) -> tuple[int, int]:
-        """How many edges there are where nothing may move, and how many against the motion."""
+        """Count edges where nothing may move, and edges against the motion."""
         slack = int(self.limits.time_us * 1000)
         held = against = 0
         past = np.zeros(len(self.steps), np.int64)
@@ -393,7 +390,7 @@ class _Motor:
         return held, against
 
     def _velocities(self) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity before and behind each frame, in steps/s, from the edges there; NaN where they
+        """Return the velocity before and after each frame in steps/s, from its edges; NaN if there
         are too few."""
         count = len(self.times)
         starts, ends = np.full(count, np.nan), np.full(count, np.nan)
@@ -411,13 +408,13 @@ class _Motor:
         return np.concatenate(([np.nan], ends[:-1])), starts
 
     def _velocity_jumps(self) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity behind each frame minus velocity before it, and their mean."""
+        """Return the velocity after each frame minus the velocity before it, and their mean."""
         before, behind = self._velocities()
         return behind - before, (before + behind) / 2
 
     def _velocity_errors(self, path) -> tuple[np.ndarray, np.ndarray]:
-        """The greater of the differences from the path's velocity before and behind each frame, and
-        the path's."""
+        """Return the larger difference from the path's velocity before and after each frame, and
+        the path's velocity."""
         seconds = (self.times - self.times[0]) * 1e-9
         ideal = path(self.motor, seconds + _FRAME_STENCIL_S) - path(
             self.motor, seconds - _FRAME_STENCIL_S
@@ -428,15 +425,14 @@ class _Motor:
         return np.where(worse, before, behind), ideal
 
     def _along(self, path, seconds: np.ndarray, run: slice) -> tuple[np.ndarray, np.ndarray]:
-        """For each edge how late it is against the path's crossing of its position (µs), and
-        whether it goes along with the path (1) or against it (-1). Neither within a step of a
-        standstill: NaN and 0."""
+        """Return each edge's lateness against the path's crossing of its position (µs), and whether
+        it goes with the path (1) or against it (-1). Within a step of rest: NaN and 0."""
         before, ideal, behind = (
             path(self.motor, seconds + h) for h in (-_STENCIL_S, 0.0, _STENCIL_S)
         )
         velocity = (behind - before) / (2 * _STENCIL_S)
         acceleration = (behind - 2 * ideal + before) / _STENCIL_S**2
-        # A step is made when the path reaches its position, going up or down.
+        # A step comes when the path reaches its position, up or down.
         ahead = ideal - self.after[run]
         moving = velocity**2 > 2 * np.abs(acceleration)
         signs = np.diff(self.positions[run.start : run.stop + 1])

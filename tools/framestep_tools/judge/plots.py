@@ -10,7 +10,7 @@ from .judge import Verdict, frame_times_ns
 from .trace import Trace
 
 _VELOCITY_BINS = 1000
-_HIGH = 0.8  # how high a level is drawn; its neighbour's low is at 1
+_HIGH = 0.8  # height of a drawn level; its neighbour's low is at 1
 
 
 def plot_move(
@@ -19,7 +19,7 @@ def plot_move(
     names: Mapping[int, str],
     path: str | os.PathLike,
 ):
-    """Position, velocity and step-timing error of each motor over the run, as a PNG."""
+    """Draw position, velocity and step-timing error of each motor over the run, as a PNG."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -69,9 +69,10 @@ def plot_move(
 
 
 def plot_trace(trace: Trace, path: str | os.PathLike) -> None:
-    """Each motor's position and velocity and the levels of all other pins, over the whole trace.
+    """Draw each motor's position and velocity and the levels of all other pins, over the whole
+    trace.
 
-    Positions count from the trace's begin. The file's ending says what it becomes: png, svg, pdf.
+    Positions count from the trace's start. The file's ending decides the format: png, svg, pdf.
     """
     import matplotlib
 
@@ -97,7 +98,7 @@ def plot_trace(trace: Trace, path: str | os.PathLike) -> None:
             linewidth=1.2,
             label=f"motor {motor}",
         )
-        # on time from the first edge on, where it stood at 0
+        # starts at the first edge, where the position is 0
         at, rate = _velocity(stepped - begin, reached, end - begin)
         velocity.plot(at + begin, rate, linewidth=0.9)
     for row, name in enumerate(reversed(levels)):
@@ -126,8 +127,8 @@ def plot_trace(trace: Trace, path: str | os.PathLike) -> None:
 def _velocity(
     times_s: np.ndarray, positions: np.ndarray, end_s: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Steps per second from the intervals between the edges, averaged over a thousandth of the
-    run."""
+    """Return steps per second from the intervals between the edges, averaged over a thousandth of
+    the run."""
     grid = np.linspace(0, end_s, _VELOCITY_BINS + 1)
     if len(times_s) < 2:
         return grid, np.zeros(len(grid))

@@ -1,10 +1,10 @@
-"""The motion that a run should be: what a played move is judged and drawn against.
+"""The ideal motion of a run, for judging and drawing a played move.
 
-The velocity at a frame is the firmware's own decision (framestep.moves.path.path.slope); all else
-is worked out here in floating point, on its own: a cubic Hermite from frame to frame, the end
+The velocity at a frame comes from the firmware (framestep.moves.path.path.slope). Everything else
+is calculated here independently in floating point: a cubic Hermite from frame to frame, the end
 frame's period at constant velocity, and pre-roll and post-roll with constant acceleration from and
-to rest on a whole step, as framestep/moves/run.py describes them. Backlash is not in it, nor the
-way back to the end frame.
+to rest on a whole step, as framestep/moves/run.py describes them. It does not include backlash or
+the way back to the end frame.
 """
 
 from array import array
@@ -16,15 +16,15 @@ from framestep.moves.path import path
 
 from .judge import frame_times_ns
 
-_FAR = 2**30 - 1  # stands for no soft limit
+_FAR = 2**30 - 1  # means no soft limit
 Limits = tuple[int | None, int | None]  # lower and upper soft limit, steps
 
 
 def slopes(
     positions: Sequence[int] | np.ndarray, first: int, last: int, limits: Limits = (None, None)
 ) -> np.ndarray:
-    """Velocity at each frame of an upload from index `first` to `last` (backward if that is less),
-    in steps per frame of the play. limits: the motor's soft limits."""
+    """Return the velocity at each frame from index `first` to `last` (backward if that is less), in
+    steps per played frame. limits: the motor's soft limits."""
     step = 1 if last >= first else -1
     window = array("i", [0] * path.WINDOW_WORDS)
     window[path.MOST] = path.MONOTONE
@@ -44,14 +44,14 @@ def slopes(
 
 
 class Reference:
-    """Ideal position, velocity and acceleration of each motor in one pass of a run.
+    """Ideal position, velocity and acceleration of each motor in one lap of a run.
 
     positions       the whole upload: steps of each motor at every frame
-    pre_ms, post_ms those of RUN_MOVE. With 0 a motor that is moving at its first or last frame
-                    would need a roll that the device chooses: ValueError
+    pre_ms, post_ms as in RUN_MOVE. Raises ValueError for 0 if a motor moves at its first or last
+                    frame, because the device then chooses the roll
     first, last     indices of the frames played, the whole upload if not given
     limits          soft limits (lower, upper) of motors that have them, in steps
-    velocities      what is set for motors, steps/s: at a frame they are no faster
+    velocities      the motors' velocity settings, steps/s, which they do not exceed at a frame
 
     Times are seconds after the first frame played. Outside the rolls a motor is at rest.
     """
@@ -103,7 +103,7 @@ class Reference:
             self._pieces[motor] = t, _cubics(t, p.astype(float), v)
 
     def __call__(self, motor: int, seconds: np.ndarray) -> np.ndarray:
-        """Position in steps."""
+        """Return the position in steps."""
         return self._value(motor, seconds, 0)
 
     def velocity(self, motor: int, seconds: np.ndarray) -> np.ndarray:
@@ -111,18 +111,18 @@ class Reference:
         return self._value(motor, seconds, 1)
 
     def acceleration(self, motor: int, seconds: np.ndarray) -> np.ndarray:
-        """Steps per second squared; at a frame, that of the piece behind it."""
+        """Return steps per second squared; at a frame, the acceleration after it."""
         return self._value(motor, seconds, 2)
 
     def pieces(self, motor: int) -> tuple[np.ndarray, np.ndarray]:
-        """Times of the knots, and the coefficients of the cubics, constant first: the rest before
-        the first knot, from knot to knot, the rest behind the last one."""
+        """Return the times of the knots, and the coefficients of the cubics, constant first: the
+        rest before the first knot, from knot to knot, the rest after the last one."""
         return self._pieces[motor]
 
     def _value(self, motor: int, seconds: np.ndarray, derivative: int) -> np.ndarray:
         t, cubics = self._pieces[motor]
         seconds = np.asarray(seconds, float)
-        # 0 is the rest before, len(t) the one behind
+        # piece 0 is the rest before, len(t) the rest after
         at = np.searchsorted(t, seconds, side="right")
         x = seconds - t[np.maximum(at - 1, 0)]
         c = cubics[at].T
@@ -134,8 +134,8 @@ class Reference:
 
 
 def _cubics(t: np.ndarray, p: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Coefficients, constant first, of the rest before, the cubics from knot to knot, and the rest
-    behind."""
+    """Return the coefficients, constant first, of the rest before, the cubics from knot to knot,
+    and the rest after."""
     span = np.diff(t)
     mean = np.diff(p) / span
     moving = np.column_stack(

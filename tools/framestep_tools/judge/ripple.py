@@ -21,7 +21,7 @@ class Ripple:
     """Sums over all counted moments. Two of them can be added."""
 
     velocity: float = 0.0  # sum of squares, (steps/frame)²
-    velocities: int = 0  # how many
+    velocities: int = 0  # number of terms
     acceleration: float = 0.0
     accelerations: int = 0
 

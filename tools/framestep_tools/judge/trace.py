@@ -1,4 +1,4 @@
-"""What came out of a board's pins, as CSV and as arrays.
+"""Traces of a board's pins, as CSV and as arrays.
 
 A trace is CSV with the header `time_ns,signal,value`, written as it happens and in the order of
 time:
@@ -6,8 +6,8 @@ time:
     m1 … m8        a step of a motor at its rising edge: +1 or -1 in the motor's own counting
                    direction
     dir1 … dir8    level of a direction pin, 0 or 1, at each change and once at the start
-    servo1 … servo8    level of a servo's pin, in the place of both
-    enable, estop, shutter, meter, gio1 …    levels of the other pins likewise (enable1 … where each
+    servo1 … servo8    level of a servo's pin, instead of both
+    enable, estop, shutter, meter, gio1 …    levels of the other pins likewise (enable1 … if each
                                              motor has its own)
 
 Times are nanoseconds of the board's own (virtual) time.
@@ -36,7 +36,7 @@ Edge = tuple[int, str, int]  # time in ns, signal, value
 
 
 class TraceError(ToolError):
-    """A trace, or a board's pin map, that does not say what it should."""
+    """A trace, or a board's pin map, is invalid."""
 
 
 # ---- a board's pins ------------------------------------------------------------------------------
@@ -49,23 +49,25 @@ class BoardPins:
 
     step: tuple[int, ...]
     dir: tuple[int, ...]
-    levels: Mapping[int, str]  # pin -> signal of everything that is not a step
+    levels: Mapping[int, str]  # pin -> signal, for all pins but step pins
 
     @property
     def pins(self) -> list[int]:
-        """Every pin that a trace watches."""
+        """List every pin of a trace."""
         return sorted({*self.step, *self.levels})
 
 
 def load_board(name: str = "pico", rig: Mapping[str, Any] | None = None) -> BoardPins:
-    """Read the pin map of a board by the name of its folder in boards/, as it is with this rig
-    file's settings; ToolError if there is none. With a mistake in the rig file the defaults hold,
-    as on the board."""
+    """Read the pin map of a board with the settings of a rig file. name: its folder in boards/.
+
+    Raises ToolError if there is no such board. If the rig file has a mistake, the defaults apply,
+    as on the board.
+    """
     return pins_of(board_data(name), rig, name)
 
 
 def pins_of(data: Mapping[str, Any], rig: Mapping[str, Any] | None, name: str) -> BoardPins:
-    """The same of a board's data."""
+    """Return the pin map for a board's data."""
     try:
         try:
             board = Rig(dict(rig) if rig else None, data).board
@@ -103,7 +105,7 @@ class PinDecoder:
         self._motor = {pin: i for i, pin in enumerate(board.step, 1) if pin != board.dir[i - 1]}
 
     def feed(self, records: np.ndarray) -> list[Edge]:
-        """The edges in these records, in their order."""
+        """Return the edges in these records, in their order."""
         edges: list[Edge] = []
         level = self._level
         for time_ns, pin, value in zip(
@@ -135,25 +137,24 @@ def _created(path: str | os.PathLike) -> TextIO:
 
 
 class TraceWriter:
-    """Writes a trace as it happens. Edges may come in any order up to the time that `release` has
-    been told."""
+    """Writes a trace as it happens. Until `release`, edges may come in any order."""
 
     def __init__(self, file: str | os.PathLike | TextIO):
         self.file: TextIO = _created(file) if isinstance(file, str | os.PathLike) else file
         self.written = 0
         self._heap: list[tuple[int, int, str, int]] = []
-        self._order = 0  # keeps edges of one moment as they came
+        self._order = 0  # keeps the order of edges with equal times
         self.file.write(HEADER + "\n")
         self.file.flush()
 
     def add(self, edges: Iterable[Edge]) -> None:
-        """Take edges; they are written once time has come to them."""
+        """Add edges. `release` writes them once their time has come."""
         for time_ns, signal, value in edges:
             heapq.heappush(self._heap, (time_ns, self._order, signal, value))
             self._order += 1
 
     def release(self, now_ns: int) -> None:
-        """Write the edges up to this moment: no earlier one may come after this call."""
+        """Write the edges up to this moment. No earlier edge may come after this call."""
         heap, rows = self._heap, []
         while heap and heap[0][0] <= now_ns:
             time_ns, _, signal, value = heapq.heappop(heap)
@@ -162,11 +163,11 @@ class TraceWriter:
         self.file.write("".join(rows))
 
     def flush(self) -> None:
-        """Let readers of the file see what has been written."""
+        """Flush, so readers of the file see all written edges."""
         self.file.flush()
 
     def close(self) -> None:
-        """Write what is left and close the file."""
+        """Write the remaining edges and close the file."""
         if not self.file.closed:
             self.release((self._heap and max(self._heap)[0]) or 0)
             self.file.close()
@@ -179,14 +180,14 @@ class TraceWriter:
 
 
 class Trace:
-    """Edges by signal: for each its times in ns (ascending) and its values, as numpy arrays."""
+    """Edges by signal: ascending times in ns, and values, as numpy arrays."""
 
     def __init__(self, signals: Mapping[str, tuple[np.ndarray, np.ndarray]]):
         self.signals = dict(signals)
 
     @classmethod
     def from_edges(cls, edges: Iterable[Edge]) -> "Trace":
-        """Make a trace of single edges in any order."""
+        """Make a trace from single edges in any order."""
         grouped: dict[str, list[tuple[int, int]]] = {}
         for time_ns, signal, value in edges:
             grouped.setdefault(signal, []).append((time_ns, value))
@@ -194,7 +195,7 @@ class Trace:
 
     @classmethod
     def from_records(cls, records: np.ndarray, board: BoardPins) -> "Trace":
-        """Make a trace of all records of pin levels of a run (see PinDecoder), much faster than
+        """Make a trace from all records of pin levels of a run (see PinDecoder), much faster than
         edge by edge."""
         signals = {}
         for pin, name in board.levels.items():
@@ -203,7 +204,7 @@ class Trace:
         for motor, (step, direction) in enumerate(zip(board.step, board.dir, strict=True), 1):
             if step == direction:
                 continue  # a servo's pin
-            mine = records[records["pin"] == step][1:]  # the first one is the level before
+            mine = records[records["pin"] == step][1:]  # the first record is the level before
             times = mine["t"][mine["level"] == 1].astype(np.int64)
             turns = records[records["pin"] == direction]
             level = turns["level"][np.searchsorted(turns["t"], times, side="right") - 1].astype(
@@ -215,7 +216,7 @@ class Trace:
 
     @classmethod
     def read(cls, path: str | os.PathLike) -> "Trace":
-        """Read a CSV file; TraceError if it is not a trace."""
+        """Read a CSV file. Raises TraceError if it is not a trace."""
         with open(path) as file:
             header = file.readline().strip()
             if header != HEADER:
@@ -238,15 +239,15 @@ class Trace:
 
     @property
     def motors(self) -> list[int]:
-        """The numbers of the motors that stepped."""
+        """List the motors that made steps."""
         return sorted(int(name[1:]) for name in self.signals if _STEP.fullmatch(name))
 
     def steps(self, motor: int) -> tuple[np.ndarray, np.ndarray]:
-        """Times and directions (+1, -1) of a motor's steps; empty arrays if it made none."""
+        """Return times and directions (+1, -1) of a motor's steps; empty arrays if it made none."""
         return self.signals.get(f"m{motor}", (np.zeros(0, np.int64), np.zeros(0, np.int64)))
 
     def positions(self, motor: int, start: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Times of a motor's steps and its position in steps after each, `start` being the one
+        """Return the times of a motor's steps, and its position after each. start: the position
         before the first."""
         times, signs = self.steps(motor)
         return times, start + np.cumsum(signs)
@@ -254,7 +255,7 @@ class Trace:
     def position_at(
         self, motor: int, times_ns: np.ndarray | Sequence[int], start: int = 0
     ) -> np.ndarray:
-        """The motor's position at these moments; a step at exactly that time has been made."""
+        """Return a motor's position at these times. A step at exactly such a time counts."""
         times, positions = self.positions(motor, start)
         made = np.searchsorted(times, times_ns, side="right")
         return np.concatenate(([start], positions))[made]

@@ -1,9 +1,8 @@
-"""A trace as a Value Change Dump (IEEE 1364-2005, 18), which GTKWave, PulseView and other viewers
-of waves open.
+"""A trace as a Value Change Dump (IEEE 1364-2005, 18), for GTKWave, PulseView and other waveform
+viewers.
 
 A trace has the rising edge of each step (trace.py), not the falling one. In the dump a step's pulse
-ends after `pulse_ns`, or half-way to the next step where that comes sooner, so that each stays a
-pulse of its own.
+ends after `pulse_ns`, or half-way to the next step if that is sooner, so pulses stay separate.
 """
 
 from typing import TextIO
@@ -13,14 +12,14 @@ from vcd import VCDWriter
 
 from .trace import Trace
 
-PULSE_NS = 1000  # what a rig file has by default
+PULSE_NS = 1000  # the rig file's default
 
 
 def write(trace: Trace, file: TextIO, pulse_ns: int = PULSE_NS) -> int:
-    """Write the dump; returns how many changes it has.
+    """Write the dump. Return the number of its changes.
 
-    Signals: `step1`, … pulses; `position1`, … each motor's steps counted from the trace's begin (a
-    signed number of 32 bits); everything else by its name in the trace, as levels. Times are in
+    Signals: `step1`, … are pulses; `position1`, … are steps counted from the trace's start (a
+    signed number of 32 bits); all others are levels with their names in the trace. Times are
     nanoseconds of the board's clock. Takes memory for all changes at once, some 40 bytes each.
     """
     with VCDWriter(

@@ -1,15 +1,14 @@
-"""The virtual axes in double precision, written from the field notes and not from the firmware.
+"""The virtual axes in double precision, written from the field notes, not from the firmware.
 
-For tests, judges and drawings. World: X = EW, Y = NS (up), Z = track; the camera at rest looks
+Used by tests, judges and drawings. World: X = EW, Y = NS (up), Z = track; the camera at rest looks
 along -Z. Angles are degrees.
 
     rig = Rig(kind=1, axes=(Axis(1, 1000.0, 0.0), ...), length=857.7, extension=78.0)
     rig.payload()                      VIRT_CONFIG
-    rig.forward(joints)                pose, as the joints make it
-    rig.told(pose)                     the same as the host counts it, from what it has told in the
-                                       payload
-    rig.meant(told)                    the other way
-    rig.inverse(pose, near=joints)     joints, on the side of the rig that `near` is on; Unreachable
+    rig.forward(joints)                pose of these joints
+    rig.told(pose)                     the same in the host's coordinates, set by the payload
+    rig.meant(told)                    the reverse of told()
+    rig.inverse(pose, near=joints)     joints, on the same side of the rig as `near`; Unreachable
     rig.steps(joints)                  motor steps, as real numbers
 """
 
@@ -41,7 +40,7 @@ POSITION_OF = {
     "PAN": 3,
     "TILT": 4,
     "ROLL": 5,
-}  # in a pose
+}  # indices in a pose
 TABLE_ANGLES = np.arange(-60.0, 61.0)
 
 # From the frame of Rz(pan)·Rx(tilt)·Ry(roll), x right, y forward, z up, to the world's X, Y, Z
@@ -54,11 +53,12 @@ class Unreachable(ValueError):
 
 @dataclass(frozen=True)
 class Axis:
-    """motor: its number, 0 for none. position: `pos` of VIRT_CONFIG, a number of the pose at that
-    moment.
+    """One axis.
 
-    step: where the motor stands then. A joint that turns is steps / steps_per_unit (less whole
-    turns of `step`), a straight one the same from `step` on; without a motor it is 0.
+    motor: its number, 0 for none; position: `pos` of VIRT_CONFIG, a number of the pose at that
+    moment; step: the motor's position at that moment. A joint that turns is steps / steps_per_unit
+    (without whole turns of `step`), a straight one the same counted from `step`; without a motor it
+    is 0.
     """
 
     motor: int
@@ -68,8 +68,8 @@ class Axis:
 
 
 def rotation(pan: float, tilt: float, roll: float) -> np.ndarray:
-    """Of the camera, from its own frame (x right, y forward, z up) to the same frame at rest (field
-    note 9.4)."""
+    """Return the camera's rotation, from its own frame (x right, y forward, z up) to the same frame
+    at rest (field note 9.4)."""
     (cp, ct, cr), (sp, st, sr) = (f(np.radians([pan, tilt, roll])) for f in (np.cos, np.sin))
     rz = np.array([[cp, -sp, 0.0], [sp, cp, 0.0], [0.0, 0.0, 1.0]])
     rx = np.array([[1.0, 0.0, 0.0], [0.0, ct, -st], [0.0, st, ct]])
@@ -78,19 +78,19 @@ def rotation(pan: float, tilt: float, roll: float) -> np.ndarray:
 
 
 def line_direction(axis: int, pan: float, tilt: float, roll: float) -> np.ndarray:
-    """World direction of JOG_ON_LINE's X, Y or Z (0, 1, 2) for a camera with these angles."""
+    """Return the world direction of JOG_ON_LINE's X, Y or Z (0, 1, 2) at these angles."""
     local = np.eye(3)[axis]
     return _TO_WORLD @ rotation(pan, tilt, roll) @ _TO_WORLD.T @ local
 
 
 def world(pose: Numbers) -> np.ndarray:
-    """X, Y, Z of a pose."""
+    """Return X, Y, Z of a pose."""
     return np.array([pose[1], pose[2], pose[0]], float)
 
 
 def aim(place: Numbers, point: Numbers, safe: float = 0.0) -> tuple[float, float]:
-    """Pan and tilt from a place to an aim point, both X, Y, Z; Unreachable within `safe`, a
-    vertical cylinder."""
+    """Return pan and tilt from a place to an aim point, both X, Y, Z. Raises Unreachable within
+    `safe`, a vertical cylinder."""
     x, y, z = np.asarray(point, float) - np.asarray(place, float)
     level = float(np.hypot(x, z))
     if level < safe or level == 0.0:
@@ -99,7 +99,7 @@ def aim(place: Numbers, point: Numbers, safe: float = 0.0) -> tuple[float, float
 
 
 def looks(pan: float, tilt: float) -> np.ndarray:
-    """World direction in which a camera with these angles looks."""
+    """Return the world direction in which a camera with these angles looks."""
     return _TO_WORLD @ rotation(pan, tilt, 0.0) @ np.array([0.0, 1.0, 0.0])
 
 
@@ -117,7 +117,7 @@ class Rig:
     safe: float | None = None
 
     def payload(self) -> bytes:
-        """As VIRT_CONFIG; numbers are rounded to the message's."""
+        """Return the payload of VIRT_CONFIG, with rounded numbers."""
         if self.kind == SWING_PAN:
             swing, pan = self.axes
             return struct.pack("<BIiIi", 2, swing.motor, _spu(swing), pan.motor, _spu(pan))
@@ -134,11 +134,11 @@ class Rig:
         return out
 
     def offset(self, pan: float, tilt: float, roll: float) -> np.ndarray:
-        """World vector from where the camera's axes meet to the nodal point."""
+        """Return the world vector from the intersection of the camera's axes to the nodal point."""
         return _TO_WORLD @ rotation(pan, tilt, roll) @ np.array(self.nodal, float)
 
     def forward(self, joints: Numbers) -> np.ndarray:
-        """The pose for joints in units and degrees. Swing-pan has a vPan only."""
+        """Return the pose for joints in units and degrees. Swing-pan only has a vPan."""
         q = np.asarray(joints, float)
         if self.kind == SWING_PAN:
             return np.array([0.0, 0.0, 0.0, q[0] + q[1], 0.0, 0.0])
@@ -154,7 +154,7 @@ class Rig:
         return np.array([z, x, y, pan, q[4], q[5]])
 
     def _arm(self, first: float) -> tuple[float, float]:
-        """Reach and height for the boom's angle or the column's place."""
+        """Return reach and height for the boom's angle or the column's position."""
         if self.kind == Y_SWING_TRACK:
             return self.length + self.extension, first
         return self.length * np.cos(np.radians(first)) + self.extension, self.length * np.sin(
@@ -162,8 +162,8 @@ class Rig:
         )
 
     def inverse(self, pose: Numbers, near: Numbers | None = None) -> np.ndarray:
-        """Joints for a pose. near: joints of before; the swing stays on their side, swing-pan's
-        where it is."""
+        """Return the joints for a pose. near: previous joints; the swing stays on their side, and
+        swing-pan's swing stays where it is."""
         p = np.asarray(pose, float)
         old = np.zeros(len(self.axes)) if near is None else np.asarray(near, float)
         if self.kind == SWING_PAN:
@@ -179,7 +179,7 @@ class Rig:
         reach, _ = self._arm(first)
         if reach <= 0 or abs(x) >= reach:
             raise Unreachable("farther to the side than the arm reaches")
-        # the arc sine, on the half turn of `old`, so that the swing never crosses ±90°, ±270° ...
+        # the arc sine, on the half turn of `old`, so the swing never crosses ±90°, ±270° ...
         half = np.round(old[1] / 180.0)
         swing = 180.0 * half + (-1.0) ** half * np.degrees(np.arcsin(x / reach))
         return np.array(
@@ -188,7 +188,7 @@ class Rig:
 
     @functools.cached_property
     def home(self) -> np.ndarray:
-        """The joints at the moment of the configuration."""
+        """Return the joints at the moment of the configuration."""
         out = np.zeros(len(self.axes))
         for i, (a, name) in enumerate(zip(self.axes, NAMES[self.kind], strict=True)):
             if a.motor and name not in STRAIGHT:
@@ -200,7 +200,7 @@ class Rig:
 
     @functools.cached_property
     def _shift(self) -> np.ndarray:
-        """What the host counts less what forward() says."""
+        """Return the host's coordinates minus those of forward()."""
         out = np.zeros(6)
         if self.kind == SWING_PAN:
             out[3] = sum(a.step / a.steps_per_unit for a in self.axes)
@@ -210,17 +210,17 @@ class Rig:
         return out - self.forward(self.home)
 
     def told(self, pose: Numbers) -> np.ndarray:
-        """What the host is told for a pose: that of VIRT_CONFIG and what forward() has changed by
+        """Return a pose in the host's coordinates: VIRT_CONFIG's pose plus the change of forward()
         since (note 9.2)."""
         return np.asarray(pose, float) + self._shift
 
     def meant(self, told: Numbers) -> np.ndarray:
-        """The pose that the host calls so."""
+        """Return the pose for the host's coordinates."""
         return np.asarray(told, float) - self._shift
 
     def steps(self, joints: Numbers) -> np.ndarray:
-        """Steps of the motors of the axes, 0 where there is none; Unreachable where the boom is off
-        its table."""
+        """Return steps of the axes' motors, 0 without a motor. Raises Unreachable if the boom is
+        off its table."""
         out = np.array(
             [
                 a.step + (q - h) * a.steps_per_unit if a.motor else 0.0
@@ -234,7 +234,7 @@ class Rig:
         return out
 
     def joints(self, steps: Numbers) -> np.ndarray:
-        """The other way."""
+        """Return the joints for motor steps."""
         out = np.array(
             [
                 h + (s - a.step) / a.steps_per_unit if a.motor else 0.0
@@ -246,7 +246,7 @@ class Rig:
         return out
 
     def _boom(self, step: float) -> float:
-        """The boom's angle by its table."""
+        """Return the boom's angle from its table."""
         assert self.table is not None
         order = np.argsort(self.table)
         table = np.array(self.table, float)[order]
