@@ -7,7 +7,7 @@ LAYERS := runtime esp32 board emulator console
 ARGS ?=
 BOARD ?= pico
 
-# What one target is given is not meant for those that its recipe makes: `make test ARGS=-x` makes an image, too.
+# A target's ARGS do not count for the targets that its recipe makes: `make test ARGS=-x` makes an image, too.
 MAKEOVERRIDES :=
 unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
@@ -24,7 +24,7 @@ setup: ## Python packages in .cache/venv; nothing to do the second time
 node: ## the emulator's node package
 	@tools/setup.sh node
 
-chromium: ## a browser for the tests of the console, where none is installed
+chromium: ## a browser for the tests of the console, if none is installed
 	@tools/setup.sh chromium
 
 micropython: setup ## build MicroPython for the RP2040 and for 32-bit tests on this computer (three minutes, once)
@@ -57,16 +57,16 @@ image: setup ## MicroPython with framestep in it: build/BOARD.uf2; BOARD=pico, a
 install: setup ## build the image and put it on a board plugged in with BOOTSEL held: BOARD=pico
 	@"$(PYTHON_VENV)" -m framestep_tools install --board $(BOARD) $(ARGS)
 
-release: setup ## all that a release has (build/release): the package for pip, images, sums, notes
+release: setup ## the files of a release (build/release): the package for pip, images, sums, notes
 	@"$(PYTHON_VENV)" -m framestep_tools.building.release
 
 test: lint types node micropython chromium ## everything: style, types, and every layer of tests
 	@$(PYTEST) $(ARGS)
 
-test-all: lint types node micropython chromium ## all that make test has, and what repeats it with other values and on other processors
+test-all: lint types node micropython chromium ## make test, and the same tests with other values and on other processors
 	@$(PYTEST) --all $(ARGS)
 
-check: lint types ## while you work: style, types, and the tests nearest to what has changed since main, in a minute
+check: lint types ## while you work: style, types, and the tests nearest to your changes since main, in a minute
 	@PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n auto --near=main $(ARGS)
 
 test-core: setup ## the core on CPython
@@ -76,7 +76,7 @@ test-runtime: setup ## the core on 32-bit MicroPython: x86, and ESP32's processo
 	@tools/micropython/build.sh runtimes
 	@$(PYTEST) host_tests/runtime host_tests/esp32 $(ARGS)
 
-test-replay: setup ## the end-to-end sessions once more on 32-bit MicroPython, the heap locked
+test-replay: setup ## the end-to-end sessions once more on 32-bit MicroPython, with the heap locked
 	@tools/micropython/build.sh unix32f
 	@$(PYTEST) --replay host_tests/end_to_end $(ARGS)
 
@@ -93,7 +93,7 @@ test-console: setup node micropython chromium ## the page of `framestep console`
 console-pictures: setup chromium ## draw each view of the console for the documents (docs/use/console)
 	@"$(PYTHON_VENV)" -m host_tests.console.pictures
 
-fuzz: setup ## random sessions held to what may never happen: SECONDS=60, SEED=7, ARGS="--minutes 15 --replay", or BOARD=emulator; what fails is kept as a script in build/fuzz
+fuzz: setup ## random sessions, checked for what must never happen: SECONDS=60, SEED=7, ARGS="--minutes 15 --replay", or BOARD=emulator; failures become scripts in build/fuzz
 ifeq ($(BOARD),emulator)
 	@tools/setup.sh node && tools/micropython/build.sh rp2
 	@"$(PYTHON_VENV)" -m host_tests.board.strain $(if $(SEED),--seed $(SEED)) $(ARGS)
@@ -115,7 +115,7 @@ plots: setup ## draw the pictures in docs again
 	@"$(PYTHON_VENV)" -m framestep_tools.documents.plot_virtuals
 	@"$(PYTHON_VENV)" -m framestep_tools.documents.rig_picture
 
-bench: setup node micropython ## measure the firmware on the emulated board beside its goals (build/bench.json); ARGS=--explain
+bench: setup node micropython ## measure the firmware on the emulated board against its goals (build/bench.json); ARGS=--explain
 	@"$(PYTHON_VENV)" -m framestep_tools.bench $(ARGS)
 
 profile: setup node micropython ## where the processor's time goes: ARGS=upload, single-port, play, go or servos
@@ -124,7 +124,7 @@ profile: setup node micropython ## where the processor's time goes: ARGS=upload,
 conform: setup ## the conformance kit against the simulator and against seeded faults: both scores
 	@"$(PYTHON_VENV)" -m host_tests.conform.score
 
-prove: setup node micropython ## the emulated board measures itself, as `framestep prove` does a real one (build/prove); ARGS="--chip B1" or --renew
+prove: setup node micropython ## the emulated board measures itself, like a real one with `framestep prove` (build/prove); ARGS="--chip B1" or --renew
 	@"$(PYTHON_VENV)" -m framestep_tools.prove $(ARGS)
 
 emulator-measure: setup node micropython ## measure the emulated board itself (40 s)

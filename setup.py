@@ -1,8 +1,8 @@
-"""What `pip install .` and `make release` put into the package beside the code: see
+"""Puts data into the package of `pip install .` and `make release`: see
 tools/framestep_tools/paths.py.
 
-Boards' data and example files, and the images that have been built of these very sources
-(`make image`; an image needs a compiler, so none is built here).
+Boards' data and example files, and images already built from these sources (`make image`; an image
+needs a compiler, so none is built here).
 """
 
 import shutil
@@ -14,7 +14,7 @@ from setuptools.command.build_py import build_py
 
 ROOT = Path(__file__).resolve().parent
 TOOLS = "framestep_tools"
-ONLY_IN_A_CHECKOUT = "framestep_emulator"  # it needs node, and a MicroPython that has been built
+ONLY_IN_A_CHECKOUT = "framestep_emulator"  # it needs node and a build of MicroPython
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "firmware")]
 
 from framestep_tools.paths import repository, version  # noqa: E402

@@ -17,7 +17,7 @@ MYPY = [
     ROOT / "pyproject.toml",
     "--no-error-summary",
 ]
-# Functions in languages of their own, of whose words and types mypy knows nothing.
+# Functions in other languages, whose words and types mypy does not know.
 FOREIGN = {"asm_pio", "viper"}
 
 
@@ -26,7 +26,7 @@ def check_host() -> int:
 
 
 def foreign_lines(source: str) -> set[int]:
-    """Numbers of the lines in PIO programs and viper functions."""
+    """Return the numbers of the lines in PIO programs and viper functions."""
     lines: set[int] = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.FunctionDef):
