@@ -92,18 +92,18 @@ FAULTS = (
     _fault("IDs of 16 bits", "framing", _id(lambda id: id & 0xFFFF)),
     _fault("IDs of 31 bits", "framing", _id(lambda id: id & 0x7FFFFFFF)),
     _fault("no answer to MOTOR_STATUS", "framing", _lost(spec.STATUS, False)),
-    _fault("unknown types are taken", "framing", _code(spec.ERR_UNSUPPORTED, spec.OK)),
+    _fault("unknown types are accepted", "framing", _code(spec.ERR_UNSUPPORTED, spec.OK)),
     _fault(
         "unknown types: general error", "framing", _code(spec.ERR_UNSUPPORTED, spec.ERR_GENERAL)
     ),
-    _fault("a wrong checksum is taken", "framing", _code(spec.ERR_CHECKSUM, spec.OK)),
+    _fault("a wrong checksum is accepted", "framing", _code(spec.ERR_CHECKSUM, spec.OK)),
     _fault("a wrong checksum: range", "framing", _code(spec.ERR_CHECKSUM, spec.ERR_RANGE)),
-    _fault("range is told as OK", "numbers", _code(spec.ERR_RANGE, spec.OK)),
+    _fault("range is reported as OK", "numbers", _code(spec.ERR_RANGE, spec.OK)),
     _fault("range: general error", "numbers", _code(spec.ERR_RANGE, spec.ERR_GENERAL)),
-    _fault("short messages are taken", "lengths", _code(spec.ERR_RANGE, spec.OK)),
+    _fault("short messages are accepted", "lengths", _code(spec.ERR_RANGE, spec.OK)),
     *(
         _fault(
-            f"{spec.NAMES[type]} out of range is taken",
+            f"{spec.NAMES[type]} out of range is accepted",
             "numbers",
             _code(spec.ERR_RANGE, spec.OK, type),
         )
@@ -118,17 +118,17 @@ FAULTS = (
         )
     ),
     *(
-        _fault(f"{spec.NAMES[type]}: OK is told as 0", "numbers", _code(spec.OK, 0, type))
+        _fault(f"{spec.NAMES[type]}: OK is reported as 0", "numbers", _code(spec.OK, 0, type))
         for type in (spec.STOP, spec.RESET, spec.CONFIGURE, spec.SET_SPEED, spec.SET_LIMITS)
     ),
     *(
         _fault(f"no answer to {spec.NAMES[type]}", "motors", _lost(type, False))
         for type in (spec.STOP, spec.STOP_ALL, spec.RESET, spec.JOG, spec.MOVE)
     ),
-    _fault("upper limit told as lower", "motors", _code(spec.ERR_SOFT_UP, spec.ERR_SOFT_LOW)),
-    _fault("lower limit told as upper", "motors", _code(spec.ERR_SOFT_LOW, spec.ERR_SOFT_UP)),
-    _fault("a limit is told as OK", "motors", _code(spec.ERR_SOFT_UP, spec.OK)),
-    _fault("moving is told as range", "motors", _code(spec.ERR_MOVING, spec.ERR_RANGE)),
+    _fault("upper limit reported as lower", "motors", _code(spec.ERR_SOFT_UP, spec.ERR_SOFT_LOW)),
+    _fault("lower limit reported as upper", "motors", _code(spec.ERR_SOFT_LOW, spec.ERR_SOFT_UP)),
+    _fault("a limit is reported as OK", "motors", _code(spec.ERR_SOFT_UP, spec.OK)),
+    _fault("moving is reported as range", "motors", _code(spec.ERR_MOVING, spec.ERR_RANGE)),
     _fault("never moving", "motors", _data(spec.STATUS, lambda d: bytes(5))),
     _fault(
         "moving bits of the next motor",
@@ -156,8 +156,8 @@ FAULTS = (
         "MOVE TIME a frame early", "uploads", _data(spec.GET_POSITION, _time(lambda t: t - 1000))
     ),
     _fault("MOVE TIME in frames", "uploads", _data(spec.GET_POSITION, _time(lambda t: t // 1000))),
-    _fault("upload: range told as OK", "uploads", _code(spec.ERR_RANGE, spec.OK)),
-    _fault("not in position told as OK", "uploads", _code(spec.ERR_NOT_IN_POSITION, spec.OK)),
+    _fault("upload: range reported as OK", "uploads", _code(spec.ERR_RANGE, spec.OK)),
+    _fault("not in position reported as OK", "uploads", _code(spec.ERR_NOT_IN_POSITION, spec.OK)),
     _fault("no answer to UPLOAD_END", "uploads", _lost(spec.UPLOAD_END, False)),
     _fault("no answer to AXIS", "uploads", _lost(spec.AXIS, False)),
     _fault("no RT_END", "runs", _lost(spec.END, True)),
@@ -169,7 +169,7 @@ FAULTS = (
     ),
     _fault("reports 3 steps off", "runs", _data(spec.GET_POSITION, _steps(lambda p: p + 3), True)),
     _fault("no frame is reported", "runs", _lost(spec.GET_POSITION, True)),
-    _fault("GO too early is taken", "runs", _code(spec.ERR_NOT_IN_POSITION, spec.OK)),
+    _fault("GO too early is accepted", "runs", _code(spec.ERR_NOT_IN_POSITION, spec.OK)),
     _fault("a pre-roll past a limit: range", "runs", _code(spec.ERR_PREROLL, spec.ERR_RANGE)),
     _fault("during a run: OK", "runs", _code(spec.ERR_MOVING, spec.OK)),
 )
