@@ -1,4 +1,4 @@
-"""The store of light levels and that of triggers against dictionaries."""
+"""The stores of light levels and of triggers, against dictionaries."""
 
 import pytest
 from hypothesis import given, settings

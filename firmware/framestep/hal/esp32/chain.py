@@ -3,8 +3,8 @@
 The main loop calls serve() in every pass. I2S plays a ring of DMA buffers of 256 words each, and
 accepts new ones whenever one has been played. serve() does ticks and hands over whole buffers until
 it accepts no more. I2S does not report that it was fed too late, so that is derived from the clock:
-if the ring came too close to its end, whatever moves faults and ramps down, and its position is in
-doubt.
+if the ring came too close to its end, whatever moves faults and ramps down, and its position is
+lost.
 
 Bit n of a word is output n of the chain, counted from its first stage. Outputs 30 and 31 stay low.
 All are low from the start of I2S until the first words come through the ring, and whenever the ring
@@ -279,7 +279,7 @@ class Chain:
         return not self._masked
 
     def take_lost(self):
-        """Return the motors whose positions are in doubt since the last call, a bit each."""
+        """Return the motors whose positions were lost since the last call, a bit each."""
         lost = self._lost | self._stream.take_lost_commands()
         self._lost = 0
         return lost

@@ -8,7 +8,7 @@ played after the length of the queue.
 There are no hard interrupts. A pin's handler comes between two bytecodes of the main loop; in a
 section where it must not come (irq_off), it waits for irq_on. A ramp would begin only after the
 queue has been played. So the E-stop ends all pulses at once, and switches the drivers off as soon
-as the chain is fed again. Positions are in doubt then.
+as the chain is fed again. Positions are lost then.
 """
 
 import gc
