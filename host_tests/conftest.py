@@ -14,7 +14,7 @@ from framestep.base import native_cpython
 from framestep_emulator import Emulator, Pool
 from framestep_tools.building import images
 from framestep_tools.building.board_files import CACHE, FIRMWARE, ROOT, compiled_tree
-from host_tests.covering import by_test, parameters, spare
+from host_tests.covering import by_test, fewer_examples, parameters, spare
 from host_tests.near import Near
 from host_tests.processor_time import ProcessorTime
 from host_tests.runtimes import Runtime
@@ -85,6 +85,7 @@ def pytest_collection_modifyitems(config, items):
         )
 
     if not config.getoption("--all"):
+        fewer_examples(items)
         for cases in by_test(items).values():
             for item in spare(cases) if len(parameters(cases[0])) > 1 else ():
                 item.add_marker(pytest.mark.repeats)

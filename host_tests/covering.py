@@ -1,6 +1,9 @@
 """Choose enough of a test's parameters and of their combinations."""
 
+import hypothesis
 import pytest
+
+_SHARE = 3  # of the examples that hypothesis draws with --all, one in so many is in each run
 
 
 def sweep(values, *kept):
@@ -36,3 +39,14 @@ def by_test(items):
     for item in items:
         found.setdefault((item.path, getattr(item, "originalname", item.name)), []).append(item)
     return found
+
+
+def fewer_examples(items):
+    """Have hypothesis draw the first third of its examples."""
+    for function in {getattr(item.obj, "__func__", item.obj) for item in items}:
+        # how hypothesis' own decorator hands them over
+        whole = getattr(function, "_hypothesis_internal_use_settings", None)
+        if whole is not None:
+            function._hypothesis_internal_use_settings = hypothesis.settings(
+                whole, max_examples=-(-whole.max_examples // _SHARE)
+            )

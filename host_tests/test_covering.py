@@ -3,7 +3,10 @@
 import itertools
 from types import SimpleNamespace
 
-from host_tests.covering import by_test, spare
+import hypothesis
+from hypothesis import strategies
+
+from host_tests.covering import by_test, fewer_examples, spare
 
 
 class Case(SimpleNamespace):
@@ -31,3 +34,19 @@ def test_a_parameter_that_does_not_count_decides_nothing():
 def test_one_case_stays():
     assert spare([Case()]) == []
     assert by_test([]) == {}
+
+
+def test_hypothesis_draws_the_first_third():
+    drawn = []
+
+    @hypothesis.settings(max_examples=31)
+    @hypothesis.given(strategies.integers())
+    def draw(number):
+        drawn.append(number)
+
+    draw()
+    every, drawn = drawn, []
+    fewer_examples([SimpleNamespace(obj=draw)])
+    draw()
+    assert len(every) == 31
+    assert drawn == every[:11]

@@ -106,7 +106,7 @@ def test_a_bus_reset_in_motion(rig, late):
     emulator = rig.board.emulator
     frames = 120
     rig.upload({7: [3 * (i & 1) for i in range(frames)]})
-    for after_ms in range(0, 17, 3 if late else 9):
+    for after_ms in range(0, 17, 5 if late else 9):
         rig.accept(MotorResetPosition(7, 0))
         rig.ready(run_request(fps=60, end=frames, pre=100))
         rig.forget()

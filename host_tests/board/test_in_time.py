@@ -63,13 +63,12 @@ def test_a_virtual_jog_is_let_go(session, velocity):
     """By a VIRT_STOP, and by not being repeated."""
     configured(session, BOOM_NODAL, velocity, 20_000 if velocity == 5000 else ACCELERATION)
     with session.timing.judged():
-        for sign in (1, -1):
-            for number in (m.VIRT_MOTOR_TRACK, m.VIRT_MOTOR_EW):
-                for moment in (0.3, 0.43):
-                    session.accept(p.VirtJog(number, 10_000, sign * FAR))
-                    session.run(moment)
-                    session.accept(p.VirtStop(number))
-                    session.wait_idle()
+        for number in (m.VIRT_MOTOR_TRACK, m.VIRT_MOTOR_EW):
+            for sign, moment in ((1, 0.3), (-1, 0.43)):
+                session.accept(p.VirtJog(number, 10_000, sign * FAR))
+                session.run(moment)
+                session.accept(p.VirtStop(number))
+                session.wait_idle()
                 session.accept(p.VirtJog(number, 10_000, sign * FAR))
                 session.wait_idle()
 
@@ -109,12 +108,16 @@ def test_jog_all_comes_to_rest_on_a_frame(session):
     )
     with session.timing.judged():
         session.play(run_request(24, 1, 12))
-        for to, moment in ((200, 0.8), (20, 1.5), (200, 2.1), (20, 2.7)):
-            for stop in (p.MotorStopAll(), p.MotorStop(1)):
-                session.accept(p.RtJogAll(24_000, to))
-                session.run(moment)
-                session.accept(stop)
-                session.wait_idle()
+        for to, moment, stop in (
+            (200, 0.8, p.MotorStopAll()),
+            (20, 1.5, p.MotorStop(1)),
+            (200, 2.1, p.MotorStop(1)),
+            (20, 2.7, p.MotorStopAll()),
+        ):
+            session.accept(p.RtJogAll(24_000, to))
+            session.run(moment)
+            session.accept(stop)
+            session.wait_idle()
 
 
 def test_runs_moves_and_stops(session):

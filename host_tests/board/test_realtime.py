@@ -36,6 +36,8 @@ from host_tests.end_to_end.realtime import (
 from host_tests.end_to_end.session import Session, deceleration, run_request
 from host_tests.end_to_end.shoot.test_shoot import assert_angles, assert_window, shoot
 
+pytestmark = pytest.mark.repeats  # end_to_end/runs and end_to_end/shoot
+
 FPS = 24
 TRIGGERS = {0: 0b01, 3: 0b11, 5: 0b10}
 START_S = 0.05  # in which the phases are planned after GO

@@ -13,6 +13,7 @@ from framestep_tools.client.client import Client
 from framestep_tools.payloads import Hi, MotorMove, MotorResetPosition, MotorSetSpeed, MotorStatus
 
 PATIENCE_S = 600
+AGAIN_MS = 1800  # framestep is there again after 1500
 STEP, ENABLE = (2, 4), 18
 RIG = {"name": "soft", "remember_positions": True}
 
@@ -82,7 +83,7 @@ def test_whoever_has_the_protocol_port_open(image):
         repl.write(b"\x04")
         image.advance(300)
         port.write(bytes(100) + b"DF\x10\x00")  # while nobody listens
-        image.advance(2500)
+        image.advance(AGAIN_MS)
         port.reset_input_buffer()
         assert client.request(Hi()).name == "soft"
         assert client.request(MotorStatus()).moving == []
@@ -109,7 +110,7 @@ def test_in_motion(image):
     assert client.request(MotorStatus()).moving == [1, 2]
     struck = emu.ns
     repl.write(b"\x04")
-    emu.advance(2500)
+    emu.advance(AGAIN_MS)
     edges = emu.trace_stop()
     for pin in STEP:
         times = edge_times(edges, pin)
@@ -175,7 +176,7 @@ def test_an_image_beside_a_boot_py(beside):
             repl.serial.write(b"\r\x03\r" + mode)
             emu.advance(50)
             repl.serial.write(b"\x04")
-            emu.advance(2500)
+            emu.advance(AGAIN_MS)
             repl = emu.repl()
             assert len(dma_running(repl)) > 0, "DMX512 is dead"
             emu.uart_start(0)
@@ -200,13 +201,13 @@ def test_one_port_set_on_a_board_that_has_two():
             emu.advance(50)
             repl.serial.read_all()
             repl.serial.write(b"\x04")
-            emu.advance(2500)
+            emu.advance(AGAIN_MS)
             assert repl.serial.read_all().endswith(b"raw REPL; CTRL-B to exit\r\n>")
             assert repl.eval("6 * 7") == 42
             assert emu.pin(ENABLE) == 1, "the drivers are off"
         repl.leave()
         repl.serial.write(b"\x04")
-        emu.advance(2500)
+        emu.advance(AGAIN_MS)
         repl.serial.reset_input_buffer()
         assert Client(repl.serial).request(Hi()).name == "one"
 
@@ -248,7 +249,7 @@ def test_a_host_that_closes_its_port_while_framestep_restarts(image):
     repl.write(b"\x04")
     image.advance(300)
     port.close()
-    image.advance(2500)
+    image.advance(2500)  # until a port that nobody reads counts as closed
     raw = image.repl()
     raw.exec("import framestep.repl, framestep.boot as boot")
     raw.exec("move(1, 100000)")

@@ -145,12 +145,22 @@ def test_a_bus_reset_after_a_soft_reset(usb):
         stop(repl)
 
 
-def test_every_length(usb):
+LENGTHS = range(12, 1049)
+
+
+@pytest.mark.parametrize(
+    "lengths",
+    [
+        pytest.param([n for n in LENGTHS if n < 24 or n % 64 in (0, 1, 63)], id="beside packets"),
+        pytest.param(LENGTHS, id="all", marks=pytest.mark.repeats),
+    ],
+)
+def test_every_length(usb, lengths):
     """Each frame is answered at once, whatever its length: multiples of a packet as well, and those
     like the mark."""
     _emu, repl, port = usb
     run(repl)
-    late = [size for size in range(12, 1049) if not answered(port, frame(size, size), ms=25)]
+    late = [size for size in lengths if not answered(port, frame(size, size), ms=25)]
     assert late == []
     for size in range(64, 1049, 64):  # the last byte is that of the mark of a place not yet filled
         for number in range(2):

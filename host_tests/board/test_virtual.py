@@ -25,6 +25,8 @@ from host_tests.end_to_end.virtual_axes.judging import (
     pose,
 )
 
+pytestmark = pytest.mark.repeats  # end_to_end/virtual_axes
+
 VELOCITY, ACCELERATION = 20_000, 50_000
 
 

@@ -50,7 +50,7 @@ def session():
         repl = emulator.repl()
         repl.start("import machine\nw = machine.WDT(timeout=100)\nwhile True: pass")
         emulator.wait_event("reset", 1000)
-        emulator.wait_usb(ports=2, after=emulator.ns)
+        emulator.advance(20)
         return [
             *seen,
             emulator.trace_read().tobytes(),

@@ -8,7 +8,15 @@ import pytest
 from framestep_tools.building.board_files import ROOT
 
 
-@pytest.mark.parametrize("first, sessions, checks", [(0, 24, []), (24, 12, ["--int32"])])
+@pytest.mark.parametrize(
+    "first, sessions, checks",
+    [
+        (0, 12, []),
+        pytest.param(12, 12, [], marks=pytest.mark.repeats),
+        (24, 6, ["--int32"]),
+        pytest.param(30, 6, ["--int32"], marks=pytest.mark.repeats),
+    ],
+)
 def test_sessions(first, sessions, checks):
     command = [
         sys.executable,

@@ -7,6 +7,7 @@ import pytest
 from framestep.protocol.messages import MSG_MOTOR_GET_POSITION, MSG_MOTOR_STATUS
 from framestep_tools import payloads as p
 from framestep_tools.client.wire import encode
+from host_tests.covering import sweep
 from host_tests.end_to_end.realtime import rig, upload
 from host_tests.end_to_end.session import run_request
 
@@ -185,7 +186,7 @@ def tick(board):
 
 
 @pytest.mark.inside
-@pytest.mark.parametrize("away", [*range(2, 19), 30, 50])
+@pytest.mark.parametrize("away", sweep([*range(2, 19), 30, 50], 2, 10, 18, 50))
 def test_at_rest_after_an_absence(away):
     """The main loop is away as the last motor stops: as soon as STATUS says that nothing moves,
     positions are those of rest, and the last report has them, too."""

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from framestep_tools import payloads as p
+from host_tests.covering import sweep
 from host_tests.end_to_end.realtime import rig, upload
 from host_tests.end_to_end.runs.frame_jogs import (
     ACCELERATION,
@@ -82,7 +83,7 @@ def test_new_destinations_under_way(standing):
     assert_followed(standing, 120, 12)
 
 
-@pytest.mark.parametrize("grain", range(8))
+@pytest.mark.parametrize("grain", sweep(range(8), 0, 3, 7))
 def test_a_request_in_each_millisecond_of_a_turn(standing, grain):
     """The moment in which it stands and is about to go back is no other than the rest."""
     standing.accept(p.RtJogAll(12000, 130))
