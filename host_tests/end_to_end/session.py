@@ -45,6 +45,7 @@ class Session:
         self.port = LockstepPort(board)
         self.client = Client(self.port)
         self._edges = []
+        self._trace = None  # of these edges
         self.client.wait_event(DeviceInfo, BOOT_S)  # field note 1.5
 
     # ---- the host's end
@@ -121,6 +122,7 @@ class Session:
         self.client.events.clear()
         self.trace()
         self._edges.clear()
+        self._trace = None
 
     # ---- motors
 
@@ -141,8 +143,11 @@ class Session:
 
     def trace(self):
         """Return all edges so far."""
-        self._edges += self.board.edges()
-        return Trace.from_edges(self._edges)
+        edges = self.board.edges()
+        if edges or self._trace is None:
+            self._edges += edges
+            self._trace = Trace.from_edges(self._edges)
+        return self._trace
 
     def steps(self, motor):
         """Return the times (s) and directions of a motor's steps."""
