@@ -4,10 +4,10 @@ import struct
 
 from framestep.protocol import messages as m
 
-from .host import ODD, Deeds
+from .host import ODD, Actions
 
 
-class Anyhow(Deeds):
+class AnyPayload(Actions):
     """What no host would send."""
 
     def message(self):

@@ -57,7 +57,7 @@ class Motor:
         self.low = min(self.low, min(places) - self.backlash)
         self.high = max(self.high, *places)
 
-    def stands(self, ms):
+    def at_rest(self, ms):
         """Begin new bounds: it is known to rest at the end of the edges so far."""
         self.top = [(ms, self.velocity)]
         self.steep = [(ms, self.acceleration)]

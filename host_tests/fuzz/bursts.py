@@ -5,10 +5,10 @@ import struct
 
 from framestep.protocol import messages as m
 
-from .host import Deeds, signed
+from .host import Actions, signed
 
 
-class Bursts(Deeds):
+class Bursts(Actions):
     """A few valid requests in one packet."""
 
     def __init__(self, world):

@@ -221,7 +221,7 @@ class Host:
         self.tick()
 
 
-class Deeds:
+class Actions:
     """Some of what happens in a session: the base of the classes that do it. They find each other
     through `world`."""
 

@@ -4,10 +4,10 @@ import struct
 
 from framestep.protocol import messages as m
 
-from .host import ODD, WORD, Deeds, signed
+from .host import ODD, WORD, Actions, signed
 
 
-class Operations(Deeds):
+class Operations(Actions):
     """RUN_MOVE, SHOOT_FRAME, JOG_ALL."""
 
     def prepare_run(self):

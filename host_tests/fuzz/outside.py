@@ -4,10 +4,10 @@ import struct
 
 from framestep.protocol import messages as m
 
-from .host import WORD, Deeds
+from .host import WORD, Actions
 
 
-class Surroundings(Deeds):
+class Surroundings(Actions):
     """switches: use stop switches. late: let passes and ticks come late."""
 
     def __init__(self, world, switches, late):

@@ -154,7 +154,7 @@ class Replies(Part):
                     f"{motor.goals}",
                 )
             motor.goals = ()
-            motor.stands(ms)
+            motor.at_rest(ms)
             motor.rest(ms)
 
     def _overdue(self, bits, ms):
@@ -197,7 +197,7 @@ class Replies(Part):
             self.counts["homed"] += 1
         motor.at += told - motor.load
         motor.load = told
-        motor.stands(self.ms)
+        motor.at_rest(self.ms)
 
     def _pins(self, payload):
         """Positions in motion are those of the pins, except for a tick or two (field note
@@ -251,7 +251,7 @@ class Replies(Part):
             if asked and motor.flags & m.MOTOR_ENABLED and motor.leader is None:
                 if motor.edges:
                     self.trial.edges.judge(motor)
-                motor.stands(self.ms)
+                motor.at_rest(self.ms)
                 motor.homes(self.rig.hard_stop_factor)
                 self.led(motor)
                 if motor.coupled:  # its limits do not count either
@@ -265,7 +265,7 @@ class Replies(Part):
         motor.least = min(motor.least, motor.acceleration)
         motor.allow(self.ms, motor.velocity, motor.acceleration)
         if motor.quiet is not None:
-            motor.stands(self.ms)
+            motor.at_rest(self.ms)
 
     def _set_limits(self, request, payload):
         i, lower_on, lower, upper_on, upper, _ = request.words("BBiBiB")
@@ -303,12 +303,12 @@ class Replies(Part):
             self.trial.edges.together(leader, partner)
             for each in (leader, partner):
                 self.trial.edges.judge(each)
-                each.stands(self.ms)
+                each.at_rest(self.ms)
         self.trial.edges.judge(motor)
         motor.renumbered = False
         motor.at += value - motor.load
         motor.load = value
-        motor.stands(self.ms)
+        motor.at_rest(self.ms)
 
     def _virt_config(self, request, payload):
         kind = request.payload[0]

@@ -4,10 +4,10 @@ import struct
 
 from framestep.protocol import messages as m
 
-from .host import ODD, WORD, Deeds, signed
+from .host import ODD, WORD, Actions, signed
 
 
-class Singles(Deeds):
+class Singles(Actions):
     """Settings, moves and jogs."""
 
     def speed(self):

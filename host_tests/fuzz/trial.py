@@ -92,7 +92,7 @@ class Trial:
         for motor in self.motors:
             # as saved
             motor.at = motor.load = self.board.controller.axes[motor.index].backlash[LOAD]
-            motor.stands(0)
+            motor.at_rest(0)
         if self.stops.estop_pin is not None:
             self.stops.estop(self.hal.levels() >> self.stops.estop_pin & 1)
 

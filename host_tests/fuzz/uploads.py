@@ -5,10 +5,10 @@ import struct
 
 from framestep.protocol import messages as m
 
-from .host import ODD, WORD, Deeds, signed
+from .host import ODD, WORD, Actions, signed
 
 
-class Uploads(Deeds):
+class Uploads(Actions):
     """The uploaded move: its first scene frame, how many, and its frame rate."""
 
     def __init__(self, world):

@@ -6,10 +6,10 @@ from framestep.protocol import messages as m
 from framestep_tools.judge.virtual_reference import Axis as VirtualAxis
 from framestep_tools.judge.virtual_reference import Rig as VirtualRig
 
-from .host import ODD, Deeds, signed
+from .host import ODD, Actions, signed
 
 
-class Virtuals(Deeds):
+class Virtuals(Actions):
     """A virtual rig of motors that were not used before."""
 
     def __init__(self, world):

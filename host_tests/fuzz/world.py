@@ -10,7 +10,7 @@ single_motors.py, uploads.py, operations.py, virtuals.py, bursts.py, outside.py,
 
 from random import Random
 
-from .any_message import Anyhow
+from .any_message import AnyPayload
 from .bursts import Bursts
 from .host import Host, Over
 from .operations import Operations
@@ -40,7 +40,7 @@ class World:
         self.virtuals = Virtuals(self)
         self.bursts = Bursts(self)
         self.surroundings = Surroundings(self, switches, late)
-        self.anyhow = Anyhow(self)
+        self.any_payload = AnyPayload(self)
 
     def anything(self):
         dice = self.dice
@@ -48,7 +48,7 @@ class World:
             (
                 self.host.query,
                 self.singles.move,
-                self.anyhow.message,
+                self.any_payload.message,
                 self.singles.speed,
                 self.singles.limits,
                 self.surroundings.side,
@@ -67,7 +67,7 @@ class World:
         try:
             for _ in range(dice.randint(1, self.motors + 1)):
                 self.singles.speed()
-            deeds = [
+            actions = [
                 (self.singles.moves, 6),
                 (self.operations.operate, 6),
                 (self.operations.jog_all, 1.5),
@@ -76,7 +76,7 @@ class World:
                 (self.singles.speed, 1.5),
                 (self.singles.limits, 1.5),
             ]
-            deeds += [
+            actions += [
                 (self.singles.configure, 1),
                 (self.host.query, 2),
                 (self.surroundings.side, 1),
@@ -84,17 +84,17 @@ class World:
                 (self.singles.enable_all, 0.5),
             ]
             if self.surroundings.switches:
-                deeds.append((self.surroundings.switch, 1))
+                actions.append((self.surroundings.switch, 1))
             if any(motor.home for motor in trial.motors):
-                deeds.append((self.singles.home, 2))
+                actions.append((self.singles.home, 2))
             if self.rig.remember_positions:
-                deeds.append((self.surroundings.lull, 0.7))
+                actions.append((self.surroundings.lull, 0.7))
             if self.wild:
-                deeds.append((self.anyhow.nonsense, 5))
+                actions.append((self.any_payload.nonsense, 5))
             if self.host.links:
-                deeds.append((lambda: self.host.close(dice.choice((0, 1, 50, 300))), 0.7))
+                actions.append((lambda: self.host.close(dice.choice((0, 1, 50, 300))), 0.7))
             doings, weights = zip(
-                *((d, w * dice.choice((0.2, 1, 1, 3))) for d, w in deeds), strict=True
+                *((d, w * dice.choice((0.2, 1, 1, 3))) for d, w in actions), strict=True
             )
             while True:
                 dice.choices(doings, weights)[0]()
