@@ -88,7 +88,7 @@ def test_the_camera_stays_on_an_aim_point(session):
     track = Track(session, before)
     angles = []
     for row in track.places:
-        p = BOOM_NODAL.told(BOOM_NODAL.forward(joints(BOOM_NODAL, row)))
+        p = BOOM_NODAL.host_pose(BOOM_NODAL.forward(joints(BOOM_NODAL, row)))
         pan, tilt = aim(world(p), (x, y, z))
         angles.append((p[3] - pan, p[4] - tilt))
     assert np.ptp(np.array(angles), axis=0).max() < 0.02

@@ -198,7 +198,7 @@ def test_a_device_that_says_nothing_any_more_ends_the_checks(conform, board, mon
     status, _, err = conform("--subject", "motors", port=port)
     assert status == FAILED
     assert err.startswith("framestep: socket://x cannot be checked after ")
-    assert err.endswith(" checks: it does not answer any more, not even HI\n")
+    assert err.endswith(" checks: it no longer answers, not even HI\n")
 
 
 @pytest.mark.parametrize("speed", ["0", "-1", "1000", "nan"])

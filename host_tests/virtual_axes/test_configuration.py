@@ -160,7 +160,7 @@ def test_all_positions_0_read_0(kind):
         if kind == 2 and any(steps):
             continue  # it has no positions: see test_swing_pan
         rig = Rig(kind, axes, 857.7, 78.0, (20.0, 35.5, -12.0))
-        assert Firmware.of(rig).told() == [0] * 6
+        assert Firmware.of(rig).host_pose() == [0] * 6
 
 
 @pytest.mark.parametrize("kind", [1, 3, 4])
@@ -171,12 +171,12 @@ def test_the_pose_told_is_that_of_the_message(kind):
     axes = tuple(Axis(i + 1, 250, told[k], 5000 * i) for i, k in enumerate(order))
     rig = Rig(kind, axes, 857.7, 78.0, (20.0, 35.5, -12.0))
     firmware = Firmware.of(rig)
-    assert firmware.told() == list(told)
+    assert firmware.host_pose() == list(told)
     steps = {1: 2500, 2: 4000, 3: 10_700, 4: 15_500, 5: 21_000, 6: 24_000}
     firmware.locate(steps)
     joints = rig.joints(list(steps.values()))
-    near(firmware.told(), rig.told(rig.forward(joints)), 1e-4)
-    near(rig.meant(rig.told(rig.forward(joints))), rig.forward(joints), 1e-9)
+    near(firmware.host_pose(), rig.host_pose(rig.forward(joints)), 1e-4)
+    near(rig.from_host(rig.host_pose(rig.forward(joints))), rig.forward(joints), 1e-9)
 
 
 def test_many_turns_before_the_configuration_cost_no_precision():

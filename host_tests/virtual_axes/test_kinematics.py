@@ -33,7 +33,7 @@ def test_x_y_z(nodal, place, angles, home):
     )
     firmware = Firmware.of(rig)
     near(firmware.pose(), rig.forward(rig.joints([77, 0, 0, -900, 0, 0])), 1e-4)
-    assert firmware.told() == [0, home / 100000, 0, 12.5, 0, 0]
+    assert firmware.host_pose() == [0, home / 100000, 0, 12.5, 0, 0]
     joints = (*place, *angles)
     pose = firmware.forward(joints)
     near(pose, rig.forward(joints), 1e-4)
@@ -47,7 +47,7 @@ def test_swing_pan(swing, pan, wanted):
     pose = firmware.locate({4: swing, 2: pan})
     joints = rig.joints([swing, pan])
     near(pose, rig.forward(joints), 1e-5)
-    near(firmware.told(), [0, 0, 0, swing / 1000 + pan / 500.5, 0, 0], 1e-5)
+    near(firmware.host_pose(), [0, 0, 0, swing / 1000 + pan / 500.5, 0, 0], 1e-5)
     near(
         firmware.inverse([0, 0, 0, wanted, 0, 0]),
         rig.inverse([0, 0, 0, wanted, 0, 0], joints),
@@ -316,7 +316,7 @@ def test_an_axis_without_a_motor_stays():
     rig = Rig(1, axes, 500, 100)
     firmware = Firmware.of(rig)
     near(firmware.pose(), [-600, 0, 0, 0, 0, 0], 1e-4)
-    near(firmware.told(), [250, 0, 0, 0, -7.5, 0], 1e-6)
+    near(firmware.host_pose(), [250, 0, 0, 0, -7.5, 0], 1e-6)
     firmware.inverse(rig.forward([10, 20, 0, 30, 0, 0]))
     near(firmware.steps(), [10000, 20000, 0, 30000, 0, 0], 0.01)
     for other in ([10, 20, 0.01, 30, 0, 0], [10, 20, 0, 30, 0.5, 0], [10, 20, 0, 30, 0, 1]):
@@ -352,6 +352,6 @@ def test_an_axis_that_counts_backward():
     rig = Rig(4, (Axis(1, -1000, 5.0, 77), Axis(2), Axis(3), *HEAD))
     firmware = Firmware.of(rig)
     near(firmware.locate({1: 1077}), [0, -1, 0, -0.45, 0, 0], 1e-5)
-    near(firmware.told(), [0, 4, 0, 12.5, 0, 0], 1e-5)
+    near(firmware.host_pose(), [0, 4, 0, 12.5, 0, 0], 1e-5)
     firmware.inverse([0, -25, 0, 0, 0, 0])
     near(firmware.steps(), [77 + 25000], 0.01)

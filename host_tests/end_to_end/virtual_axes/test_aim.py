@@ -58,7 +58,7 @@ def beside(rig, track, point, offset=(0.0, 0.0)):
     tilt."""
     angles = []
     for row in track.places:
-        p = rig.told(rig.forward(joints(rig, row)))
+        p = rig.host_pose(rig.forward(joints(rig, row)))
         pan, tilt = aim(world(p), point)
         angles.append(((p[3] - pan - offset[0] + 180) % 360 - 180, p[4] - tilt - offset[1]))
     return np.array(angles)

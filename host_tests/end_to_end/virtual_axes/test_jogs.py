@@ -158,7 +158,7 @@ def test_a_line_jog_goes_where_the_camera_points(line, speed):
     session = configured(rig)
     before = session.positions
     # field note 9.6: the camera's, as reported
-    angles = rig.told(rig.forward(joints(rig, np.zeros(6))))[3:]
+    angles = rig.host_pose(rig.forward(joints(rig, np.zeros(6))))[3:]
     session.forget()
     session.accept(VirtJogOnLine(line, speed))
     session.accept(VirtJogOnLine(line, speed))

@@ -141,7 +141,7 @@ def test_a_motor_that_turns_on_the_way_takes_up_its_play_in_the_end():
     track.limits(4000, 20_000)
     turned = np.flatnonzero(np.diff(session.steps(3)[1]))
     assert len(turned) >= 1
-    rest = BOOM.steps(BOOM.inverse(BOOM.meant([3100, 210, 3, -10, -3, 0]), np.zeros(6)))
+    rest = BOOM.steps(BOOM.inverse(BOOM.from_host([3100, 210, 3, -10, -3, 0]), np.zeros(6)))
     assert [session.position(motor) for motor in range(1, 7)] == np.round(rest).tolist()
 
 

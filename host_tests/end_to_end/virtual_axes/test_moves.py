@@ -76,8 +76,8 @@ def test_a_move_is_straight(name, number, length):
     session = configured(rig)
     before = session.positions
     start = rig.forward(joints(rig, np.array([before[n] for n in sorted(before)])))
-    np.testing.assert_allclose(pose(session), rig.told(start), atol=1e-9)
-    target = rig.told(start)[number - 1] + length
+    np.testing.assert_allclose(pose(session), rig.host_pose(start), atol=1e-9)
+    target = rig.host_pose(start)[number - 1] + length
     session.forget()
     session.accept(VirtMove(number, round(target * 100000)))
     assert session.moving == sorted(a.motor for a in rig.axes), (
@@ -92,7 +92,9 @@ def test_a_move_is_straight(name, number, length):
     expected = rig.steps(rig.inverse(start + length * UNIT[number], joints(rig, track.places[0])))
     after = session.positions
     assert [after[a.motor] for a in rig.axes] == np.round(expected).tolist()
-    np.testing.assert_allclose(pose(session), rig.told(start) + length * UNIT[number], atol=0.03)
+    np.testing.assert_allclose(
+        pose(session), rig.host_pose(start) + length * UNIT[number], atol=0.03
+    )
 
 
 def test_a_stop_stays_on_the_line():
@@ -201,7 +203,7 @@ def test_the_pose_is_that_of_the_configuration_and_what_has_changed_since(rig):
         session.ask(MotorMove(axis.motor, axis.step + 1000 * axis.motor))
     session.wait_idle()
     stands = session.positions
-    now = rig.told(rig.forward(joints(rig, np.array([stands[n] for n in sorted(stands)]))))
+    now = rig.host_pose(rig.forward(joints(rig, np.array([stands[n] for n in sorted(stands)]))))
     np.testing.assert_allclose(pose(session), now, atol=1e-4)
     assert np.abs(now - wanted).max() > 0.5
     assert begun != stands
@@ -309,7 +311,7 @@ def test_a_long_track_with_fine_steps():
     rig = Rig(1, axes, 857.7, 78.0, nodal=(20.0, 35.5, -12.0))
     session = configured(rig, 60_000, 300_000)
     before = session.positions
-    start = rig.told(rig.forward(joints(rig, np.zeros(6))))
+    start = rig.host_pose(rig.forward(joints(rig, np.zeros(6))))
     session.forget()
     session.accept(VirtMove(m.VIRT_MOTOR_EW, round((start[1] - 60) * 100000)))
     session.wait_idle()

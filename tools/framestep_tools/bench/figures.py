@@ -37,8 +37,8 @@ FIGURES = (
         350_000,
         None,
         "rising edges of each motor from its first to its last frame over that time, "
-        "the slowest of the eight, in the fastest move at constant velocity in which every edge "
-        "is within 0.5 µs of the ideal and no fault occurs; motors can be set to 500 000 at most",
+        "for the slowest of the eight, in the fastest move at constant velocity with every edge "
+        "within 0.5 µs of the ideal and no fault; the highest setting is 500 000",
     ),
     Figure("steps_per_s_1", "steps/s", 500_000, None, "the same for one motor, the others at rest"),
     Figure(
@@ -55,8 +55,8 @@ FIGURES = (
         "µs",
         None,
         2,
-        "the same where the path accelerates: "
-        "ramps of 100 000 steps/s² of all eight motors, but for the last step before a standstill",
+        "the same while the path accelerates: "
+        "ramps of 100 000 steps/s² of all eight motors, except for the last step before rest",
     ),
     Figure(
         "frame_error_us",
@@ -71,9 +71,9 @@ FIGURES = (
         "",
         None,
         0.25,
-        "pins, with `smoothing` in the rig file: velocity's rms against the path before it was "
-        "rounded to steps, over the same without it; lines, eases and sines of 0.4 to 500 "
-        "steps/frame at 12, 24 and 60 frames/s",
+        "pins, with `smoothing` in the rig file: rms of the velocity against the path before it "
+        "was rounded to steps, divided by the same without it; lines, eases and sines of 0.4 to "
+        "500 steps/frame at 12, 24 and 60 frames/s",
     ),
     Figure("acceleration_ripple", "", None, 0.15, "the same of the acceleration"),
     Figure(
@@ -82,7 +82,7 @@ FIGURES = (
         None,
         60,
         "emulated clock: cycles spent in the timer's interrupt per millisecond of the mixed move, "
-        "entry and exit too",
+        "including entry and exit",
     ),
     Figure(
         "tick_late_us_worst",
@@ -112,7 +112,7 @@ FIGURES = (
         "channels",
         32,
         None,
-        "channels whose level is random at every frame that fit beside eight motors' mixed motion "
+        "channels with a random level at every frame that fit next to eight motors' mixed motion "
         "and a trigger on each frame of an upload of 2 000",
     ),
     Figure(
@@ -136,9 +136,9 @@ FIGURES = (
         "ms",
         None,
         2,
-        "emulated clock: from the host writing a request to having its whole reply, "
-        "one after the other right after GO and then at random moments of that move, "
-        "which is played four times for it",
+        "emulated clock: from the host writing a request to its whole reply, "
+        "without pauses right after GO and then at random moments of that move, "
+        "which is played four times",
     ),
     Figure("reply_ms_max", "ms", None, 10, "the slowest of these"),
     Figure(
@@ -147,9 +147,9 @@ FIGURES = (
         None,
         6,
         "emulated clock, pins: from the host writing GO to the start of the pre-roll's motion, "
-        "as its first edges tell it; 100 runs, at random moments",
+        "as calculated from its first edges; 100 runs, at random moments",
     ),
-    Figure("go_ms_spread", "ms", None, 1, "the longest of these less the shortest"),
+    Figure("go_ms_spread", "ms", None, 1, "the longest of these minus the shortest"),
     Figure(
         "virtual_reply_ms_max",
         "ms",
@@ -164,7 +164,7 @@ FIGURES = (
         "bytes/h",
         None,
         0,
-        "gc.mem_alloc() after the mixed move less that before it, the collector off, "
+        "gc.mem_alloc() after the mixed move minus its value before, with the collector off, "
         "scaled to an hour",
     ),
     Figure(

@@ -15,11 +15,11 @@ STEADY_RATES = (99_700, 80_000, 61_000, 50_000, 33_325, 20_000, 9_975, 1_000)
 
 
 def mixed_move(seconds: float = 2.4, fps: int = FPS) -> dict[int, np.ndarray]:
-    """Positions of eight motors that ramp up with RAMP, hold each a velocity of STEADY_RATES, and
+    """Return positions of eight motors that ramp up with RAMP, hold velocities of STEADY_RATES, and
     ramp down.
 
-    The odd motors go up, the even ones down. Those that have not the time for their velocity turn
-    at the middle.
+    Odd motors go up, even ones down. A motor without the time for its velocity begins its ramp down
+    in the middle.
     """
     frames = round(seconds * fps) + 1
     t = np.arange(frames) / fps

@@ -142,7 +142,7 @@ class Firmware:
         """Return vTrack, vEW, vNS, vPan, vTilt, vRoll."""
         return self._six(POSE)
 
-    def told(self) -> list[float]:
+    def host_pose(self) -> list[float]:
         """Return the pose in the host's coordinates."""
         out = array("i", [0] * 6)
         for i in range(6):

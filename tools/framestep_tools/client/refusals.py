@@ -198,14 +198,14 @@ def _at_switch(client: Client, motors: Any, code: Ack) -> str | None:
 # ---- single motors
 
 
-def _motor(client: Client, request: Payload, code: Ack, told: Exceeded) -> str | None:
-    motor, at = told.of, None
+def _motor(client: Client, request: Payload, code: Ack, exceeded: Exceeded) -> str | None:
+    motor, at = exceeded.of, None
     if isinstance(request, (MotorMove, MotorJog)):
         at = request.position if isinstance(request, MotorMove) else request.destination
     if code == Ack.ERR_SOFT_UP:
-        return f"{at} is past the upper soft limit of motor {motor}, {told.upper} ({_LIMITS})"
+        return f"{at} is past the upper soft limit of motor {motor}, {exceeded.upper} ({_LIMITS})"
     if code == Ack.ERR_SOFT_LOW:
-        return f"{at} is past the lower soft limit of motor {motor}, {told.lower} ({_LIMITS})"
+        return f"{at} is past the lower soft limit of motor {motor}, {exceeded.lower} ({_LIMITS})"
     if code != Ack.ERR_RANGE:
         return None
     if isinstance(request, MotorJog) and not 1 <= request.speed <= FULL_SPEED:
@@ -268,12 +268,12 @@ def _section(client: Client, request: Payload, code: Ack) -> str | None:
         return "no upload has begun"
     if code != Ack.ERR_RANGE:
         return None
-    told = client.request(GetExceeded())
-    if told.what != EXCEEDED_MEMORY:
+    exceeded = client.request(GetExceeded())
+    if exceeded.what != EXCEEDED_MEMORY:
         return _outside(request)
     return (
-        f"{_part(request)}: the board's memory is full; this section needs {told.by} bytes, "
-        f"{told.room} are free: fewer frames, motors or channels, or calmer motion and light"
+        f"{_part(request)}: the board's memory is full; this section needs {exceeded.by} bytes, "
+        f"{exceeded.room} are free: fewer frames, motors or channels, or calmer motion and light"
     )
 
 
@@ -314,44 +314,44 @@ def _play(client: Client, request: Payload, code: Ack) -> str | None:
         if code == Ack.ERR_RANGE:
             return f"frame {request.frame} is not in the upload"
         return None
-    told = client.request(GetExceeded())
-    motor, frame = told.motor, told.frame
+    exceeded = client.request(GetExceeded())
+    motor, frame = exceeded.motor, exceeded.frame
     rate = getattr(request, "fps_milli", None)
     rate = "" if rate is None else f" at {rate / 1000:g} frames/s"
     where = f"motor {motor} at frame {frame}"
-    if told.what == EXCEEDED_VELOCITY and told.velocity is not None:
+    if exceeded.what == EXCEEDED_VELOCITY and exceeded.velocity is not None:
         return (
-            f"{where} would need {told.velocity + told.by} steps/s{rate}, "
-            f"its velocity is {told.velocity} steps/s ({_SPEED})"
+            f"{where} would need {exceeded.velocity + exceeded.by} steps/s{rate}, "
+            f"its velocity is {exceeded.velocity} steps/s ({_SPEED})"
         )
     if (
-        told.what == EXCEEDED_ACCELERATION
-        and told.acceleration is not None
+        exceeded.what == EXCEEDED_ACCELERATION
+        and exceeded.acceleration is not None
         and code == Ack.ERR_RANGE
         and not isinstance(request, _SHOTS)
     ):
         return (
-            f"{where} would need {told.acceleration + told.by} steps/s²{rate}, "
-            f"its acceleration is {told.acceleration} steps/s² ({_SPEED}), "
+            f"{where} would need {exceeded.acceleration + exceeded.by} steps/s²{rate}, "
+            f"its acceleration is {exceeded.acceleration} steps/s² ({_SPEED}), "
             "and strict_moves is set in the rig file"
         )
-    if told.what == EXCEEDED_BOARD:
+    if exceeded.what == EXCEEDED_BOARD:
         return (
             f"{where} would need a change of velocity that the board cannot make: "
             "fewer steps or fewer frames/s"
         )
-    if told.what == EXCEEDED_UPPER:
+    if exceeded.what == EXCEEDED_UPPER:
         return (
             f"{where} would be past its upper soft limit, "
-            f"{_limit(told.upper, told.bits, SET_UPPER)}"
+            f"{_limit(exceeded.upper, exceeded.bits, SET_UPPER)}"
         )
-    if told.what == EXCEEDED_LOWER:
+    if exceeded.what == EXCEEDED_LOWER:
         return (
             f"{where} would be past its lower soft limit, "
-            f"{_limit(told.lower, told.bits, SET_LOWER)}"
+            f"{_limit(exceeded.lower, exceeded.bits, SET_LOWER)}"
         )
-    if told.what in (EXCEEDED_PREROLL, EXCEEDED_POSTROLL):
-        return _ramp(request, told)
+    if exceeded.what in (EXCEEDED_PREROLL, EXCEEDED_POSTROLL):
+        return _ramp(request, exceeded)
     if code == Ack.ERR_NOT_IN_POSITION:
         return (
             "the motors are not on a frame of the upload: send them to one"
@@ -360,7 +360,7 @@ def _play(client: Client, request: Payload, code: Ack) -> str | None:
         )
     if code == Ack.ERR_RANGE:
         return _where(request, rate)
-    return "; ".join(texts.exceeded(told.what, motor, frame, told.by)) or None
+    return "; ".join(texts.exceeded(exceeded.what, motor, frame, exceeded.by)) or None
 
 
 def _wrong_value(request: Payload) -> str | None:
@@ -402,30 +402,30 @@ def _where(request: Payload, rate: str) -> str:
     return "the prepared run does not fit the settings made since"
 
 
-def _ramp(request: Payload, told: Exceeded) -> str:
+def _ramp(request: Payload, exceeded: Exceeded) -> str:
     """Say what a motor would exceed before or after the frames."""
-    pre = told.what == EXCEEDED_PREROLL
-    motor, bits = told.motor, told.bits or 0
-    if told.by and told.acceleration is not None:
+    pre = exceeded.what == EXCEEDED_PREROLL
+    motor, bits = exceeded.motor, exceeded.bits or 0
+    if exceeded.by and exceeded.acceleration is not None:
         needs = (
-            f"motor {motor} would need {told.acceleration + told.by} steps/s², "
-            f"its acceleration is {told.acceleration} steps/s² ({_SPEED})"
+            f"motor {motor} would need {exceeded.acceleration + exceeded.by} steps/s², "
+            f"its acceleration is {exceeded.acceleration} steps/s² ({_SPEED})"
         )
     else:
-        limits = [str(told.lower)] * bool(bits & SET_LOWER)
-        limits += [str(told.upper)] * bool(bits & SET_UPPER)
+        limits = [str(exceeded.lower)] * bool(bits & SET_LOWER)
+        limits += [str(exceeded.upper)] * bool(bits & SET_UPPER)
         past = f"pass its soft limit, {' or '.join(limits)} ({_LIMITS})"
         needs = f"motor {motor} would {past if limits else 'leave the range of positions'}"
     if isinstance(request, RtShootFrame):
         when = f"second {'before' if pre else 'after'} the exposure"
-        return f"in the {when} of frame {told.frame} {needs}: expose longer, or move less"
+        return f"in the {when} of frame {exceeded.frame} {needs}: expose longer, or move less"
     if isinstance(request, RtShootFrame2):
-        return f"in the exposure of frame {told.frame} {needs}: expose longer, or move less"
+        return f"in the exposure of frame {exceeded.frame} {needs}: expose longer, or move less"
     roll = "pre-roll" if pre else "post-roll"
     time_ms = getattr(request, "preroll_ms" if pre else "postroll_ms", None)
     time = "" if time_ms is None else f" of {time_ms} ms"
     return (
-        f"in its {roll}{time} {needs}: give it a {'longer' if told.by else 'shorter'} one, "
+        f"in its {roll}{time} {needs}: give it a {'longer' if exceeded.by else 'shorter'} one, "
         "or begin and end the move more slowly"
     )
 
@@ -471,8 +471,8 @@ def _past_limits(client: Client, code: Ack) -> str:
     up = code == Ack.ERR_SOFT_UP
     limits = []
     for motor in range(1, (client.info or client.greet()).motors + 1):
-        told = client.request(GetExceeded(motor))
-        if (told.bits or 0) & (SET_UPPER if up else SET_LOWER):
-            limits.append(f"motor {motor} {told.upper if up else told.lower}")
+        exceeded = client.request(GetExceeded(motor))
+        if (exceeded.bits or 0) & (SET_UPPER if up else SET_LOWER):
+            limits.append(f"motor {motor} {exceeded.upper if up else exceeded.lower}")
     which = "upper" if up else "lower"
     return f"a motor would pass its {which} soft limit ({', '.join(limits)}; {_LIMITS})"

@@ -89,10 +89,10 @@ class NoMotor(ClientError):
 
 def why_stopped(client: Client) -> str:
     """Say why motors have come to rest before they reached their target."""
-    told = client.take_event(HardStop)
-    if told:
-        return _STOPS.get(told.reason, f"the device gives the reason {told.reason}").format(
-            told.motor
+    stop = client.take_event(HardStop)
+    if stop:
+        return _STOPS.get(stop.reason, f"the device gives the reason {stop.reason}").format(
+            stop.motor
         )
     if client.stopped:
         return "another program stopped it"
@@ -110,15 +110,15 @@ def too_steep(client: Client) -> str | None:
     None if there is none, or if the device does not report it.
     """
     try:
-        told = client.request(GetExceeded())
+        exceeded = client.request(GetExceeded())
     except ClientError:
         return None
-    if told.what != EXCEEDED_ACCELERATION:
+    if exceeded.what != EXCEEDED_ACCELERATION:
         return None
     return (
-        f"motor {told.motor} at frame {told.frame} would need "
-        f"{(told.acceleration or 0) + told.by} steps/s², its acceleration is "
-        f"{told.acceleration} steps/s²: it is played as uploaded and may lose steps"
+        f"motor {exceeded.motor} at frame {exceeded.frame} would need "
+        f"{(exceeded.acceleration or 0) + exceeded.by} steps/s², its acceleration is "
+        f"{exceeded.acceleration} steps/s²: it is played as uploaded and may lose steps"
     )
 
 

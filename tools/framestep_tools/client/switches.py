@@ -25,15 +25,18 @@ def ask(client: Client) -> Switches:
     inputs = [bool(levels >> i & 1) for i in range(info.inputs)]
     try:
         estop = bool(client.request(GetCondition()).bits & CONDITION_ESTOP)
-        told = client.request(GetExceeded(1))
+        exceeded = client.request(GetExceeded(1))
     except RequestRefused:
         return Switches(None, None, inputs)
-    if told.upper_active is None or told.lower_active is None:
+    if exceeded.upper_active is None or exceeded.lower_active is None:
         return Switches(estop, None, inputs)
     sets = range(info.limit_sets)
     return Switches(
         estop,
-        [(bool(told.upper_active >> i & 1), bool(told.lower_active >> i & 1)) for i in sets],
+        [
+            (bool(exceeded.upper_active >> i & 1), bool(exceeded.lower_active >> i & 1))
+            for i in sets
+        ],
         inputs,
     )
 
@@ -51,11 +54,11 @@ def _rows(found: Switches) -> list[tuple[str, str]]:
 
 def lines(found: Switches) -> list[str]:
     """Return the inputs as lines of text."""
-    told = [f"{what}: {how}" for what, how in _rows(found)]
+    shown = [f"{what}: {how}" for what, how in _rows(found)]
     return (
-        told
+        shown
         if found.limits is not None
-        else [*told, "this device does not report its limit switches"]
+        else [*shown, "this device does not report its limit switches"]
     )
 
 

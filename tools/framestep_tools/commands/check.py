@@ -121,8 +121,8 @@ def _of_device(
 
     with talking(url) as client:
         info = client.info or client.greet()
-        told = settings_of(client, motors)
-    return settings | told, replace(asked, motors=info.motors, frames=info.upload_frames)
+        found = settings_of(client, motors)
+    return settings | found, replace(asked, motors=info.motors, frames=info.upload_frames)
 
 
 def _take(settings: "dict[int, Setting]", name: str, given: list[str] | None) -> None:

@@ -191,7 +191,7 @@ class Bench:
         if self.link.answer(self.link.send(spec.HI)) is None:
             self.link.pump(_IDLE_S)
             if self.link.answer(self.link.send(spec.HI)) is None:
-                raise Failed("it does not answer any more, not even HI")
+                raise Failed("it no longer answers, not even HI")
         for step in (
             lambda: self.link.ask(spec.STOP_ALL), self.idle, self.prepare, self.return_home,
         ):  # fmt: skip

@@ -13,8 +13,8 @@ _ORDER = (FAULT, DEPARTS, NOT_JUDGED, READING, LEFT_OUT, PASSED)
 def counts(results: Iterable[Result]) -> str:
     """Return a line with the number of each verdict."""
     found = Counter(result.verdict for result in results)
-    told = [v for v in reversed(_ORDER) if v != NOT_JUDGED or found[v]]
-    return ", ".join(f"{found[verdict]} {verdict}" for verdict in told)
+    shown = [v for v in reversed(_ORDER) if v != NOT_JUDGED or found[v]]
+    return ", ".join(f"{found[verdict]} {verdict}" for verdict in shown)
 
 
 def line(result: Result) -> str:

@@ -6,8 +6,8 @@ along -Z. Angles are degrees.
     rig = Rig(kind=1, axes=(Axis(1, 1000.0, 0.0), ...), length=857.7, extension=78.0)
     rig.payload()                      VIRT_CONFIG
     rig.forward(joints)                pose of these joints
-    rig.told(pose)                     the same in the host's coordinates, set by the payload
-    rig.meant(told)                    the reverse of told()
+    rig.host_pose(pose)                the same in the host's coordinates, set by the payload
+    rig.from_host(pose)                the reverse of host_pose()
     rig.inverse(pose, near=joints)     joints, on the same side of the rig as `near`; Unreachable
     rig.steps(joints)                  motor steps, as real numbers
 """
@@ -209,14 +209,14 @@ class Rig:
                 out[POSITION_OF[name]] = a.position
         return out - self.forward(self.home)
 
-    def told(self, pose: Numbers) -> np.ndarray:
+    def host_pose(self, pose: Numbers) -> np.ndarray:
         """Return a pose in the host's coordinates: VIRT_CONFIG's pose plus the change of forward()
         since (note 9.2)."""
         return np.asarray(pose, float) + self._shift
 
-    def meant(self, told: Numbers) -> np.ndarray:
+    def from_host(self, pose: Numbers) -> np.ndarray:
         """Return the pose for the host's coordinates."""
-        return np.asarray(told, float) - self._shift
+        return np.asarray(pose, float) - self._shift
 
     def steps(self, joints: Numbers) -> np.ndarray:
         """Return steps of the axes' motors, 0 without a motor. Raises Unreachable if the boom is

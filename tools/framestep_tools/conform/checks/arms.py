@@ -37,7 +37,7 @@ class Arm(NamedTuple):
     driven: tuple[str, ...]
     nodal: tuple[float, float, float] = (0.0, 0.0, 0.0)
     safe: float | None = None
-    told: tuple[float, ...] = (0.0,) * 6
+    pos: tuple[float, ...] = (0.0,) * 6
     table: int = 0  # steps per degree in a boom table, or 0
 
     def __str__(self) -> str:
@@ -61,7 +61,7 @@ def _rig(bench: Bench, arm: Arm) -> Rig:
         motor = arm.driven.index(name) + 1 if name in arm.driven else 0
         step = bench.home[motor - 1] if motor else 0
         steps = _STRAIGHT if name in ("TRACK", "X", "Y", "Z") else _per_degree(step)
-        axes.append(Axis(motor, steps, arm.told[i], step) if motor else Axis(0, 0.0, arm.told[i]))
+        axes.append(Axis(motor, steps, arm.pos[i], step) if motor else Axis(0, 0.0, arm.pos[i]))
     table = None
     if arm.table:  # replaces the boom's steps per unit, which differ from it
         table = tuple(axes[0].step + arm.table * degree for degree in range(-60, 61))
@@ -125,7 +125,7 @@ def _compare(found: np.ndarray, expected: np.ndarray, grain: np.ndarray, when: s
 def _stands(bench: Bench, rig: Rig, when: str) -> None:
     """Require that the reported pose matches the motors' steps."""
     joints = _joints(bench, rig)
-    _compare(_pose(bench), rig.told(rig.forward(joints)), _grain(rig, joints), when)
+    _compare(_pose(bench), rig.host_pose(rig.forward(joints)), _grain(rig, joints), when)
 
 
 def _cut_short(bench: Bench, rig: Rig) -> None:
@@ -136,7 +136,7 @@ def _cut_short(bench: Bench, rig: Rig) -> None:
 
 
 def _at_first(bench: Bench, rig: Rig) -> None:
-    expected = rig.told(rig.forward(rig.home))
+    expected = rig.host_pose(rig.forward(rig.home))
     _compare(_pose(bench), expected, np.full(6, 2 / _UNIT), "right after VIRT_CONFIG")
 
 
@@ -186,7 +186,7 @@ def _inverse(axis: int, by: float):
     def check(bench: Bench, rig: Rig) -> None:
         before = _joints(bench, rig)
         target, _ = _go(bench, rig, axis, by)
-        wanted = rig.steps(rig.inverse(rig.meant(target), before))
+        wanted = rig.steps(rig.inverse(rig.from_host(target), before))
         steps = bench.positions().steps
         for one, name, should in zip(rig.axes, NAMES[rig.kind], wanted, strict=True):
             if one.motor and abs(steps[one.motor - 1] - should) > _SLACK:
@@ -207,7 +207,7 @@ def _straight(axis: int, by: float):
         for moment in seen:
             steps = [h + s for h, s in zip(bench.home, moment.steps, strict=True)]
             joints = rig.joints([steps[a.motor - 1] if a.motor else 0 for a in rig.axes])
-            pose, grain = rig.told(rig.forward(joints)), _grain(rig, joints)
+            pose, grain = rig.host_pose(rig.forward(joints)), _grain(rig, joints)
             pose[axis] = start[axis]
             _compare(pose, start, grain, f"on the way of {POSE[axis]}")
         for motor in sorted(a.motor for a in rig.axes if a.motor):
@@ -281,7 +281,7 @@ def _aim_inside(distance: float, codes: tuple[int, ...]):
 
 # ---- the list
 
-_TOLD = (7.0, -3.5, 150.0, 12.25, -4.0, 2.5)
+_POS = (7.0, -3.5, 150.0, 12.25, -4.0, 2.5)
 _FORWARD = "MSG_VIRT_GET_POSITION; note 9.4"
 _ENDS = "MSG_VIRT_MOVE: Target position * 100000"
 
@@ -293,15 +293,20 @@ for _kind, _driven in (
 ):
     _arm = Arm(_kind, _driven)
     _put(
-        "VIRT_CONFIG is taken",
+        "VIRT_CONFIG is accepted",
         _LAYOUT[_kind],
         _arm,
         lambda bench, rig: None,
         MUST if _kind < 3 else SHOULD,
     )
-    _put("VIRT_CONFIG that is a byte too short is refused", "ERR_RANGE; note 1.8", _arm, _cut_short)
+    _put(
+        "a VIRT_CONFIG that is one byte too short is refused",
+        "ERR_RANGE; note 1.8",
+        _arm,
+        _cut_short,
+    )
     if _kind != 2:
-        _put("it reads what `pos` has said", "note 9.2", _arm._replace(told=_TOLD), _at_first)
+        _put("it reports the pose of `pos` at once", "note 9.2", _arm._replace(pos=_POS), _at_first)
     for _name in _driven:
         _put(f"{_name} moves the camera as the formulas say", _FORWARD, _arm,
              _jointwise(_name, 300))  # fmt: skip
@@ -345,7 +350,7 @@ for _line, _axis, _speed, _text in (
          Arm(4, ("X", "Z", "PAN")), _along_line(_line, _axis, _speed))  # fmt: skip
 for _distance, _codes, _text in (
     (20.0, (0x19,), "inside the safe distance is refused"),
-    (200.0, (spec.OK,), "outside the safe distance is taken"),
+    (200.0, (spec.OK,), "outside the safe distance is accepted"),
 ):
     _put(f"an aim point {_text}", "SAFE DISTANCE; notes 3.2, 9.7",
          Arm(4, ("X", "Z", "PAN", "Y", "TILT"), safe=50.0), _aim_inside(_distance, _codes),

@@ -251,6 +251,6 @@ for _motor, _who in ((1, "leader"), (2, "follower")):
         f"with the {_who} switched off MOVE is refused and neither motor moves",
         _coupled(_SAME, _disabled(_motor)),
     )
-_put("coupled motors turn with the same play", _told_play)
-_put("motors that stand apart keep their distance", _apart)
-_put("motors that are not coupled any more move by themselves", _released)
+_put("coupled motors turn with the same backlash", _told_play)
+_put("motors that are apart keep their distance", _apart)
+_put("motors that are no longer coupled move by themselves", _released)

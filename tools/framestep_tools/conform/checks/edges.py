@@ -139,7 +139,7 @@ def _agrees(bench: Bench):
     bench.return_home()
 
 
-_put("after stops the position is what was stepped", "MSG_MOTOR_GET_POSITION", _agrees)
+_put("after stops the position matches the steps", "MSG_MOTOR_GET_POSITION", _agrees)
 
 
 def _still(bench: Bench):
@@ -150,10 +150,10 @@ def _still(bench: Bench):
     bench.expect(spec.configure(1, 1))
     bench.expect(Request(spec.STOP_ALL))
     if any(name.startswith("m") and name[1:].isdigit() for _, name, _ in _taken(bench)):
-        raise Failed("something stepped that was asked for no motion")
+        raise Failed("a motor stepped without a request for motion")
 
 
-_put("requests that move nothing make no step", "MSG_MOTOR_RESET_POSITION: does not move", _still)
+_put("requests without motion make no step", "MSG_MOTOR_RESET_POSITION: does not move", _still)
 
 
 def _runs(bench: Bench) -> bool:
@@ -236,7 +236,7 @@ def _together(bench: Bench):
 
 
 _put(
-    "motors of a run set off together",
+    "motors of a run start together",
     "note 6.3",
     _together,
     SHOULD,

@@ -12,7 +12,7 @@ from ..link import Failed
 from ..spec import Request
 
 CHECKS: list[Check] = []
-_TOLD_S = 0.5
+_REPORT_S = 0.5
 _V, _A = 500, 4000
 _SLOW_V = 30  # for slow hands
 _WAY = 900  # steps; at most half of them if the switch acts
@@ -67,10 +67,10 @@ def _unasked(bench: Bench) -> list[int]:
 def _changed(bench: Bench):
     before = _levels(bench)
     _press(bench, "input 1", True)
-    bench.link.pump(_TOLD_S)
+    bench.link.pump(_REPORT_S)
     pressed = _levels(bench)
     _press(bench, "input 1", False)
-    bench.link.pump(_TOLD_S)
+    bench.link.pump(_REPORT_S)
     after = _levels(bench)
     if pressed ^ before != 1:
         raise Failed(f"with input 1 pressed GIO_IN went from 0x{before:X} to 0x{pressed:X}")
@@ -89,22 +89,22 @@ _put(
 
 def _told(bench: Bench):
     bench.link.reports.clear()
-    told = []
+    changes = []
     for on in (True, False):
         _press(bench, "input 1", on)
-        bench.link.pump(_TOLD_S)
-        told.append((_unasked(bench), _levels(bench)))
+        bench.link.pump(_REPORT_S)
+        changes.append((_unasked(bench), _levels(bench)))
         bench.link.reports.clear()
-    for messages, level in told:
+    for messages, level in changes:
         if messages != [level]:
             raise Failed(
-                f"a change of an input is told as {[hex(m) for m in messages] or 'nothing'}, "
+                f"a change of an input is reported as {[hex(m) for m in messages] or 'nothing'}, "
                 f"expected one message of 0x{level:X}"
             )
 
 
 _put(
-    "each change of an input is told once, unasked",
+    "each change of an input is reported once, unasked",
     "MSG_GIO_IN: send this message, unsolicited, any time the inputs change",
     _told,
     MUST,
@@ -117,7 +117,7 @@ def _range(bench: Bench):
         raise Failed(f"GIO_IN says 0x{levels:X}, there are {bench.hello.inputs} inputs")
 
 
-_put("GIO_IN has no bits of inputs that are not there", "MSG_GIO_IN; MSG_HI: GIO INPUT COUNT",
+_put("GIO_IN has no bits of missing inputs", "MSG_GIO_IN; MSG_HI: GIO INPUT COUNT",
      _range, SHOULD, _inputs)  # fmt: skip
 
 # ---- hardware limits
@@ -240,7 +240,7 @@ def _not_its_own(bench: Bench):
         bench.return_home()
 
 
-_put("a limit switch stops no motor that it is not set for", "MSG_MOTOR_SET_LIMITS: HW SET",
+_put("a limit switch only stops the motor that it is set for", "MSG_MOTOR_SET_LIMITS: HW SET",
      _not_its_own, MUST, lambda b: _switches(b) and b.hello.motors > 1)  # fmt: skip
 _put(
     "HW SET past HW LIMIT COUNT is refused",
@@ -291,7 +291,12 @@ def _holds(bench: Bench):
 
 for _name, _source, _check, _level in (
     ("the E-stop stops the motors", "MSG_MOTOR_HARD_STOP; note 8.4", _rests, MUST),
-    ("the E-stop is told by HARD_STOP 0", "MSG_MOTOR_HARD_STOP: REASON 0=E-Stop", _says, SHOULD),
-    ("no MOVE is taken with the E-stop pressed", "note 8.4", _holds, SHOULD),
+    (
+        "the E-stop is reported by HARD_STOP 0",
+        "MSG_MOTOR_HARD_STOP: REASON 0=E-Stop",
+        _says,
+        SHOULD,
+    ),
+    ("no MOVE is accepted with the E-stop pressed", "note 8.4", _holds, SHOULD),
 ):
     _put(_name, _source, _estop(_check), _level, _has_estop)

@@ -93,7 +93,7 @@ for _name, _make in (
 ):
     for _extra in (1, 4, 32):
         CHECKS.append(
-            Check("lengths", f"{_name} with {_extra} bytes more than known is taken", "note 1.8",
+            Check("lengths", f"{_name} with {_extra} bytes more than known is accepted", "note 1.8",
                   _longer(_make, _extra), SHOULD, _motors)
         )  # fmt: skip
 

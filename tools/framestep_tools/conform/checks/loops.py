@@ -143,7 +143,7 @@ def _counted(way: Way):
         passes = _played(bench, way).passes
         if len(passes) != way.stop_in or len(passes[-1]) != FRAMES:
             raise Failed(
-                f"STOP_LOOP came in pass {way.stop_in}, which has to be the last one and be played "
+                f"STOP_LOOP came in lap {way.stop_in}, which has to be the last one and be played "
                 f"to its end; whole frames reported: {_seen(passes)}"
             )
 
@@ -153,7 +153,7 @@ def _counted(way: Way):
 def _one_way(way: Way):
     def run(bench: Bench):
         if between := _played(bench, way).between:
-            raise Failed(f"frames {between} were reached between two passes")
+            raise Failed(f"frames {between} were reached between two laps")
 
     return run
 
@@ -163,7 +163,7 @@ def _placed(way: Way):
         for number, frames in enumerate(_played(bench, way).passes, 1):
             for frame, position in frames.items():
                 if off := bench.off_path(frame, position):
-                    raise Failed(f"in pass {number} {off}")
+                    raise Failed(f"in lap {number} {off}")
 
     return run
 
@@ -176,7 +176,7 @@ def _timed(way: Way):
                 late = position.time_s - first - i / way.fps
                 if abs(late) > _LATE_S:
                     raise Failed(
-                        f"in pass {number} frame {frame} is {late * 1000:+.0f} ms from its time"
+                        f"in lap {number} frame {frame} is {late * 1000:+.0f} ms from its time"
                     )
 
     return run
@@ -223,15 +223,15 @@ for _way in (
     _text = (
         f"{'loop' if _way.flag == spec.LOOP else 'ping-pong'} "
         f"{'backward' if _way.back else 'forward'} at {_way.fps} frames/s, "
-        f"STOP_LOOP in pass {_way.stop_in}"
+        f"STOP_LOOP in lap {_way.stop_in}"
     )
-    _put(f"{_text}: it goes on until then", _FLAGS, _goes_on(_way))
-    _put(f"{_text}: that pass is the last, and whole", _STOP, _counted(_way))
-    _put(f"{_text}: no frames are played between passes", _FLAGS, _one_way(_way), SHOULD)
+    _put(f"{_text}: it runs until then", _FLAGS, _goes_on(_way))
+    _put(f"{_text}: that lap is the last, and complete", _STOP, _counted(_way))
+    _put(f"{_text}: no frames are played between laps", _FLAGS, _one_way(_way), SHOULD)
     _put(f"{_text}: whole frames are where they were uploaded", _FLAGS, _placed(_way))
     _put(f"{_text}: frames come at their times", "MSG_RT_RUN_MOVE: FPS", _timed(_way))
-    _put(f"{_text}: RT_END comes once, after the last pass", "MSG_RT_END; note 6.6", _ended(_way))
-    _put(f"{_text}: the motors stand on its last frame", "note 6.11", _rests(_way), SHOULD)
+    _put(f"{_text}: RT_END comes once, after the last lap", "MSG_RT_END; note 6.6", _ended(_way))
+    _put(f"{_text}: the motors rest on its last frame", "note 6.11", _rests(_way), SHOULD)
 
 
 def _cancelled(bench: Bench):
@@ -252,7 +252,7 @@ def _cancelled(bench: Bench):
 
 _put("STOP_LOOP before GO cancels the loop", "note 6.12", _cancelled, SHOULD)
 _put(
-    "STOP_LOOP without a loop is taken",
+    "STOP_LOOP without a loop is accepted",
     "MSG_RT_STOP_LOOP; note 6.12",
     lambda bench: bench.expect(Request(spec.STOP_LOOP)),
     SHOULD,

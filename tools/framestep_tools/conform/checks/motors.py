@@ -114,7 +114,7 @@ def _slower(bench: Bench):
         raise Failed(f"200 steps at 200 steps/s took {took:.2f} s")
 
 
-_put("SET_SPEED is acted upon", "MSG_MOTOR_SET_SPEED", _slower)
+_put("SET_SPEED takes effect", "MSG_MOTOR_SET_SPEED", _slower)
 
 
 def _told(bench: Bench):
@@ -137,7 +137,7 @@ def _told(bench: Bench):
 
 
 _put(
-    "positions come about every 0.1 s while a motor moves, the last one where it stands",
+    "positions come about every 0.1 s while a motor moves, the last one at rest",
     "MSG_MOTOR_GET_POSITION",
     _told,
     SHOULD,
@@ -182,7 +182,7 @@ _put(
     "MSG_MOTOR_STOP_ALL",
     _stopped(Request(spec.STOP_ALL)),
 )
-_put("STOP of a motor at rest is taken", "MSG_MOTOR_STOP", lambda b: b.expect(spec.stop(1)))
+_put("STOP of a motor at rest is accepted", "MSG_MOTOR_STOP", lambda b: b.expect(spec.stop(1)))
 
 
 def _other_stop(bench: Bench):
@@ -304,11 +304,11 @@ def _renamed(position: int):
         bench.link.reports.clear()
         bench.expect(spec.reset(1, position))
         bench.link.pump(0.15)
-        found, told, moved = bench.positions().steps[0], bench.reports(), bench.moving()
+        found, reports, moved = bench.positions().steps[0], bench.reports(), bench.moving()
         bench.expect(spec.reset(1, home))
         if found != position or moved:
             raise Failed(f"RESET_POSITION to {position} gave {found}")
-        if not told or told[-1].steps[0] != position:
+        if not reports or reports[-1].steps[0] != position:
             raise Failed(
                 "RESET_POSITION is not followed by a GET_POSITION message with the new position"
             )
@@ -342,7 +342,7 @@ def _together(bench: Bench):
     for motor in (1, 2):
         bench.expect(spec.move(motor, bench.home[motor - 1] + 100 * motor))
     if bench.moving() & 3 != 3:
-        raise Failed("two motors move and MOTOR_STATUS has not both bits")
+        raise Failed("two motors move and MOTOR_STATUS lacks one of their bits")
     bench.idle()
     for motor in (1, 2):
         bench.at(motor, 100 * motor)
@@ -359,7 +359,7 @@ def _lights(bench: Bench):
 CHECKS.append(
     Check(
         "motors",
-        "DMX 0 on channel 1 is taken",
+        "DMX 0 on channel 1 is accepted",
         "MSG_DMX",
         _lights,
         MUST,

@@ -85,12 +85,12 @@ def _lowest(which: int, make):
 
 
 for _name, _request_of in {
-    "MOVE to where it stands": lambda b, m: spec.move(m, b.home[m - 1]),
+    "MOVE to its present position": lambda b, m: spec.move(m, b.home[m - 1]),
     "STOP": lambda b, m: spec.stop(m),
     "CONFIGURE": lambda b, m: spec.configure(m, 1),
     "SET_SPEED": lambda b, m: spec.speed(m, 1000, 8000),
     "SET_LIMITS": lambda b, m: spec.limits(m),
-    "RESET_POSITION to what it has": lambda b, m: spec.reset(m, b.home[m - 1]),
+    "RESET_POSITION to its present position": lambda b, m: spec.reset(m, b.home[m - 1]),
 }.items():
     for _end, _text in ((0, "the first"), (1, "the last")):
         CHECKS.append(

@@ -117,7 +117,7 @@ def _pre_time(bench: Bench):
 
 
 _put(
-    "the pre-roll takes its time",
+    "the pre-roll lasts its time",
     f'{_RUN}: accelerate into full speed after "pre-roll time"',
     _pre_time,
 )
@@ -148,7 +148,7 @@ def _pre_speed(bench: Bench):
         raise Failed(f"five frames took {low:.3f} to {high:.3f} s, expected {wanted:.3f} s")
 
 
-_put("behind the pre-roll the motor has full speed", f"{_RUN}: full speed", _pre_speed)
+_put("after the pre-roll the motor has full speed", f"{_RUN}: full speed", _pre_speed)
 
 
 def _post_way(bench: Bench):
@@ -163,7 +163,7 @@ def _post_way(bench: Bench):
 
 
 _put(
-    "the post-roll is a ramp that takes its time",
+    "the post-roll is a ramp that lasts its time",
     f"{_RUN}: POST-ROLL TIME; note 6.2",
     _post_way,
     SHOULD,

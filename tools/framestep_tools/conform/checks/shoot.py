@@ -130,7 +130,7 @@ def _still(make):
     def run(bench: Bench):
         for seen in make(bench).samples:
             if seen.steps[1] != make(bench).waits[1]:
-                raise Failed("motor 2 moved, which is not to blur")
+                raise Failed("motor 2 moved although it does not blur")
 
     return run
 
@@ -146,7 +146,7 @@ for _kind in _KINDS:
     )
     _put(f"SHOOT_FRAME {_text}: RT_END comes once", "MSG_RT_END", _once(_make))
     _put(
-        f"SHOOT_FRAME {_text}: a motor that is not to blur stands still",
+        f"SHOOT_FRAME {_text}: a motor without blur stays at rest",
         "MSG_MOTOR_CONFIGURE: 0x02 blur enabled; note 7.1",
         _still(_make),
         SHOULD,
@@ -216,7 +216,7 @@ for _kind2 in _KINDS2:
     _make = lambda bench, kind=_kind2: _made2(bench, kind)  # noqa: E731
     _two = spec.CAN_SHOOT2
     _put(
-        f"SHOOT_FRAME2 {_text}: a turn takes its time",
+        f"SHOOT_FRAME2 {_text}: a turn lasts its time",
         "MSG_RT_SHOOT_FRAME2: Open, close shutter time, expressed as angle; note 7.2",
         _turn(_kind2),
         bit=_two,
@@ -225,7 +225,7 @@ for _kind2 in _KINDS2:
     _put(f"SHOOT_FRAME2 {_text}: ends on POS B", "note 7.3", _rests(_kind2), SHOULD, _two)
     _put(f"SHOOT_FRAME2 {_text}: RT_END comes once", "MSG_RT_END", _once(_make), bit=_two)
     _put(
-        f"SHOOT_FRAME2 {_text}: a motor that is not to blur stands still",
+        f"SHOOT_FRAME2 {_text}: a motor without blur stays at rest",
         "MSG_MOTOR_CONFIGURE: 0x02 blur enabled",
         _still(_make),
         SHOULD,
@@ -245,7 +245,7 @@ def _from_path(bench: Bench):
 
 
 _put(
-    "SHOOT_FRAME2 without pairs: A and B are half a frame before and behind",
+    "SHOOT_FRAME2 without pairs: A and B are half a frame before and after",
     "The sets of motor numbers and positions are optional; note 7.2",
     _from_path,
     SHOULD,

@@ -24,10 +24,10 @@ def _at_frame(number: int):
         bench.idle()
         for motor in range(1, min(2, bench.hello.motors) + 1):
             bench.at(motor, bench.path(motor)[number - 1] - bench.home[motor - 1])
-        told = bench.positions().move_time
+        move_time = bench.positions().move_time
         bench.return_home()
-        if told != number * 1000:
-            raise Failed(f"MOVE TIME at frame {number} is {told}, expected {number * 1000}")
+        if move_time != number * 1000:
+            raise Failed(f"MOVE TIME at frame {number} is {move_time}, expected {number * 1000}")
 
     return run
 
@@ -188,7 +188,7 @@ def _jogged(bench: Bench):
     bench.return_home()
 
 
-_put("JOG_ALL goes along the upload to its frame", "MSG_RT_JOG_ALL", _jogged)
+_put("JOG_ALL follows the upload to its frame", "MSG_RT_JOG_ALL", _jogged)
 
 
 def _astray(bench: Bench):

@@ -73,14 +73,14 @@ def _pose(bench: Bench) -> tuple[int, ...]:
     return struct.unpack_from("<6i", data)
 
 
-_put("VIRT_CONFIG of type 0 is taken", "MSG_VIRT_CONFIG: 0=none", lambda b: b.expect(_NONE))
+_put("VIRT_CONFIG of type 0 is accepted", "MSG_VIRT_CONFIG: 0=none", lambda b: b.expect(_NONE))
 _put(
-    "VIRT_CONFIG of type 1 is taken",
+    "VIRT_CONFIG of type 1 is accepted",
     "MSG_VIRT_CONFIG: Boom-Swing-Track; note 9.2",
     _configured(lambda bench: None),
 )
 _put(
-    "VIRT_GET_POSITION has a DWORD for each axis, and the aim point where there is one",
+    "VIRT_GET_POSITION has a DWORD for each axis, and the aim point if there is one",
     "MSG_VIRT_GET_POSITION",
     _configured(lambda bench: _pose(bench) and None),
 )
@@ -120,7 +120,7 @@ for _axis, _name in ((PAN, "vPan"), (TILT, "vTilt"), (TRACK, "vTrack")):
 def _bit(bench: Bench):
     bench.expect(_move(PAN, 20))
     if not bench.moving() & 1:
-        raise Failed("during a virtual move MOTOR_STATUS has not the bit of its motor")
+        raise Failed("during a virtual move MOTOR_STATUS lacks the bit of its motor")
 
 
 _put("MOTOR_STATUS has the bits of a virtual move", "MSG_MOTOR_STATUS", _configured(_bit))
