@@ -1,8 +1,8 @@
 """Pins that framestep has claimed stay its own, also on chips B0 and B1, whose USB takes GPIO 15 at
 times.
 
-Erratum RP2040-E5: after each bus reset the SDK's work-around puts GPIO 15 to a function of the USB
-controller for a millisecond, and then writes back what it had found there
+Erratum RP2040-E5: after each bus reset the SDK's work-around switches GPIO 15 to a function of the
+USB controller for a millisecond, and then restores what it had found there
 (pico_fix/rp2040_usb_device_enumeration). On the emulated B1 the SDK's own code does it.
 """
 
@@ -26,7 +26,7 @@ from host_tests.end_to_end.session import Session, run_request
 
 STEP, DIRECTION = 14, 15  # of motor 7 on a Pico
 B1 = ("--chip", "B1")
-# Half a second later a call in C that takes a third of a second
+# After half a second, a call in C that takes a third of a second
 AWAY = (
     "import machine; machine.Timer(-1, period=500, mode=machine.Timer.ONE_SHOT, "
     "callback=lambda _: sum(range(60000)))"
@@ -46,8 +46,7 @@ CLAIM = Path(__file__).parent / "claims_setup.py"
 
 @pytest.mark.parametrize("chip", ["B1", "B2"])
 def test_a_claim_at_any_time_around_a_bus_reset(emulator, chip):
-    """The direction pin follows its engine, whenever the pin was claimed, and USB comes up
-    again."""
+    """The direction pin follows its engine, whenever it was claimed, and USB starts again."""
     emu = emulator(files=board_modules(MODULES), args=["--chip", chip])
     repl = emu.repl()
     repl.exec(CLAIM.read_text())
@@ -74,7 +73,7 @@ def test_a_claim_at_any_time_around_a_bus_reset(emulator, chip):
 
 @pytest.fixture(scope="module")
 def rig():
-    """framestep on a B1."""
+    """Yield framestep on a B1."""
     found = Session(EmulatedBoard(args=B1), motors=8, reply_s=0.1)
     with found.board:
         for motor in (1, 7):
@@ -88,7 +87,7 @@ def trust(found):
 
 
 def comes_back(found):
-    """The host has enumerated the board again and opens its port."""
+    """Wait until the host has enumerated the board again; open its port."""
     emulator = found.board.emulator
     emulator.wait_event("usb-configured", 2000)
     found.leave()
@@ -100,9 +99,9 @@ def comes_back(found):
 
 @pytest.mark.parametrize("late", [True, False])
 def test_a_bus_reset_in_motion(rig, late):
-    """Motor 7 turns round every 17 ms when the bus is reset. It ramps down before the chip lets go
-    of its direction pin, even while a long call holds the main loop up (late): every step that was
-    made is counted."""
+    """Motor 7 turns every 17 ms when the bus is reset. It ramps down before the chip releases its
+    direction pin, even while a long call holds the main loop up (late): every step that was made
+    counts."""
     emulator = rig.board.emulator
     frames = 120
     rig.upload({7: [3 * (i & 1) for i in range(frames)]})
@@ -133,8 +132,8 @@ def test_a_bus_reset_in_motion(rig, late):
 
 @pytest.mark.parametrize("asked", [True, False])
 def test_a_pin_that_something_else_takes(rig, asked):
-    """It is given back before the motor moves again, when it is asked to move or, without that, a
-    moment later; its position is lost, as pulses may have been."""
+    """The pin is restored before the motor moves again, at its next request or soon after; its
+    position is lost, because pulses may be."""
     emulator = rig.board.emulator
     rig.accept(MotorResetPosition(1, 0), MotorResetPosition(7, 0))
     rig.forget()
@@ -159,8 +158,8 @@ def test_a_pin_that_something_else_takes(rig, asked):
 
 
 def test_a_bus_reset_in_motion_with_one_port():
-    """The port is the REPL's there, and tells nothing of it: the motors ramp down all the same, as
-    for a lost host."""
+    """That port is the REPL's, and gets no message: the motors ramp down all the same, as for a
+    lost host."""
     found = Session(EmulatedBoard({"ports": 1, "motor_count": 7}, args=B1), motors=7, reply_s=0.1)
     with found.board:
         emulator = found.board.emulator

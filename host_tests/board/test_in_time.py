@@ -1,4 +1,5 @@
-"""No tick comes late, whatever is asked in motion: on the emulated board with its flash cache."""
+"""No tick comes late, whatever is requested in motion: on the emulated board with its flash
+cache."""
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ ESTOP, LIMIT = 19, 22
 RIG = {"estop": "nc", "limits": [{"high": LIMIT, "contact": "nc"}]}
 VELOCITY, ACCELERATION = 20_000, 50_000
 FAR = 2**31 - 1
-QUEUED_MS = 50  # the least for which queues must last; 65 ms were found in 200 jogs of any rigs
+QUEUED_MS = 50  # queues must last for this; in 200 jogs of any rigs they lasted for 65 ms
 MOTORS = range(1, 9)
 
 
@@ -60,7 +61,7 @@ def test_a_virtual_move_is_stopped(session, rig, stop):
 
 @pytest.mark.parametrize("velocity", [5000, VELOCITY])
 def test_a_virtual_jog_is_let_go(session, velocity):
-    """By a VIRT_STOP, and by not being repeated."""
+    """By a VIRT_STOP, and by lack of repetition."""
     configured(session, BOOM_NODAL, velocity, 20_000 if velocity == 5000 else ACCELERATION)
     with session.timing.judged():
         for number in (m.VIRT_MOTOR_TRACK, m.VIRT_MOTOR_EW):
@@ -80,7 +81,7 @@ def test_a_virtual_jog_is_let_go(session, velocity):
 def test_a_virtual_jog_of_fast_motors_is_planned_in_time(
     session, kind, steps, velocity, acceleration
 ):
-    """Its survey goes on while the queues hold little."""
+    """Its survey continues while the queues hold little."""
     pose = (0.0, 0.0, 500.0, 20.0, 0.0, 0.0)
     axes = tuple(Axis(i, steps, at) for i, at in enumerate(pose, 1))
     rig = Rig(kind, axes, length=800.0, extension=50.0, nodal=(0.0, 50.0, 10.0))

@@ -40,14 +40,14 @@ pytestmark = pytest.mark.repeats  # end_to_end/runs and end_to_end/shoot
 
 FPS = 24
 TRIGGERS = {0: 0b01, 3: 0b11, 5: 0b10}
-START_S = 0.05  # in which the phases are planned after GO
+START_S = 0.05  # for planning the phases after GO
 
 
 def levels_sent(session, channel):
-    """[(time, level)] of a channel in the DMX frames sent since the last call; a break is a gap of
-    0.1 ms or more."""
+    """Return [(time, level)] of a channel in the DMX frames since the last call; a break is a gap
+    of 0.1 ms or more."""
     data = session.board.emulator.uart_read(0)[0]
-    found, slot, last = [], -1000, data[0][0]  # what is read begins anywhere in a frame
+    found, slot, last = [], -1000, data[0][0]  # the data begin anywhere in a frame
     for ns, value in data:
         slot = 0 if ns - last > 150_000 else slot + 1
         last = ns
@@ -69,7 +69,7 @@ def session():
 
 
 def test_eight_motors_to_a_frame(session):
-    """Planned and sent off one after the other, before the first of them runs out of segments."""
+    """They are planned and sent one after another, before the first runs out of segments."""
     places = {m: [0, 72 * m] for m in range(1, 9)}
     for motor in places:
         session.speed(motor, VELOCITY, ACCELERATION)
@@ -101,7 +101,7 @@ def test_shoot_frames(session):
 def test_loop_bloop_video_and_two_stops(session):
     """A pass and a half; bloop by pin and channel; a camera started and stopped; a hard stop after
     a soft one."""
-    session.speed(1, VELOCITY, 4000)  # so that there is time for the second STOP_ALL
+    session.speed(1, VELOCITY, 4000)  # to leave time for the second STOP_ALL
     session.accept(Dmx(0, 5, [33]))
     run = run_request(
         FPS, 1, 9, 500, 500, flags=0x12, bloop_outputs=0b10, bloop_channel=5, bloop_ms=120
@@ -123,7 +123,7 @@ def test_loop_bloop_video_and_two_stops(session):
     session.run(0.3)
     assert not session.events(RtEnd)
     assert not session.moving
-    # both passes go over their frames
+    # both passes meet their frames
     first, second = passes_told(session)[:2]
     assert [frame for _, frame in first] == list(range(2, 10))
     assert second[0][1] == 2
@@ -163,8 +163,8 @@ def test_loop_bloop_video_and_two_stops(session):
 
 
 def test_ping_pong(session):
-    """Three passes over nine frames, with stills and triggers, STOP_LOOP in the third; each on its
-    frames."""
+    """Three passes over nine frames, with stills and triggers, STOP_LOOP in the third; each meets
+    its frames."""
     more = {"flags": 0x21, "open_angle": 90, "close_angle": 270, "sync_dmx": 1}
     session.ready(run_request(FPS, 1, 9, 200, 200, **more))
     before = session.positions
@@ -214,7 +214,7 @@ def test_jog_all(session):
     assert 6 < frame < 20
     assert session.positions[1] == MOVE[1][round(frame) - 1]
     assert session.positions[2] == MOVE[2][round(frame) - 1]
-    # the other motor is where the path has it whenever this one is on a frame
+    # the other motor is on the path whenever this one is on a frame
     at, turned = session.steps(2)
     places = MOVE[2][2] + np.concatenate(([0], np.cumsum(turned)))
     for k in range(60, len(times) + 1, 60):

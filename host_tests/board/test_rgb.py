@@ -1,5 +1,5 @@
-"""The RGB LED on the emulated board: the bits on its pin, their times, and the motors' edges beside
-them."""
+"""The RGB LED on the emulated board: the bits on its pin, their times, and the motors' edges
+meanwhile."""
 
 import numpy as np
 import pytest
@@ -12,18 +12,18 @@ from host_tests.end_to_end.session import Session
 
 BLUE, WHITE, GREEN, RED = "b", "grb", "g", "r"
 BEAT_NS = 128_000_000
-RESET_NS = 280_000  # WS2812B: from here on the LED shows what it got
+RESET_NS = 280_000  # WS2812B: after this time the LED shows what it got
 
 
 class LitBoard(EmulatedBoard):
-    """Keeps what comes out of the pin of the LED."""
+    """Keeps the output of the LED's pin."""
 
     def __init__(self, name):
         super().__init__({"virtuals": 0, "estop": "no"}, board=name)
         self.data = board_data(name)
         self.light = []
         self.kept = []
-        self.colour = ""  # that it shows
+        self.colour = ""  # the colour that it shows
         self.emulator.trace_start([*self.pins.pins, self.data["rgb"]])
 
     def _take(self):
@@ -37,10 +37,10 @@ class LitBoard(EmulatedBoard):
         return kept
 
     def words(self):
-        """[(time of its end in ns, its colours)] of what has been sent to the LED since the last
+        """Return [(time of its end in ns, its colours)] of each word sent to the LED since the last
         call.
 
-        What is on its way still is left for the next call.
+        An incomplete word is left for the next call.
         """
         self._take()
         records = np.concatenate(self.light)
@@ -73,12 +73,12 @@ class LitBoard(EmulatedBoard):
 
 
 def colours(word):
-    """Those in a word, in the order in which they are sent."""
+    """Return the colours in a word, in the order in which they are sent."""
     return "".join(name for name, shift in (("g", 16), ("r", 8), ("b", 0)) if word >> shift & 0xFF)
 
 
 def assert_shows(session, pattern, wanted):
-    """For two seconds, in the middle of each beat. When the pattern begins is not known."""
+    """Check two seconds, in the middle of each beat. The pattern may begin anywhere."""
     board = session.board
     board.words()
     sent = [(0, board.colour)]
@@ -94,8 +94,8 @@ def assert_shows(session, pattern, wanted):
 
 @pytest.mark.parametrize(("name", "motors"), [("skr_pico", 4), ("fysetc_erb", 2)])
 def test_light(name, motors):
-    """From waiting to a fault. (fysetc_erb: beside the motors in one PIO block; skr_pico: in a
-    block of its own.)"""
+    """From waiting to a fault. (fysetc_erb: in one PIO block with the motors; skr_pico: in another
+    block.)"""
     with LitBoard(name) as board:
         session = Session(board, motors=motors, reply_s=0.1)
         session.run(0.3)

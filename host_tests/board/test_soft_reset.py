@@ -13,13 +13,13 @@ from framestep_tools.client.client import Client
 from framestep_tools.payloads import Hi, MotorMove, MotorResetPosition, MotorSetSpeed, MotorStatus
 
 PATIENCE_S = 600
-AGAIN_MS = 1800  # framestep is there again after 1500
+AGAIN_MS = 1800  # framestep is back after 1500
 STEP, ENABLE = (2, 4), 18
 RIG = {"name": "soft", "remember_positions": True}
 
 
 def mpremote(path, *arguments):
-    """What mpremote printed; no `resume`."""
+    """Return what mpremote printed; without `resume`."""
     command = [sys.executable, "-m", "mpremote", "connect", path, *arguments]
     result = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
     assert result.returncode == 0, f"mpremote {arguments}: {result.stdout} {result.stderr}"
@@ -32,7 +32,7 @@ def board(**options):
 
 @pytest.fixture(scope="module")
 def image():
-    """One for several tests."""
+    """Yield one board for several tests."""
     with board() as emu:
         emu.wait_usb(20_000, ports=2)
         yield emu
@@ -50,7 +50,7 @@ def test_mpremote_finds_its_port_and_framestep_is_there_again(tmp_path):
     (package / "package.json").write_text(
         json.dumps({"urls": [["hello.py", "hello.py"]], "version": "1"})
     )
-    # no faster than a board, so that it does not work while mpremote starts
+    # no faster than a real board, so that it does not compute while mpremote starts
     with board(lockstep=False, speed=1) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
         emu.wait_usb(ms=PATIENCE_S * 1000, ports=2)
         frames = answers(protocol).upload_frames
@@ -70,11 +70,11 @@ def test_mpremote_finds_its_port_and_framestep_is_there_again(tmp_path):
 
 
 def test_whoever_has_the_protocol_port_open(image):
-    """What was sent before and what comes in between is of nobody; after it the host begins
-    anew."""
+    """Bytes sent before and during the reset belong to nobody; after it the host begins a new
+    session."""
     repl, port = image.serial(0), image.serial(1)
     client = Client(port)
-    for mode in (b"\x01", b"\x02"):  # raw, as mpremote has it, and as a hand does
+    for mode in (b"\x01", b"\x02"):  # raw, as by mpremote, and as by hand
         client.request(Hi())
         repl.write(b"\r\x03\r" + mode)
         image.advance(50)
@@ -91,8 +91,8 @@ def test_whoever_has_the_protocol_port_open(image):
 
 
 def test_in_motion(image):
-    """The motors stand at once, their drivers go off, and nothing strikes later; the host is told
-    what is lost."""
+    """The motors stop at once, their drivers go off, and nothing expires later; the host hears what
+    is lost."""
     emu = image
     client = Client(emu.serial(1))
     client.request(Hi())
@@ -125,15 +125,15 @@ def test_in_motion(image):
 
 
 def test_lights_leave_memory_alone():
-    """DMX512 runs by DMA, which MicroPython does not stop: boot.py does, also where framestep does
-    not start again."""
+    """DMX512 runs by DMA, which MicroPython does not stop: boot.py does, also if framestep does not
+    start again."""
     busy = "[__import__('machine').mem32[0x5000000C + 64 * i] >> 24 & 1 for i in range(12)]"
     with board() as emu:
         emu.wait_usb(20_000, ports=2)
         repl = emu.repl()
         assert dma_running(repl)
         repl.exec("open('/main.py', 'w').close()")
-        repl.exec("import machine; machine.mem32[0x50100FC8] = 0")  # as if USB had not been up
+        repl.exec("import machine; machine.mem32[0x50100FC8] = 0")  # as if USB had not been active
         repl.enter()
         repl.serial.write(b"\x04")
         emu.advance(500)
@@ -143,12 +143,12 @@ def test_lights_leave_memory_alone():
 
 
 def dma_running(repl):
-    """The DMA channels that are enabled and busy."""
+    """Return the DMA channels that are enabled and busy."""
     code = "[i for i in range(12) if __import__('machine').mem32[0x5000000C + 64 * i] & 0x1000001]"
     return repl.eval(code)
 
 
-# boot.py that framestep 0.1.0 copied beside a stock MicroPython
+# boot.py that framestep 0.1.0 copied onto a stock MicroPython
 COPIED = """
 try:
     import framestep.leftovers
@@ -166,12 +166,12 @@ else:
 
 @pytest.mark.parametrize("beside", [COPIED, "mine = 6 * 7\n"], ids=["framestep's", "user's"])
 def test_an_image_beside_a_boot_py(beside):
-    """A user's, or one that is left from copied files: DMX512 and framestep go on after a soft
+    """It is a user's, or left from copied files: DMX512 and framestep continue after a soft
     reset."""
     with Emulator(images.frozen("pico"), files={"/boot.py": beside}) as emu:
         emu.wait_usb(20_000, ports=2)
         repl = emu.repl()
-        for mode in (b"\x01", b"\x02"):  # raw, as mpremote has it, and as a hand does
+        for mode in (b"\x01", b"\x02"):  # raw, as by mpremote, and as by hand
             repl.enter()
             repl.serial.write(b"\r\x03\r" + mode)
             emu.advance(50)
@@ -189,8 +189,8 @@ def test_an_image_beside_a_boot_py(beside):
 
 
 def test_one_port_set_on_a_board_that_has_two():
-    """mpremote's raw REPL comes: framestep does not take it from within boot.py. After Ctrl-D or a
-    reset framestep has the one port."""
+    """mpremote's raw REPL comes: framestep does not take it over from within boot.py. After Ctrl-D
+    or a reset framestep has the one port."""
     with board() as emu:
         emu.wait_usb(20_000, ports=2)
         repl = emu.repl()
@@ -220,8 +220,8 @@ def test_drivers_are_off_before_framestep_has_been_loaded():
 
 
 def test_a_boot_py_that_knows_nothing_of_framestep():
-    """framestep's start stops DMA that a soft reset has left, before it takes memory; held back by
-    BOOTSEL it does so, too."""
+    """At its start framestep stops DMA left from a soft reset, before it takes memory, even if
+    BOOTSEL prevents the start."""
     with board() as emu:
         emu.wait_usb(20_000, ports=2)
         repl = emu.repl()
@@ -239,8 +239,8 @@ def test_a_boot_py_that_knows_nothing_of_framestep():
 
 
 def test_a_host_that_closes_its_port_while_framestep_restarts(image):
-    """Nobody hears it. The port counts as closed all the same, as nobody collects a packet: no
-    motion is stopped for want of a host, and whoever comes next begins anew."""
+    """Nobody hears it. The port counts as closed all the same, because nobody reads a packet: no
+    motion stops for lack of a host, and the next host begins a new session."""
     repl, port = image.serial(0), image.serial(1)
     client = Client(port)
     client.request(Hi())
@@ -249,7 +249,7 @@ def test_a_host_that_closes_its_port_while_framestep_restarts(image):
     repl.write(b"\x04")
     image.advance(300)
     port.close()
-    image.advance(2500)  # until a port that nobody reads counts as closed
+    image.advance(2500)  # until a port without a reader counts as closed
     raw = image.repl()
     raw.exec("import framestep.repl, framestep.boot as boot")
     raw.exec("move(1, 100000)")

@@ -1,5 +1,5 @@
-"""A piece of `make fuzz BOARD=emulator`: any requests on the emulated board, alone and beside work
-on its REPL. See strain.py."""
+"""A part of `make fuzz BOARD=emulator`: any requests on the emulated board, alone and together with
+work on its REPL. See strain.py."""
 
 import pytest
 
@@ -18,12 +18,12 @@ def test_requests_beside_work_on_the_repl(requests):
     assert counts["answers"] + counts["left unanswered"] == counts["requests"] >= requests
     assert counts["answers"] > 0.8 * requests
     for name in ("taken", "refused", "closed", "damaged", "Ctrl-C"):
-        assert counts[name] > 0, name  # it has been there
+        assert counts[name] > 0, name  # it happened
     assert counts["REPL"] > requests / 50
 
 
 def test_requests_alone():
-    """No tick is late, no queue runs dry; virtual motions are among them."""
+    """No tick is late, no queue runs dry, in virtual motions as well."""
     found = strain(QUIET_SEED, REQUESTS // 2, quiet=True)
     assert found.late_us > 0
     assert found.counts["virtual motions taken"] > 0
@@ -31,7 +31,7 @@ def test_requests_alone():
 
 
 def test_requests_with_an_overlay():
-    """The tick and what plans motion are compiled on the board's heap, not frozen."""
+    """The tick and the planning of motion are compiled on the board's heap, not frozen."""
     modules = ("framestep.pulse.tick", "framestep.motors.axis", "framestep.controller")
     found = strain(OVERLAY_SEED, REQUESTS // 2, quiet=True, modules=modules)
     assert found.late_us > 0

@@ -26,8 +26,8 @@ def emu():
 
 @pytest.fixture
 def usb(emu):
-    """(emulator, REPL, the protocol port, open): the board, fresh from its start, with its two
-    ports up."""
+    """Return (emulator, REPL, the protocol port, open): the board, fresh from its start, with both
+    ports."""
     power_cycle(emu)
     repl = emu.repl()
     repl.exec(SETUP)
@@ -43,8 +43,8 @@ def start_port(emu, repl):
 
 
 def test_second_port_and_its_name(usb):
-    """The host sees the REPL's port and one with a name, and the board's serial number; over a soft
-    reset both stay."""
+    """The host sees the REPL's port and one with a name, and the board's serial number; both stay
+    over a soft reset."""
     emu, repl, port = usb
     event = [e for e in emu.events() if e["type"] == "usb-configured"][-1]
     assert event["names"] == ["Board CDC", "framestep DMC"]
@@ -69,8 +69,8 @@ def test_second_port_and_its_name(usb):
 
 @pytest.mark.parametrize("stays", [True, False])
 def test_whether_a_host_is_still_there_after_a_soft_reset(usb, stays):
-    """What it says of DTR before the next port starts, nobody hears. Whoever opens the port then is
-    a new client."""
+    """Nobody hears its changes of DTR before the next port starts. A host that opens the port then
+    is a new client."""
     emu, repl, port = usb
     repl.leave()
     repl.serial.write(b"\x04")
@@ -125,8 +125,8 @@ def test_a_client_that_opens_the_port_again_before_it_is_missed(usb):
 
 
 def test_a_bus_reset_after_a_soft_reset(usb):
-    """The host has found one port only by the time that the next port starts: the board goes, and
-    comes with two."""
+    """When the next port starts, the host has found only one port: the board disconnects, and
+    returns with two."""
     emu, repl, port = usb
     port.close()
     repl.leave()
@@ -156,13 +156,13 @@ LENGTHS = range(12, 1049)
     ],
 )
 def test_every_length(usb, lengths):
-    """Each frame is answered at once, whatever its length: multiples of a packet as well, and those
-    like the mark."""
+    """Each frame is answered at once, whatever its length: also multiples of a packet, and frames
+    that look like the mark."""
     _emu, repl, port = usb
     run(repl)
     late = [size for size in lengths if not answered(port, frame(size, size), ms=25)]
     assert late == []
-    for size in range(64, 1049, 64):  # the last byte is that of the mark of a place not yet filled
+    for size in range(64, 1049, 64):  # the last byte is that of the mark in an empty place
         for number in range(2):
             assert answered(port, frame(size, number, last=0x2B), ms=25), size
     for size in range(62, 67):
@@ -173,8 +173,8 @@ def test_every_length(usb, lengths):
 
 
 def test_packet_like_the_mark(usb):
-    """A packet that is byte for byte what an empty place holds is noticed with the next one;
-    nothing is lost."""
+    """A packet that equals the contents of an empty place is noticed with the next one; nothing is
+    lost."""
     emu, repl, port = usb
     mark = bytearray(64)
     struct.pack_into("<3I", mark, 0, 0x1B7E35C9, 0x2C49D716, 0x35A2684F)
@@ -190,8 +190,8 @@ def test_packet_like_the_mark(usb):
 
 
 def test_throughput(usb, capsys):
-    """Blocks of the size that uploads have, with a handler that does nothing and with one that
-    takes 1 ms; and out."""
+    """In: blocks as large as in uploads, with a handler that does nothing and one that takes 1 ms;
+    and out."""
     emu, repl, port = usb
     figures = {}
     for size in (1036, 1024):
@@ -230,13 +230,13 @@ def test_throughput(usb, capsys):
             "\nUSB port, kB/s:", ", ".join(f"{name}: {rate:.0f}" for name, rate in figures.items())
         )
     assert min(rate for name, rate in figures.items() if name.startswith("in")) > 400
-    # 280 to 292, as the loop that asks whether to go on meets the ends of packets, and as the code
-    # lies in the flash cache; what keeps the device over a soft reset takes 7 µs of each packet
+    # 280 to 292, depending on when the loop checks for the end of a packet, and on how the code is
+    # in the flash cache; keeping the device over a soft reset takes 7 µs of each packet
     assert figures["out"] > 275
 
 
 def test_latency_and_cost(usb, capsys):
-    """From the last byte written to the first byte of the answer; what a turn costs in which
+    """From the last byte written to the first byte of the answer; and the cost of a turn in which
     nothing happens."""
     emu, repl, port = usb
     idle = repl.eval(
@@ -270,7 +270,7 @@ def test_latency_and_cost(usb, capsys):
 
 
 def test_nothing_allocates(usb):
-    """1000 frames in and out with the heap locked, a close and an opening among them."""
+    """1000 frames in and out with the heap locked, including a close and an opening."""
     emu, repl, port = usb
     repl.start("exchange(port, echo, count, 1000)\nprint(port.openings)", until="go")
     port.timeout = 1
@@ -285,7 +285,7 @@ def test_nothing_allocates(usb):
 
 
 def test_reader_that_takes_nothing(usb):
-    """What is not taken stays, the host is held up, and nothing is lost."""
+    """Bytes that it does not take stay, the host has to wait, and nothing is lost."""
     emu, repl, port = usb
     data = b"".join(frame(200, n) for n in range(60))
     run(repl, "echo.feed = lambda buffer, start, count: 0\nloop(port, echo)")
@@ -306,7 +306,7 @@ def test_reader_that_takes_nothing(usb):
 
 
 def test_host_that_does_not_read(usb):
-    """The main loop goes on at its pace, and what was under way comes out whole and in order
+    """The main loop keeps its pace, and the bytes on their way come out complete and in order
     afterwards."""
     emu, repl, port = usb
     run(repl)
@@ -320,11 +320,11 @@ def test_host_that_does_not_read(usb):
     assert port.read(3000) == b"".join(frames)
     stop(repl)
     longest = repl.eval("echo.longest_us")
-    assert longest < 12_000, longest  # of a loop that is all bytecode and collects garbage
+    assert longest < 12_000, longest  # for a loop of bytecode that collects garbage
 
 
 def test_closing_with_bytes_under_way(usb):
-    """What was to go to a client that has left does not reach the next one."""
+    """Bytes for a client that has left do not reach the next one."""
     emu, repl, port = usb
     run(repl)
     for number, wait_ms in ((1, 100), (2, 1), (3, 5), (4, 500), (1, 0.2), (2, 30)):
@@ -343,8 +343,8 @@ def test_closing_with_bytes_under_way(usb):
 
 
 def test_closing_within_a_frame(usb):
-    """Half a frame of a client that has left does not hold up a frame of the next one, even one of
-    whole packets."""
+    """Half a frame of a client that has left does not hold up a frame of the next one, even a frame
+    of whole packets."""
     emu, repl, port = usb
     run(
         repl,
@@ -362,8 +362,8 @@ def test_closing_within_a_frame(usb):
     stop(repl)
 
 
-# A main loop in the background, as the controller's: callbacks of the port come between two turns
-# only
+# A main loop in the background, like the controller's: the port's callbacks come only between two
+# turns
 SESSIONS = """
 import machine
 seen = 0
@@ -381,8 +381,8 @@ timer = machine.Timer(period=1, callback=turn)
 
 
 def test_closing_and_opening_at_each_byte(usb):
-    """However little time passes between them: nothing sent before is taken after, and nothing
-    after is lost."""
+    """However short the time between them: nothing sent before is taken after, and nothing after is
+    lost."""
     emu, repl, port = usb
     repl.exec(SESSIONS)
     whole = frame(1048, 3)
@@ -397,8 +397,8 @@ def test_closing_and_opening_at_each_byte(usb):
 
 
 def test_what_is_sent_while_the_port_closes(usb):
-    """A whole frame that comes just before the port closes, or while it is closed, is not carried
-    out any more."""
+    """A whole frame that comes just before the port closes, or while it is closed, has no
+    effect."""
     emu, repl, port = usb
     repl.exec(SESSIONS)
     for gap_us in range(0, 1000, 100):
@@ -416,8 +416,8 @@ def test_what_is_sent_while_the_port_closes(usb):
 
 
 def test_a_host_that_leaves_dtr_alone(usb):
-    """As Qt on Windows. What its driver sets, and a packet that nobody collects, tell that it has
-    closed the port; the next one gets its own answers, no packet meant for the last."""
+    """Like Qt on Windows. The setting of its driver, and a packet that it does not read, show that
+    it has closed the port; the next client gets its own answers, and no packet of the last one."""
     emu, repl, port = usb
     port.close()
     emu.advance(200)
@@ -442,7 +442,7 @@ def test_a_host_that_leaves_dtr_alone(usb):
 
 
 def test_dtr(usb):
-    """`open` follows DTR at once; a host that leaves DTR alone has the port open once it has sent
+    """`open` follows DTR at once; a host that does not use DTR has the port open after it has sent
     something."""
     emu, repl, port = usb
     assert repl.eval("(port.open, port.openings)") == (True, 1)
@@ -458,7 +458,7 @@ def test_dtr(usb):
 
 
 def test_cable_pulled_out(usb):
-    """The port is closed within 0.2 s, and serves as before when the cable is back."""
+    """The port is closed within 0.2 s, and works as before when the cable is back."""
     emu, repl, port = usb
     for _ in range(2):
         run(repl)
@@ -505,8 +505,8 @@ def test_cable_pulled_out_is_noticed(usb):
 
 
 def test_repl_while_bytes_flow(usb):
-    """The raw REPL works beside a main loop in the background and a flooded port; Ctrl-C gets into
-    one in front."""
+    """The raw REPL works while a main loop runs in the background and the port is flooded; Ctrl-C
+    interrupts a loop in the foreground."""
     emu, repl, port = usb
     repl.exec("import machine\ntimer = machine.Timer(period=1, callback=lambda _: echo.turn(port))")
     sent = b"".join(frame(300, n) for n in range(80))

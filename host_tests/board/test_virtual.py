@@ -43,7 +43,7 @@ def session():
 
 
 def test_a_boom_swing_track_move(session):
-    """Straight within a step at every millisecond, within the motors' limits, and nothing has run
+    """Straight within a step at every millisecond, within the motors' limits, and no queue runs
     dry."""
     before = session.positions
     session.forget()

@@ -1,4 +1,4 @@
-"""MOVE TIME and positions of a message belong together: both of the same moment, that of the pins
+"""MOVE TIME and positions of a message belong together: both are of the same time on the pins
 (field note 4.6)."""
 
 import numpy as np
@@ -18,11 +18,11 @@ PATH = {
     1: 90 * np.arange(FRAMES) + 500,
     2: np.rint(400 * np.sin(np.arange(FRAMES) * 0.2)).astype(int),
 }
-LATE_S = 0.006  # that a message may be behind the moment that it tells of
+LATE_S = 0.006  # the longest age of a message's contents
 
 
 class Pins:
-    """Where each motor is by its edges, at any moment."""
+    """The position of each motor at any time, by its edges."""
 
     def __init__(self, session):
         self.session = session
@@ -40,7 +40,7 @@ def loaded(**settings):
 
 
 def watch(session, seconds, ask):
-    """[(time, Positions)] of what comes in that time, answers to GET_POSITION among it if `ask`."""
+    """Return [(time, Positions)] of that time; with `ask` including answers to GET_POSITION."""
     begun = session.now
     end = begun + seconds
     replies = []
@@ -54,8 +54,8 @@ def watch(session, seconds, ask):
 
 
 def assert_of_one_moment(session, pins, messages, motors=(1, 2)):
-    """There is a moment shortly before each message in which the pins of all motors were where it
-    says, to a step."""
+    """Assert that shortly before each message there is a time at which the pins of all motors had
+    its positions, to a step."""
     edges = {motor: session.steps(motor) for motor in motors}
 
     def at(motor, moments):
@@ -83,16 +83,16 @@ def test_in_a_run(fps, way, ask):
     session.accept(p.RtGo())
     messages = watch(session, 0.4 + FRAMES / fps + 0.5, ask)
     assert_of_one_moment(session, pins, messages)
-    # Every frame is told once exactly
+    # Every frame is reported exactly
     told = [(time, m) for time, m in messages if m.move_time % 1000 == 0]
     for index in range(FRAMES)[1:]:
         exact = [m for _, m in told if m.move_time == (index + 1) * 1000]
         at_it = [m.steps[:2] == (PATH[1][index], PATH[2][index]) for m in exact]
         assert any(at_it)
-        assert all(at_it) or index == FRAMES - 1  # in the post-roll it is still MOVE TIME
+        assert all(at_it) or index == FRAMES - 1  # it stays MOVE TIME in the post-roll
     # between frames MOVE TIME is the play head: motor 1 has a constant speed
     parts = [m for _, m in messages if m.move_time % 1000]
-    # each frame is told, and comes before the next report is due
+    # each frame has its report, which comes before the next periodic one is due
     assert len(parts) > 30 or (fps == 60 and not ask)
     for m in parts:
         assert m.steps[0] == pytest.approx(PATH[1][0] + 90 * (m.move_time / 1000 - 1), abs=1.6)
@@ -152,14 +152,14 @@ def test_position_frame_sets_it_on_arrival():
     session.run(0.05)
     session.accept(p.MotorStopAll())
     session.wait_idle()
-    assert session.ask_positions().move_time == 40_000  # it has not got there
+    assert session.ask_positions().move_time == 40_000  # it has not arrived there
     session.accept(p.RtPositionFrame(3))
     session.wait_idle()
     assert session.ask_positions().move_time == 3000
 
 
 def test_moves_and_a_live_motor_beside_a_run():
-    """One moment for all motors, those of the run and others."""
+    """One time for all motors, those of the run and others."""
     session = loaded(report_ms=20)
     session.accept(p.MotorConfigure(3, LIVE))
     session.speed(3, 9000, 60_000)
@@ -179,7 +179,7 @@ def test_moves_and_a_live_motor_beside_a_run():
 
 
 def tick(board):
-    """A millisecond without a pass of the main loop."""
+    """Play a millisecond without a pass of the main loop."""
     board.hal.now_ns = board.next_tick
     board.hal.tick()
     board.next_tick += 1_000_000
@@ -188,8 +188,8 @@ def tick(board):
 @pytest.mark.inside
 @pytest.mark.parametrize("away", sweep([*range(2, 19), 30, 50], 2, 10, 18, 50))
 def test_at_rest_after_an_absence(away):
-    """The main loop is away as the last motor stops: as soon as STATUS says that nothing moves,
-    positions are those of rest, and the last report has them, too."""
+    """The main loop is away when the last motor stops: as soon as STATUS reports no motion,
+    positions are those at rest, and so are the last report's."""
     for back in range(1, 8):  # ms from the last step to the next pass
         session = rig()
         session.speed(1, 20_000, 400_000)
@@ -224,7 +224,7 @@ def test_at_rest_after_an_absence(away):
 @pytest.mark.inside
 @pytest.mark.parametrize("request_", [p.MotorGetPosition(), p.MotorStatus()])
 def test_in_a_burst_of_requests(request_):
-    """Each answer is of its own moment, though all are answered in one pass."""
+    """Each answer has its own time, although one pass answers all."""
     session = rig()
     session.speed(1, 20_000, 400_000)
     session.speed(2, 17_000, 300_000)
@@ -267,7 +267,8 @@ def test_a_position_that_is_reset_while_others_move():
 
 
 def test_a_position_that_is_reset_beside_a_run():
-    """Field note 4.5: of a motor that stands and has no part in it; the run goes on as uploaded."""
+    """Field note 4.5: the motor is at rest and has no part in the run, which continues as
+    uploaded."""
     session = loaded()
     session.accept(p.MotorConfigure(3, LIVE))
     session.ready(run_request(24, 1, FRAMES, 300, 300))

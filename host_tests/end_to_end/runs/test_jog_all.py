@@ -1,5 +1,5 @@
-"""JOG_ALL on the host simulation: along the path as one axis, frames as its unit (field note
-6.10)."""
+"""JOG_ALL on the host simulation: along the path as one axis, with the frame as its unit (field
+note 6.10)."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ from host_tests.end_to_end.session import assert_within, run_request, velocities
 
 
 def test_frame_by_frame(standing):
-    """To a neighbour: from rest to rest in a second, half of it up and half of it down."""
+    """To the next frame: from rest to rest in a second, half of it up and half of it down."""
     at = 120
     for step in (1, 1, -1, -1, -1):
         standing.accept(p.RtJogAll(24000, at + step + 1))
@@ -44,8 +44,8 @@ def test_at_speed(standing, fps, way):
     standing.client.wait_idle(200, 0.05)
     assert_on_frame(standing, 120 + way)
     assert_followed(standing, 120, fps)
-    # as fast as the axis allows, but that the first and the last frame are a ramp each: twice as
-    # long as the others
+    # as fast as the axis allows, except that the first and the last frame are ramps: they take
+    # twice as long as the others
     top = min(fps, (ACCELERATION * abs(way)) ** 0.5)
     ideal = abs(way) / top + top / ACCELERATION
     times, _ = standing.steps(1)
@@ -54,7 +54,7 @@ def test_at_speed(standing, fps, way):
 
 @pytest.mark.parametrize("after", [0.3, 0.9, 2.0, 4.1])
 def test_reversed_on_the_way(standing, after):
-    """To somewhere behind: on to the first frame where it can end, then back."""
+    """To a frame behind: on to the first frame where it can end, then back."""
     standing.accept(p.RtJogAll(12000, 200))
     standing.run(after)
     standing.accept(p.RtJogAll(12000, 60))
@@ -69,7 +69,7 @@ def test_reversed_on_the_way(standing, after):
 
 
 def test_new_destinations_under_way(standing):
-    """Farther, nearer, beyond the turn and there again, and in every moment of a turn."""
+    """Farther, nearer, beyond the turn and back, and at any time of a turn."""
     rng = np.random.default_rng(7)
     standing.accept(p.RtJogAll(12000, 160))
     last = 160
@@ -85,7 +85,7 @@ def test_new_destinations_under_way(standing):
 
 @pytest.mark.parametrize("grain", sweep(range(8), 0, 3, 7))
 def test_a_request_in_each_millisecond_of_a_turn(standing, grain):
-    """The moment in which it stands and is about to go back is no other than the rest."""
+    """The time at rest before it goes back is not special."""
     standing.accept(p.RtJogAll(12000, 130))
     standing.run(0.3)
     standing.accept(p.RtJogAll(12000, 115))
@@ -105,7 +105,7 @@ def test_a_request_in_each_millisecond_of_a_turn(standing, grain):
 
 
 def test_lower_and_higher_speed_under_way(standing):
-    """A new FPS is come to by the axis' acceleration, up or down."""
+    """It reaches a new FPS by the axis' acceleration, up or down."""
     standing.accept(p.RtJogAll(10000, 200))
     standing.run(3.5)
     standing.accept(p.RtJogAll(2000, 200))
@@ -122,8 +122,8 @@ def test_lower_and_higher_speed_under_way(standing):
 @pytest.mark.parametrize("after", [0.02, 0.5, 1.1, 1.75, 3.3])
 @pytest.mark.parametrize("request_", [p.MotorStopAll(), p.MotorStop(2)])
 def test_stop_lands_on_a_frame(standing, fps, after, request_):
-    """Field note 6.10: on the next one that can be reached at 4 frames/s², or at a frame per second
-    where that takes more than 2 s. A STOP of one motor stops the axis."""
+    """Field note 6.10: on the next frame that it can reach at 4 frames/s², or at a frame per second
+    if that takes more than 2 s. A STOP of one motor stops the axis."""
     standing.accept(p.RtJogAll(round(fps * 1000), 220))
     standing.run(after)
     times, signs = standing.steps(1)
@@ -138,20 +138,20 @@ def test_stop_lands_on_a_frame(standing, fps, after, request_):
     assert at >= 121
     assert_on_frame(standing, round(at))
     assert_followed(standing, 120, max(fps, 1))
-    # 0.05 s pass until it acts; what a queued ramp up still adds is little
+    # it acts after 0.05 s; a queued ramp up adds little more
     rate += 0.05 * ACCELERATION
     assert at - before <= 1 + rate * 0.06 + rate**2 / (2 * ACCELERATION) + 0.05
     assert times[-1] - begun <= max(
         2.1, 0.1 + 2 * (at - before) / max(rate - 0.2, 0.1) if rate > 1.2 else 2.1
     )
-    # it stands on a frame: it may go on from there, on its own
+    # it rests on a frame, so it can continue from there
     standing.accept(p.RtJogAll(12000, 121))
     standing.client.wait_idle(60, 0.05)
     assert_on_frame(standing, 120)
 
 
 def test_a_stop_keeps_the_limits_of_the_motors(standing):
-    """Of motors that can follow a slow axis, but not one at a frame per second."""
+    """The motors can follow a slow axis, but not one at a frame per second."""
     standing.speed(1, 40, 60)
     standing.accept(p.RtJogAll(300, 140))
     standing.run(5.1)
@@ -164,7 +164,7 @@ def test_a_stop_keeps_the_limits_of_the_motors(standing):
 @pytest.mark.parametrize("fps", [0.3, 12])
 @pytest.mark.parametrize("later", [0, 0.4, 1.05])
 def test_second_stop_all_while_it_lands(standing, fps, later):
-    """Field note 6.10: it is the hard stop, whenever it comes."""
+    """Field note 6.10: it is a hard stop, whenever it comes."""
     standing.accept(p.RtJogAll(round(fps * 1000), 220))
     standing.run(3.3)
     standing.accept(p.MotorStop(1))
@@ -224,8 +224,8 @@ def test_refused(standing):
 
 
 def test_too_far_to_be_checked_under_way():
-    """ERR_MOVING, and the jog goes on to where it was going; from rest there is time to check the
-    way."""
+    """ERR_MOVING, and the jog continues to its destination; from rest there is time for the
+    check."""
     frames = 3600
     session = rig()
     upload(session, {1: 10 * np.arange(frames), 2: -7 * np.arange(frames)}, frames=frames)
@@ -247,7 +247,7 @@ def test_too_far_to_be_checked_under_way():
 
 
 def test_where_it_stands_is_found_by_positions(standing):
-    """On whatever frame, however it came there."""
+    """On any frame, however it got there."""
     standing.ask(p.MotorMove(1, int(PATH[1][77])))
     standing.ask(p.MotorMove(2, int(PATH[2][77])))
     standing.wait_idle()

@@ -20,7 +20,7 @@ from host_tests.end_to_end.session import assert_within, velocities
 
 
 def test_limits(standing):
-    """Nothing moves where a limit lies on the way."""
+    """Nothing moves if a limit is in the way."""
     standing.speed(1, 1000, 100_000)
     standing.accept(p.MotorSetLimits(1, 0, 0, 1, 15_000))
     standing.refuse(p.Ack.ERR_SOFT_UP, p.RtJogAll(9000, 200))
@@ -29,7 +29,7 @@ def test_limits(standing):
     standing.run(0.2)
     assert not standing.trace().motors
     standing.accept(p.RtJogAll(9000, 131))
-    # and under way it goes on to where it was sent
+    # and in motion it continues to its destination
     standing.run(0.3)
     standing.refuse(p.Ack.ERR_SOFT_LOW, p.RtJogAll(9000, 20))
     standing.wait_idle()
@@ -49,7 +49,7 @@ SLOWED = {  # motor, velocity, acceleration: the rate at which the motors can fo
 @pytest.mark.parametrize("case", SLOWED)
 @pytest.mark.parametrize("to", [200, 20])
 def test_slows_down_to_what_the_motors_can_follow(standing, case, to):
-    """Field note 5.5: no refusal, but as slow as the motor with the least to spare needs it."""
+    """Field note 5.5: no refusal, but as slow as the most limited motor requires."""
     motor, velocity, acceleration, rate = SLOWED[case]
     if rate < 1:
         to = 121 + (to > 121) - (to < 121)
@@ -60,7 +60,7 @@ def test_slows_down_to_what_the_motors_can_follow(standing, case, to):
     assert_on_frame(standing, to - 1)
     assert_followed(standing, 120, 12)
     assert_within(*standing.steps(motor), velocity * 1.01, acceleration * 1.02, window=0.2)
-    # and no slower than that
+    # but not slower than that
     way = abs(to - 121)
     top = min(rate, (ACCELERATION * way) ** 0.5)
     ideal = way / top + top / ACCELERATION
@@ -69,7 +69,7 @@ def test_slows_down_to_what_the_motors_can_follow(standing, case, to):
 
 @pytest.mark.parametrize("to", [200, 20])
 def test_only_the_frames_between_count(standing, to):
-    """Motor 3 is steep, but elsewhere."""
+    """Motor 3 is steep, but on other frames."""
     upload(
         standing,
         {**PATH, 3: np.where(K < 15, K * 3000 - 42_000, np.clip(K - 205, 0, None) * 3000)},
@@ -87,7 +87,7 @@ def test_only_the_frames_between_count(standing, to):
 
 @pytest.mark.parametrize("grain", sweep(range(10), 0, 9))
 def test_slows_down_under_way(grain):
-    """Sent on into frames that it can follow at less than its speed only: it has come down to that
+    """It continues into frames that it can follow only at less than its speed: it has slowed down
     before them."""
     session = rig()
     gathering = np.cumsum(100 + 10 * np.clip(K - 150, 0, 50)) - 100
@@ -101,7 +101,7 @@ def test_slows_down_under_way(grain):
     assert session.moving
     session.accept(p.RtJogAll(12000, 221))
     session.run(15)
-    # there and back, at the speed of the frames it is in
+    # there and back, at the speed of the present frames
     session.accept(p.RtJogAll(12000, 140), p.RtJogAll(12000, 201))
     session.client.wait_idle(300, 0.05)
     assert session.position(1) == gathering[200]
@@ -121,7 +121,7 @@ def test_slows_down_for_what_is_set_before_it_begins(standing):
 
 
 def test_what_no_rate_can_make(standing):
-    """A frame takes 1000 s at most: nothing moves where a motor needs longer."""
+    """A frame takes 1000 s at most: nothing moves if a motor needs longer."""
     upload(standing, {1: K * 10_010, 2: 0 * K}, frames=FRAMES)
     standing.accept(p.RtPositionFrame(121))
     standing.wait_idle()
@@ -147,8 +147,8 @@ CORNERS = {
 @pytest.mark.parametrize(("velocity", "acceleration"), [(1000, 100_000), (20_000, 2000)])
 @pytest.mark.parametrize("play", [0, 40])
 def test_keeps_the_limits_at_corners(corners, velocity, acceleration, play):
-    """On the curve between frames as well, where the cubic is faster than its mean and steeper than
-    its corner: gathering speed, turning, stopping anywhere and going on."""
+    """Also on the curve between frames, where the cubic is faster than its mean and steeper than
+    its corner: in acceleration, turns, stops anywhere and continuations."""
     session = rig(motors=[{"backlash": play}, {}]) if play else rig()
     upload(session, {1: CORNERS[corners][:61]}, frames=61)
     session.speed(1, velocity, acceleration)
@@ -168,7 +168,7 @@ def test_keeps_the_limits_at_corners(corners, velocity, acceleration, play):
     assert session.position(1) == CORNERS[corners][2]
     times, signs = session.steps(1)
     assert np.diff(times).min() >= 1 / (1.01 * velocity + 24)
-    # what a second difference of places shows, to a step each
+    # the second difference of places, each exact to a step
     window = 0.1 if acceleration < 10_000 else 0.02
     rates, _ = velocities(times, signs, window)
     assert np.abs(np.diff(rates)).max() / window <= acceleration * 1.02 + 2 / window**2
@@ -176,8 +176,8 @@ def test_keeps_the_limits_at_corners(corners, velocity, acceleration, play):
 
 @pytest.mark.parametrize("grain", sweep(range(8), 0, 5))
 def test_stopped_just_before_a_turn(grain):
-    """The play is taken up for the way behind the turn, also where the last bit before it is one
-    with that."""
+    """The backlash is taken up for the motion after the turn, even if the last part before the turn
+    coincides with it."""
     session = rig(motors=[{"backlash": 40}, {}])
     positions = CORNERS["anywhere"][:61]
     upload(session, {1: positions}, frames=61)
@@ -217,7 +217,7 @@ def test_motors_without_a_part(standing):
 
 
 def test_limit_switches():
-    """Refused where it would begin by going on into a limit, however long the motor stands still
+    """Refused if it would begin by moving further into a limit, however long the motor rests
     before that."""
     session = rig(limits=[{"high": 22, "contact": "no"}], outputs=[], inputs=[])
     held = np.clip(20 * (K - 150), 0, None)  # holds until frame 151
