@@ -3,11 +3,11 @@
 import hypothesis
 import pytest
 
-_SHARE = 3  # of the examples that hypothesis draws with --all, one in so many is in each run
+_SHARE = 3  # each run has one of this many examples that hypothesis draws with --all
 
 
 def sweep(values, *kept):
-    """Parameters of a test; each run has only those in `kept`, --all has the others as well."""
+    """Return the parameters of a test: each run has those in `kept`, --all has the others, too."""
     return [
         pytest.param(value, marks=() if value in kept else pytest.mark.repeats) for value in values
     ]
@@ -19,7 +19,7 @@ def parameters(item):
 
 
 def spare(cases, but=()):
-    """Return cases of one test that are not needed, as the others have each value of each
+    """Return cases of one test that are not needed, because the others have each value of each
     parameter. but: parameters that do not count."""
 
     def values(item):
@@ -44,7 +44,7 @@ def by_test(items):
 def fewer_examples(items):
     """Have hypothesis draw the first third of its examples."""
     for function in {getattr(item.obj, "__func__", item.obj) for item in items}:
-        # how hypothesis' own decorator hands them over
+        # hypothesis' own decorator passes them in this way
         whole = getattr(function, "_hypothesis_internal_use_settings", None)
         if whole is not None:
             function._hypothesis_internal_use_settings = hypothesis.settings(

@@ -316,8 +316,8 @@ class Recorder:
         )
 
         def let_be():
-            """The board's own methods again, so that what goes on costs nothing more; but where
-            somebody else has replaced them since."""
+            """Restore the board's own methods, except any that others have replaced since, because
+            recording takes time."""
             for owner, name, ours, own in replaced:
                 if getattr(owner, name) is ours:
                     setattr(owner, name, own)
@@ -333,7 +333,7 @@ class Recorder:
     def finish(self) -> Recording:
         """Return the recording up to now, or to the first call; later events are not part of it.
 
-        A board that has had too many passes has no head.
+        A board with too many passes has no head.
         """
         if self.finished:
             return self.finished
