@@ -142,9 +142,11 @@ def start(again=False):
         return
     # After a soft reset the limit is still that of REPL programs, but modules import each other.
     from framestep.hal import STACK
+    from framestep.hal.rp2.clock import set_clock
     from framestep.hal.rp2.stack import set_limit
 
     set_limit(STACK)
+    set_clock(settings.clock_mhz)
     if mistake:
         print("framestep:", mistake)
         print("framestep: nothing moves until the file is corrected and the board reset")
@@ -166,7 +168,7 @@ def start(again=False):
     except MemoryError:
         print(_SAVE)
         raise
-    forget("framestep.io.restore", "framestep.hal.rp2.flash_blocks")
+    forget("framestep.io.restore", "framestep.hal.rp2.flash_blocks", "framestep.hal.rp2.clock")
     # again, because BOOTSEL can only be pressed after the chip's own loader has checked it
     held = _held(settings.board)
     if held:

@@ -230,3 +230,24 @@ def test_a_servo_frees_its_motors_pins():
     assert BOARD["step"][1] == 4
     own = Rig({"motors": [{"servo": {}}]}, BOARD)
     assert (own.board["step"][0], own.board["dir"][0]) == (2, 2)
+
+
+@pytest.mark.parametrize(
+    ("board", "own", "others"),
+    [("pico", 200, (125, 150)), ("pico2", 150, ()), ("skr_pico", 125, (150, 200))],
+)
+def test_clock(board, own, others):
+    """A board has a clock of its own, and its chip may run at others."""
+    data = board_data(board)
+    assert Rig({}, data).clock_mhz == Rig({"clock_mhz": own}, data).clock_mhz == own
+    for mhz in others:
+        assert Rig({"clock_mhz": mhz}, data).clock_mhz == mhz
+
+
+def test_clocks_that_a_chip_has_not():
+    with pytest.raises(RigError, match=r"clock_mhz: found 200, allowed is one of \[150\] here"):
+        Rig({"clock_mhz": 200}, board_data("pico2"))
+    with pytest.raises(RigError, match="clock_mhz: found 133, allowed is one of 0, 125, 150, 200"):
+        Rig({"clock_mhz": 133}, board_data("pico"))
+    with pytest.raises(RigError, match=r"clock_mhz: found 125, allowed is one of \[0\] here"):
+        Rig({"clock_mhz": 125})

@@ -19,6 +19,7 @@ class Chip:
     engine: str  # what makes the pulses: a key of board_files.ENGINES
     motors: int  # as many as the engine can step
     pins: int  # board data and rig files may name 0 to one less
+    clocks: list[int]  # MHz that the processor may run at
     uarts: list[dict[str, list[int]]]  # the pins that each UART can have as TX and RX
     processor: str  # as mpy-cross calls it
     uf2_family: str

@@ -23,6 +23,8 @@ TICK_DELAY_NS = 7_000  # from the timer's alarm to the first line of the interru
 UPLOAD_BYTES = 176 * 1024
 # as boards/pico/board.json, except for motors
 BOARD = {
+    "clocks": [125, 150, 200],
+    "clock_mhz": 200,
     "chip": "rp2040",
     "pins": 30,
     "step": [2, 4, 6, 8, 10, 12, 14, 16],

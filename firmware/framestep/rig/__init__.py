@@ -41,6 +41,7 @@ class Rig:
             self.servos |= 1 << i
             if "step" in self.board:
                 self.board["step"][i] = self.board["dir"][i] = pin
+        self.clock_mhz = self._read_clock(settings["clock_mhz"])  # 0: left alone
         self.home_input = settings["home_input"]
         self.settings = settings
         self.homing = self._read_homes()  # whether any motor can be homed
@@ -75,6 +76,12 @@ class Rig:
             raise RigError(
                 "motors: found %d, allowed is a list of at most %d here" % (len(self.motors), count)
             )
+
+    def _read_clock(self, mhz):
+        clocks = self.board.get("clocks", [0])
+        if mhz and mhz not in clocks:
+            raise RigError("clock_mhz: found %d, allowed is one of %s here" % (mhz, clocks))
+        return mhz or self.board.get("clock_mhz", 0)
 
     def _read_servos(self):
         """Return a list of (motor from 0, pin) of the motors that are servos."""

@@ -1,6 +1,7 @@
 """Every setting of the rig file, rig.json: type, range, default and meaning, in one table.
 
-Error texts name the key, the value found and what is allowed. Allocates.
+Error texts name the key, the value found and what is allowed. The build leaves the meanings out of
+a board's image. Allocates.
 """
 
 # fmt: off
@@ -15,6 +16,8 @@ SETTINGS = {
     "jog_timeout_ms": (int, 0, 60000, 500, "ms",
         "a jog ends if it is not repeated within this time; 0: never"),
     "hard_stop_factor": (int, 1, 16, 4, "", "how many times as steeply a hard stop decelerates"),
+    "clock_mhz": (int, (0, 125, 150, 200), None, 0, "MHz",
+        "clock of the processor; 0: the board's own, see its page"),
     "go_input": (int, 0, 16, 0, "",
         "number of the general input that gives GO when it goes on; 0: none"),
     "home_input": (int, 0, 16, 0, "",

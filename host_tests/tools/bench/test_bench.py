@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from framestep_tools.bench.figures import FIGURES, table
+from framestep_tools.bench.figures import AT_200, FIGURES, keyed, table
 from framestep_tools.bench.moves import FPS, RAMP, ROLL_MS, STEADY_RATES, mixed_move
 from framestep_tools.judge.reference import Reference
 from framestep_tools.judge.trace import PinDecoder, Trace, load_board
@@ -40,14 +40,23 @@ KEYS = [
 def test_keys():
     assert [figure.key for figure in FIGURES] == KEYS
     assert all(figure.how for figure in FIGURES)
+    assert set(AT_200) <= set(KEYS)
+    assert keyed({125: {"a": 1}, 200: {"a": 2}}) == {"a": 1, "a_200": 2}
 
 
 @pytest.mark.parametrize(
-    "key, good, bad",
-    [("steps_per_s_8", 350_000, 349_999), ("tick_us_8", 60, 60.1), ("heap_bytes_per_hour", 0, 1)],
+    "key, mhz, good, bad",
+    [
+        ("steps_per_s_8", 125, 350_000, 349_999),
+        ("steps_per_s_8", 200, 350_000, 349_999),
+        ("tick_us_8", 125, 60, 60.1),
+        ("tick_us_8", 200, 38, 38.1),
+        ("rx_bytes_per_s", 200, 600_000, 599_999),
+        ("heap_bytes_per_hour", 125, 0, 1),
+    ],
 )
-def test_goals(key, good, bad):
-    figure = {figure.key: figure for figure in FIGURES}[key]
+def test_goals(key, mhz, good, bad):
+    figure = {figure.key: figure for figure in FIGURES}[key].at(mhz)
     assert figure.reached(good) is True
     assert figure.reached(bad) is False
 
@@ -56,10 +65,12 @@ def test_goals(key, good, bad):
 def test_table(explain):
     figures = dict.fromkeys(KEYS, 1.0) | {"upload_frames_8": 12_345, "tick_us_8": 61.25}
     out = io.StringIO()
-    Console(file=out, width=200).print(table(figures, figures | {"tick_us_8": 51.0}, explain))
+    faster = figures | {"tick_us_8": 36.5}
+    without_misses = figures | {"tick_us_8": 51.0}
+    Console(file=out, width=240).print(table({125: figures, 200: faster}, without_misses, explain))
     rows = {row.split("│")[1].strip(): row for row in out.getvalue().splitlines() if "│" in row}
     assert set(KEYS) <= rows.keys()
-    for part in ("≤ 60", "61.2", "51", "µs", "missed"):
+    for part in ("≤ 60", "61.2", "missed", "≤ 38", "36.5", "reached", "51", "µs"):
         assert part in rows["tick_us_8"]
     assert "≥ 10 000" in rows["upload_frames_8"]
     assert "12 345" in rows["upload_frames_8"]

@@ -76,3 +76,20 @@ def test_old_results_go(made, monkeypatch):
         remembered(str(i))
     assert len(list((folder / "cache/mpy/results").iterdir())) == 3
     assert [p.name for p in (folder / "cache/mpy").iterdir()] == ["results"], "no scratch is left"
+
+
+def test_a_board_has_settings_without_their_meaning():
+    """The tables on a board are those of a computer, but for the last column."""
+    for name in ("settings", "homes", "servos"):
+        path = f"framestep/rig/{name}.py"
+        here = (board_files.FIRMWARE / path).read_text()
+        found = {}
+        for text in (here, board_files.without_meanings(here)):
+            exec(compile(text, path, "exec"), names := {})
+            found[text] = {key: v for key, v in names.items() if key.endswith("SETTINGS")}
+        whole, short = found.values()
+        assert whole
+        assert whole.keys() == short.keys()
+        for table, rows in whole.items():
+            assert all(row[-1] for row in rows.values())
+            assert short[table] == {key: (*row[:-1], "") for key, row in rows.items()}

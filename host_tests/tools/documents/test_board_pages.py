@@ -64,6 +64,7 @@ FOUR_MOTORS = {
         (change("pico", estop=2), "1 motors: pin 2 is used 2 times"),
         (change("pico", meter=30), "there is no pin 30"),
         (change("pico", motors=7), "motors: 7, but step, dir and enable list [8]"),
+        (change("skr_pico", clock_mhz=133), "clock_mhz: 133, but the chip runs at [125, 150, 200]"),
         (change("pico2", chip="rp2040"), "motors: 12, but the chip has 8 state machines"),
         (change("pico", chip="z80"), "chip: z80 is none of rp2040, rp2350"),
         (change("pico", dmx={"uart": 1, "tx": 0, "rx": 1}), "pins 0, 1 are not TX and RX of UART1"),
@@ -148,6 +149,7 @@ def test_folder_is_complete(name):
     folder = ROOT / "boards" / name
     page = (folder / "README.md").read_text()
     assert "not yet tried on hardware" in page.lower()
+    assert f"runs at {board_data(name)['clock_mhz']} MHz" in page
     heading = f"# {board_data(name)['name']}"
     assert page.splitlines()[0].startswith(heading), (
         f"boards/{name}/README.md is to begin with the name in board.json: {heading}"
@@ -203,7 +205,7 @@ def test_motors_free_pins():
     assert "gio" not in ten
     for drivers in (False, True):
         eight, wanted = fitted(pico2, 8, drivers), fitted(pico, 8, drivers)
-        same = wanted.keys() - {"name", "chip", "page"}
+        same = wanted.keys() - {"name", "chip", "clock_mhz", "clocks", "page"}
         assert {key: eight[key] for key in same} == {key: wanted[key] for key in same}
     # the UART's pins step motor 11
     assert "drivers" not in fitted(pico2, 11, True)

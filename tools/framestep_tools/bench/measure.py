@@ -190,10 +190,10 @@ def light_channels(session: Session, frames: int) -> int:
     return _CHANNELS
 
 
-def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
-    """Return all figures, with the flash-cache model or without."""
+def measure(mhz: int, cache: bool, say: Callable[[str], None]) -> dict[str, float]:
+    """Measure all figures at a clock of the processor, with the flash-cache model or without."""
     args = [] if cache else ["--xip-miss", "0"]
-    rig: dict[str, Any] = {"motors": [{"pulse_us": PULSE_US}] * MOTORS}
+    rig: dict[str, Any] = {"clock_mhz": mhz, "motors": [{"pulse_us": PULSE_US}] * MOTORS}
     figures: dict[str, float] = {}
     say("booting the frozen image")
     with EmulatedBoard(rig, trace=False, args=args) as board:
@@ -204,7 +204,7 @@ def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
         say("lights and triggers")
         figures["light_channels_with_2000_frames"] = light_channels(session, 2000)
         say("mixed move")
-        _mixed(session, figures)
+        _mixed(session, figures, mhz)
         say("GO, 100 times")
         times = go_times(session)
         figures["go_ms_median"] = float(np.median(times))
@@ -270,7 +270,7 @@ def virtual_replies(session: Session) -> list[float]:
     return ask.ms + jog.ms
 
 
-def _mixed(session: Session, figures: dict[str, float]) -> None:
+def _mixed(session: Session, figures: dict[str, float], mhz: int) -> None:
     client = session.client
     positions = session.prepare(mixed_move(), max(STEADY_RATES) * 11 // 10)
     ask = Asker(client)
@@ -293,7 +293,7 @@ def _mixed(session: Session, figures: dict[str, float]) -> None:
     figures["edge_error_steady_us"] = float(np.nanmax(played.errors_us(ramps=False)))
     figures["edge_error_ramp_us"] = float(np.nanmax(played.errors_us(ramps=True)))
     figures["frame_error_us"] = played.verdict.worst_time_us
-    figures["tick_us_8"] = ticks["cycles"] / 125 / played.measured["ms"]
+    figures["tick_us_8"] = ticks["cycles"] / mhz / played.measured["ms"]
     figures["cpu_load_8_percent"] = 100 * played.measured["load"]
     replies = [ask.ms]
     for seed in range(2, PLAYS + 1):

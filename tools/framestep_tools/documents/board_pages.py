@@ -23,6 +23,7 @@ _KEYS = {
     *(
         "name",
         "chip",
+        "clock_mhz",
         "motors",
         "step",
         "dir",
@@ -35,7 +36,7 @@ _KEYS = {
         "gio",
     ),
     *("outputs", "inputs", "stops", "led", "rgb", "jumper", "freed", "with_drivers", "page"),
-    "pins",  # not in the file: board_files.board_data adds it
+    *("pins", "clocks"),  # not in the file: board_files.board_data adds them
 }
 
 
@@ -166,6 +167,8 @@ def complaints(board: Mapping[str, Any]) -> list[str]:
             *found,
             f"motors: {board['motors']}, but step, dir and enable list {sorted(lengths)}",
         ]
+    if board["clock_mhz"] not in chip.clocks:
+        found.append(f"clock_mhz: {board['clock_mhz']}, but the chip runs at {chip.clocks}")
     if board["motors"] > chip.motors:
         found.append(f"motors: {board['motors']}, but the chip has {chip.motors} state machines")
     for state, data in fits(board):

@@ -17,6 +17,7 @@ _HEAD = ("| key | allowed | default | meaning |", "|---|---|---|---|")
 TASKS = {
     "Board and host": (
         "name", "dialect", "ports", "report_ms", "jog_timeout_ms", "watchdog", "virtuals",
+        "clock_mhz",
     ),
     "Motors": (
         "motor_count", "motors", "motors[].invert", "motors[].pulse_us", "motors[].setup_us",

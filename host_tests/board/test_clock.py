@@ -1,0 +1,57 @@
+"""Each clock of the processor on the emulated board: everything that counts cycles keeps its time,
+and the core's voltage is raised before the clock."""
+
+import pytest
+
+from framestep_emulator import Emulator
+from framestep_tools.building import images
+from framestep_tools.payloads import Dmx
+from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.board.test_io import Wire, check_timing
+from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played
+from host_tests.end_to_end.session import Session, run_request
+
+VREG_1_15_V = 0xC1  # EN, and VSEL of 1.15 V: RP2040 datasheet 2.10.6
+
+
+@pytest.mark.parametrize("mhz", [125, 150, 200])
+def test_runs_and_lights_at_each_clock(mhz):
+    with EmulatedBoard({"clock_mhz": mhz}) as board:
+        session = Session(board)
+        assert board.emulator.cycles()["hz"] == mhz * 1e6
+        for motor in range(1, 9):
+            session.speed(motor, 20_000, 100_000)
+        session.upload(MOVE)
+        before = session.play(run_request(24, 1, FRAMES, 700, 300))
+        assert_played(session, before, MOVE, 24)
+        wire = Wire(board)
+        levels = bytes((7 * c + 3) & 0xFF for c in range(512))
+        session.accept(Dmx(0, 1, list(levels)))
+        session.run(0.1)
+        wire.emulator.trace_read()
+        session.run(0.1)
+        frames = wire.frames(wire.emulator.trace_read())
+        check_timing(frames)
+        for frame in frames:
+            assert frame[3] == b"\0" + levels
+
+
+def test_voltage_is_raised():
+    """A Pico's own clock is 200 MHz."""
+    with Emulator(images.frozen()) as emu:
+        emu.wait_usb(ports=2)
+        repl = emu.repl()
+        assert emu.cycles()["hz"] == 200e6
+        repl.exec("import machine; from framestep.hal.rp2.clock import set_clock")
+        assert repl.eval("machine.mem32[0x40064000] & 0xFF") == VREG_1_15_V
+        for mhz in (125, 150, 200, 200):
+            repl.exec(f"set_clock({mhz})")
+            assert emu.cycles()["hz"] == mhz * 1e6
+        assert repl.eval("machine.mem32[0x40064000] & 0xFF") == VREG_1_15_V
+
+
+def test_the_emulated_core_stops_at_a_clock_beyond_its_voltage():
+    with Emulator(images.frozen(), files={"/rig.json": b'{"clock_mhz": 125}'}) as emu:
+        emu.repl().start("import machine; machine.freq(200000000)")
+        emu.advance(100)
+        assert "200 MHz" in emu.halted
