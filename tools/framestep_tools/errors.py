@@ -20,11 +20,11 @@ INTERRUPTED = 130
 
 STATUSES = {
     DONE: "done",
-    FAILED: "a file, a setting or a tool is not as it should be",
-    USAGE: "the command line is not as it should be",
-    NO_PORT: "no board is on USB, or there is no such port, or it may not be opened",
+    FAILED: "a file, a setting or a tool has a fault",
+    USAGE: "the command line is wrong",
+    NO_PORT: "no board is on USB, or the port does not exist or may not be opened",
     PORT_BUSY: "another program has the port",
-    NO_CONTROLLER: "no motion controller answers there, or not as it should",
+    NO_CONTROLLER: "no motion controller answers there, or it answers wrongly",
     BROKEN_OFF: "the connection broke off: a pulled cable, a reset",
     REFUSED: "the controller refuses what was asked",
     INTERRUPTED: "Ctrl-C",

@@ -29,7 +29,7 @@ NO_JSON = {
         "not valid JSON in line 3, column 11 (Expecting ':' delimiter)"
     ),
     b'{"name": "x",\n5}': "not valid JSON in line 2, column 1",
-    b'{"ports": NaN}': "not valid JSON (NaN is no JSON)",
+    b'{"ports": NaN}': "not valid JSON (NaN is not JSON)",
     b'{\n"name": "\xe9"}': "expected UTF-8, found byte 0xE9 in line 2",
     b"[1]": "expected an object of settings, found list",
 }

@@ -134,7 +134,10 @@ def test_a_name_with_two_meanings_is_refused(text):
 
 @pytest.mark.parametrize(
     ("text", "what"),
-    [("N = const('x')\n", "no whole number"), ("N = const(1)\nN = const(2)\n", "constant already")],
+    [
+        ("N = const('x')\n", "not a whole number"),
+        ("N = const(1)\nN = const(2)\n", "constant already"),
+    ],
 )
 def test_odd_constants_are_refused(text, what):
     with pytest.raises(FoldError, match=what):

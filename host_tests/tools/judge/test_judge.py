@@ -194,7 +194,7 @@ FAULTS = {
     ),
     "step lost": (5, dropped(4000), "off their"),
     "step lost near a turn": (2, dropped(-9000), "off their"),
-    "step lost in the run-out": (2, dropped(-100), "stands at"),
+    "step lost in the run-out": (2, dropped(-100), "by its steps, but reports"),
     "all directions wrong": (5, lambda t, v: (t, -v), "off their position"),
     "step and back in a hold": (1, inserted(30, 0.5, [1, -1]), "while it should hold still"),
     "step and back in motion": (5, inserted(20, 0.5, [-1, 1], 2000), "against the motion"),

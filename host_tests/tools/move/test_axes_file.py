@@ -13,7 +13,7 @@ from host_tests.tools.move.move_samples import ARC, LINEAR, run
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[[axis]\n", "not TOML as it should be: "),
+        ("[[axis]\n", "not valid TOML: "),
         ("", "expected an [[axis]] for each motor, found none"),
         ("axis = 3\n", "expected an [[axis]] for each motor, found none"),
         ("fps = 24\n", 'expected only [[axis]] at the top, found "fps"'),

@@ -120,7 +120,7 @@ def test_a_spoilt_file_is_read_or_refused(text, at, length, put):
             [],
             "expected the file's timeUnit pal, found sec",
         ),
-        ("<scene>", [], "not XML as it should be: no element found: line 1"),
+        ("<scene>", [], "not valid XML: no element found: line 1"),
         ("<svg/>", [], "expected <scene> as the outermost element, found svg"),
         ("<scene/>", [], "expected an axis with keyframes, found none"),
         (

@@ -351,7 +351,7 @@ def test_what_is_borrowed_of_an_rp2350_and_given_back():
 def test_machines_that_do_not_wait_are_left_alone():
     memory = Memory()
     memory.words[memory.base + 0xC8 + 16] = 0x0042
-    with pytest.raises(CannotCapture, match="let all motors stand"):
+    with pytest.raises(CannotCapture, match="stop all motors"):
         Borrowed(memory, CHIPS["rp2350"], [8, 9], [4, 6], True, 0, 1000).begin()
     assert not memory.written
 

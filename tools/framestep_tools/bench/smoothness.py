@@ -77,7 +77,7 @@ def _origin(trace: Trace, start: dict[int, int], moved: dict[int, np.ndarray], f
         fitting = [(max(low, a), min(high, b)) for a, b in spans if max(low, a) < min(high, b)]
         if not fitting:
             raise ToolError(
-                f"motor {motor} was beside an uploaded position at a frame's time, at {fps} "
+                f"motor {motor} missed an uploaded position at a frame's time, at {fps} "
                 "frames/s with smoothing"
             )
         if len(fitting) == 1:

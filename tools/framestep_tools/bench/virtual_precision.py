@@ -90,7 +90,7 @@ def frame(payload: bytes) -> FrameReader:
     reader = FrameReader()
     data = wire.encode(messages.MSG_VIRT_CONFIG, payload, 7)
     if reader.feed(data, 0, len(data)) != len(data) or reader.poll() != FRAME:
-        raise ValueError("this payload is no frame")
+        raise ValueError("this payload is not a frame")
     return reader
 
 

@@ -38,7 +38,7 @@ def parse(content: bytes, name: str) -> dict[str, Any]:
     if it is not a JSON object."""
 
     def constant(word: str) -> None:
-        raise ValueError(f"{word} is no JSON")
+        raise ValueError(f"{word} is not JSON")
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         found = dict(pairs)

@@ -145,7 +145,7 @@ def _read_constants(module: _Module, modules: Mapping[str, _Module]) -> bool:
             case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
                 return _OPERATORS[type(op)](compute(operand))
         raise FoldError(
-            f"{module.path}, line {node.lineno}: const() of something that is no whole number"
+            f"{module.path}, line {node.lineno}: const() of something that is not a whole number"
         )
 
     try:

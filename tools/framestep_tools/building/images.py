@@ -56,7 +56,7 @@ def _run(*command: str, show: bool = False, **environment: str) -> str:
         text=True,
     )
     if result.returncode != 0:
-        said = "what it said is above" if show else f"\n{result.stderr.strip()}"
+        said = "its messages are above" if show else f"\n{result.stderr.strip()}"
         raise BuildError(f"{' '.join(command)} failed: {said}")
     return result.stdout
 

@@ -356,7 +356,7 @@ def _play(client: Client, request: Payload, code: Ack) -> str | None:
         return (
             "the motors are not on a frame of the upload: send them to one"
             if isinstance(request, RtJogAll)
-            else "the motors are not where it begins: prepare it again"
+            else "the motors are not at its start: prepare it again"
         )
     if code == Ack.ERR_RANGE:
         return _where(request, rate)
@@ -431,11 +431,7 @@ def _ramp(request: Payload, exceeded: Exceeded) -> str:
 
 
 def _limit(value: int | None, bits: int | None, which: int) -> str:
-    return (
-        f"{value} ({_LIMITS})"
-        if (bits or 0) & which
-        else "which is that of the motor coupled to it"
-    )
+    return f"{value} ({_LIMITS})" if (bits or 0) & which else "which is the coupled motor's"
 
 
 # ---- virtual axes

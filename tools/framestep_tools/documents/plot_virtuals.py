@@ -340,10 +340,7 @@ def draw(kind: int, out: str | os.PathLike) -> None:
         figure.text(0.01, 0.02, "orange: the rig's own axes", color=_JOINT, fontsize=8)
         blue = "blue: virtual axes"
         if kind != SWING_PAN:
-            blue += (
-                ", drawn from where the formulas have 0; "
-                "the host counts from the pose that it tells in VIRT_CONFIG"
-            )
+            blue += ", from the formulas' zero; the host counts from its pose in VIRT_CONFIG"
         figure.text(0.16, 0.02, blue, color=_VIRTUAL, fontsize=8)
         figure.tight_layout()
         drawn = io.StringIO()

@@ -178,7 +178,7 @@ def judge(
         stands = start.get(motor, 0) + int(np.sum(trace.steps(motor)[1]))
         if end and end.get(motor, stands) != stands:
             verdict.complaints.append(
-                f"motor {motor}: stands at {stands} by its steps, but says it is at {end[motor]}"
+                f"motor {motor}: is at {stands} by its steps, but reports {end[motor]}"
             )
     strangers = [
         m

@@ -147,7 +147,7 @@ def read_axes(path: str | os.PathLike) -> list[Axis]:
     except OSError as error:
         raise AxesFileError(f"cannot read the axes {path}: {error.strerror or error}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise AxesFileError(f"{path}: not TOML as it should be: {error}") from None
+        raise AxesFileError(f"{path}: not valid TOML: {error}") from None
     for key in content:
         if key != "axis":
             raise AxesFileError(f'{path}: expected only [[axis]] at the top, found "{key}"')
@@ -169,7 +169,7 @@ def read_axes(path: str | os.PathLike) -> list[Axis]:
         if axis.motor != number:
             raise AxesFileError(
                 f"{path}: there is no axis for motor {number}, but one for motor {axis.motor}; "
-                'a move has a column for each motor from 1 on, and one that stands has "hold"'
+                'a move has a column for each motor from 1 on; a motor at rest has "hold"'
             )
     return axes
 

@@ -176,7 +176,7 @@ def real(
     with Device(port, say) as repl:
         if not repl.state.background:
             raise ToolError(
-                f"{repl.path}: framestep does not run there with a REPL beside it: put it there "
+                f"{repl.path}: framestep does not run there with a REPL next to it: put it there "
                 'with framestep install, set "ports" to 2 in the rig file, or reset the board'
             )
         if repl.state.moving:

@@ -169,8 +169,7 @@ class Borrowed:
             )
             if self._enabled >> i & 1 and word != _PULL:
                 raise CannotCapture(
-                    "the state machines that would watch are not those of motors at rest: "
-                    "let all motors stand"
+                    "the state machines that would watch belong to moving motors: stop all motors"
                 )
             self._saved[i] = settings, at
 

@@ -119,7 +119,7 @@ class Instrument:
         if not 1 <= len(pins) <= min(len(machines), BLOCK_MACHINES):
             raise ValueError(f"one pin for each of {len(machines)} machines, not {len(pins)}")
         if len({machine // BLOCK_MACHINES for machine in machines}) != 1:
-            raise ValueError("the machines of one capture are those of one block")
+            raise ValueError("the machines of one capture must be of one block")
         borrowed = Borrowed(
             self._registry, self._chip, machines[: len(pins)], pins, both, skip, most
         )

@@ -105,14 +105,14 @@ def differences(before: list[Entry], now: list[Entry], rules: Rules) -> Iterator
         yield f"{len(new.asked)} requests were sent instead of {len(old.asked)}"
     yield from _unasked(old, new, rules)
     if old.strays != new.strays:
-        yield f"{new.strays} answers to nothing that was asked instead of {old.strays}"
+        yield f"{new.strays} answers without a request instead of {old.strays}"
     at_rest = (old.rests and new.rests) or rules.exact
     if at_rest and old.last is not None and not _near(old.last, new.last, rules):
         yield f"the last positions are {_list(new.last)} instead of {_list(old.last)}"
 
 
 def _list(steps: tuple[int, ...] | None) -> str:
-    return "not told" if steps is None else ", ".join(map(str, steps))
+    return "not reported" if steps is None else ", ".join(map(str, steps))
 
 
 def _heading(asked: Asked) -> str:

@@ -191,7 +191,7 @@ def _inverse(axis: int, by: float):
         for one, name, should in zip(rig.axes, NAMES[rig.kind], wanted, strict=True):
             if one.motor and abs(steps[one.motor - 1] - should) > _SLACK:
                 raise Failed(
-                    f"for {POSE[axis]} {target[axis]:.3f} the motor of {name} stands at "
+                    f"for {POSE[axis]} {target[axis]:.3f} the motor of {name} is at "
                     f"{steps[one.motor - 1]}, expected {should:.1f}"
                 )
 
@@ -257,7 +257,7 @@ def _along_line(line: int, axis: int, speed: int):
             raise Failed(f"in 0.5 s the camera went {gone:.1f} units along its line")
         beside = np.abs(way - (way @ wanted) * wanted).max()
         if beside > 0.03 * gone + 2 * _SLACK / _STRAIGHT:
-            raise Failed(f"after {gone:.1f} units the camera is {beside:.1f} beside its line")
+            raise Failed(f"after {gone:.1f} units the camera is {beside:.1f} off its line")
         _compare(after, before, np.array([np.inf] * 3 + [0.2] * 3), "after a jog on a line")
 
     return check

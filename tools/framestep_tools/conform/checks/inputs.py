@@ -75,7 +75,7 @@ def _changed(bench: Bench):
     if pressed ^ before != 1:
         raise Failed(f"with input 1 pressed GIO_IN went from 0x{before:X} to 0x{pressed:X}")
     if after != before:
-        raise Failed(f"let go of, GIO_IN says 0x{after:X}, before it was 0x{before:X}")
+        raise Failed(f"released, GIO_IN says 0x{after:X}, before it was 0x{before:X}")
 
 
 _put(

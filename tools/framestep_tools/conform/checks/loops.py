@@ -203,7 +203,7 @@ def _rests(way: Way):
             wanted = bench.path(motor)[frame - 1]
             if played.stands[motor - 1] != wanted:
                 raise Failed(
-                    f"afterwards motor {motor} stands at {played.stands[motor - 1]}, "
+                    f"afterwards motor {motor} is at {played.stands[motor - 1]}, "
                     f"frame {frame} is at {wanted}"
                 )
 

@@ -204,7 +204,7 @@ def _retarget(bench: Bench):
     bench.go(1, 0)
 
 
-_put("a MOVE under way gets a new target", "note 4.8", _retarget, SHOULD)
+_put("a MOVE gets a new target while it runs", "note 4.8", _retarget, SHOULD)
 
 
 def _jogged(sign: int, speed: int):

@@ -241,7 +241,7 @@ def _from_path(bench: Bench):
     shot = _shot(bench, _shoot2(_FRAME, 600, 0, 360))
     for found, wanted, where in ((shot.waits[0], a, "A"), (shot.samples[-1].steps[0], b, "B")):
         if abs(found - wanted) > 3:
-            raise Failed(f"POS {where} by the path is about {wanted:.0f}, motor 1 stood at {found}")
+            raise Failed(f"POS {where} by the path is about {wanted:.0f}, motor 1 was at {found}")
 
 
 _put(

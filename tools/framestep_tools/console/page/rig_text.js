@@ -2,7 +2,7 @@
 
 import { LinkError } from "./client.js";
 
-/** The text without // comments and byte order mark; LinkError, with what is wrong, where the rest is no JSON object. */
+/** The text without // comments and byte order mark; LinkError, with what is wrong, if the rest is not a JSON object. */
 export function bareRig(text) {
   const bare = text.replace(/^\uFEFF/, "").replace(/("(?:[^"\\\n]|\\.)*")|\/\/[^\n]*/g, (_, string) => string ?? "")
     .replace(/[ \t]+$/gm, "").replace(/\n{2,}/g, "\n").trim();

@@ -34,7 +34,7 @@ def read(text: str, path: str) -> Recording:
     try:
         root = ET.fromstring(text)
     except ET.ParseError as error:
-        raise MoveFileError(f"{path}: not XML as it should be: {error}") from None
+        raise MoveFileError(f"{path}: not valid XML: {error}") from None
     if _local(root) != "scene":
         raise MoveFileError(f"{path}: expected <scene> as the outermost element, found {root.tag}")
     channels = []
