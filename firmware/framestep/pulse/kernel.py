@@ -1,4 +1,4 @@
-"""The step kernel as an object: makes the words that stepper.py names, for the tick to work on."""
+"""The step kernel as an object: makes the words that stepper.py names and the tick works on."""
 
 from array import array
 
@@ -13,7 +13,7 @@ class StepKernel:
     """State blocks for `motors` motors and the tick function over them.
 
     cycles: engine cycles per tick, a multiple of 1000, at most engine.FASTEST_HZ // 1000.
-    clock: address of a microsecond counter (on CPython: of anything that can be indexed with 0).
+    clock: address of a microsecond counter (on CPython: of any object with an item 0).
     """
 
     def __init__(self, motors, cycles, clock):
@@ -46,16 +46,16 @@ class StepKernel:
         state[sw.OUT_SET] = state[sw.OUT_CLEAR] = as_word(addressof(self._nowhere))
 
     def outputs(self, set_address, clear_address):
-        """Where cues go: registers that raise and lower the output pins of a mask, or the word of
-        levels twice."""
+        """Set where cues go: registers that raise and lower the output pins of a mask, or the word
+        of levels twice."""
         self.state[sw.OUT_SET] = as_word(set_address)
         self.state[sw.OUT_CLEAR] = as_word(clear_address)
 
     def cue(self, tick, raised, lowered):
-        """Change output pins in a tick (modulo 2^29), not before the cues put until now.
+        """Change output pins in a tick (modulo 2^29), not earlier than in the cues before.
 
         raised, lowered: masks of pins, below 2^30. The pins change some microseconds after the
-        tick is due. False where there is no room.
+        tick is due. Return False if there is no room.
         """
         state = self.state
         if (state[sw.CUE_WRITE_INDEX] - state[sw.CUE_READ_INDEX]) & WRAP >= sw.CUE_SLOTS:
@@ -69,7 +69,7 @@ class StepKernel:
         return True
 
     def drop_cues(self):
-        """Forget the cues that have not been given. Interrupts are off."""
+        """Drop the cues that have not been given. To be called with interrupts off."""
         self.state[sw.CUE_WRITE_INDEX] = self.state[sw.CUE_READ_INDEX]
 
     def configure(self, motor, fifo, width, setup, invert):

@@ -1,8 +1,8 @@
 """The tick: the whole interrupt handler on the board, one viper function over the blocks of
 stepper.py.
 
-A module of its own because a frozen image runs it from RAM (see boot.py): from flash it takes twice
-as long as soon as the main loop has pushed it out of the flash cache.
+It has its own module because a frozen image runs it from RAM (see boot.py): from flash it takes
+twice as long when the main loop has pushed it out of the flash cache.
 """
 
 from array import array
@@ -12,24 +12,26 @@ from framestep.base.native import const, micropython, ptr32
 from framestep.pulse import engine
 from framestep.pulse import stepper as sw
 
-_HAIR = const(128)  # Q22: a step is made so much early, lest rounding put it into the next tick
-_EARLY_US = const(50)  # before its time that a call is taken for the next tick, not for a replay
-_BACK_US = const(24)  # that far twice is not _EARLY_US: a late call and the replay of one
+# Q22: a step this close to its place counts as made, so that rounding does not put it into the next
+# tick
+_STEP_TOLERANCE = const(128)
+_EARLY_US = const(50)  # a call this early is for the next tick; an earlier one is a replay
+_BACK_US = const(24)  # twice this, from a late call and its replay, is less than _EARLY_US
 _PULSE_BITS = const(engine.GAP - engine.PULSES)
 
 
 class Header(array):
-    """The header words, with the tick function as a method: the timer's callback gets the words
-    as its first argument, and no attribute need be looked up in the interrupt."""
+    """The header words, with the tick function as a method: so the timer's callback gets the words
+    as its first argument, and the interrupt looks up no attribute."""
 
-    # What the compiler makes of this: the first two variables live in registers, the others on
-    # the stack; a comparison costs about 12 cycles where a test for zero costs 5. Hence the shape.
+    # The code is written for the compiler: it keeps the first two variables in registers, and the
+    # others on the stack; a comparison costs about 12 cycles, a test for zero 5.
     @micropython.viper
     def tick(m: ptr32, _timer):
         h = m
         clock = ptr32(m[sw.CLOCK])
         now = clock[0]
-        # After a hole in time the timer replays what it missed; only the clock tells what is due.
+        # After a pause the timer replays the calls it missed; only the clock shows what is due.
         late = (now - m[sw.DUE]) & WIDE_WRAP
         if late > m[sw.WORST_LATE]:
             if late >= WIDE_HALF:
@@ -38,19 +40,19 @@ class Header(array):
                         return
                     if (late + 2 * sw.TICK_US) & WIDE_WRAP < WIDE_HALF:
                         return
-                late = 0  # a call before came late: this is the grid that the timer keeps
+                late = 0  # an earlier call was late: this one is on the timer's grid
                 m[sw.DUE] = now & WIDE_WRAP
             elif m[sw.RUNNING]:
                 m[sw.WORST_LATE] = late
         if late >= m[sw.LATEST] - sw.TICK_US:
-            # From LATEST on all engines have run dry and are at rest. A stop with BRAKE began where
-            # the pulses ended; the ramp goes on as if it had gone on during the hole. The time lost
-            # is not made up for. Before LATEST, only engines whose last pulse came early in its
-            # tick have run dry: START has each of them looked at below.
+            # From LATEST on all engines have run dry and are at rest. Each motor stops with BRAKE,
+            # from where its pulses ended, on a ramp as if it had continued during the pause. The
+            # lost time is not made up for. Before LATEST, only engines whose last pulse came early
+            # in its tick have run dry: because of START each engine is checked below.
             missed = 0
             if late >= m[sw.LATEST]:
                 missed = (late - m[sw.LATEST]) // sw.TICK_US + 1 + m[sw.LEAD]
-                late = late % sw.TICK_US  # the ticks missed are left out, the grid stays
+                late = late % sw.TICK_US  # skip the missed ticks, keep the grid
                 m[sw.DUE] = (now - late) & WIDE_WRAP
             a = m[sw.FIRST]
             while a:
@@ -65,7 +67,7 @@ class Header(array):
                     continue
                 m[sw.IDLE_AT] = (h[sw.TICKS] - 1000) & WRAP
                 if m[sw.MODE] & sw.START:
-                    m[sw.MODE] = sw.RUN | sw.START  # has yet to begin
+                    m[sw.MODE] = sw.RUN | sw.START  # it has not begun
                 elif m[sw.MODE] & (sw.RUN | sw.STOP):
                     m[sw.FAULT] = m[sw.FAULT] | sw.FAULT_LATE
                     h[sw.FAULTS] = h[sw.FAULTS] | sw.FAULT_LATE
@@ -74,26 +76,26 @@ class Header(array):
                     d = m[sw.VELOCITY]
                     s = d >> 31
                     d = (d ^ s) - s
-                    # by quotients, since DECEL * missed may not fit 32 bits
+                    # compare quotients, because DECEL * missed may exceed 32 bits
                     if d // m[sw.DECEL] < missed:
                         d = 0
                     else:
                         d = d - m[sw.DECEL] * missed
                     m[sw.VELOCITY] = (d ^ s) - s
-                    # The pulses of the first tick are spread from its start on. With a part of a
-                    # step made already they would be too fast; a stop has no need of it.
+                    # The pulses of the first tick are spread from its start. If part of a step were
+                    # already made, they would be too fast; a stop does not need that part.
                     m[sw.FRACTION] = 0
                     m[sw.READ_INDEX] = m[sw.WRITE_INDEX]
                     m[sw.LEFT] = 0
-                    m[sw.MODE] = sw.RUN | sw.STOP | sw.START  # the engine first, then a stop
+                    m[sw.MODE] = sw.RUN | sw.STOP | sw.START  # synchronize, then stop
                 else:
                     m[sw.MODE] = sw.IDLE
             m = h
         if m[sw.RUNNING]:
             m[sw.RUNNING] = m[sw.RUNNING] - 1
         else:
-            # Back to the timer's grid, if a hole has moved it. After a call that came late by
-            # itself the next ones are not to be early for that.
+            # Return to the timer's grid, in case a pause has moved DUE. Slowly, so that after a
+            # single late call the next ones do not count as early.
             late = late >> 4
             if late > _BACK_US:
                 late = _BACK_US
@@ -124,7 +126,7 @@ class Header(array):
             a = m[sw.NEXT]
             if m[sw.MODE]:
                 h[sw.RUNNING] = 4
-                alone = 0  # the first pulse gets a command by itself
+                alone = 0  # 1: the first pulse gets its own command
                 if m[sw.MODE] & sw.START:
                     m[sw.MODE] = m[sw.MODE] & (sw.RUN | sw.STOP)
                     clock = ptr32(h[sw.CLOCK])
@@ -135,11 +137,11 @@ class Header(array):
                         idle < h[sw.LEAD]
                         and m[sw.CARRY] + idle * cycles - (m[sw.SHORTEST] >> 1) < wait
                     ):
-                        # the engine has not run dry since
+                        # the engine has not run dry
                         m[sw.CARRY] = m[sw.CARRY] + idle * cycles
                     else:
                         # Make the engine wait so that this tick's output begins AHEAD of the tick's
-                        # own time, however late within it this line is reached.
+                        # own time, however late the code gets here.
                         fifo = ptr32(m[sw.FIFO])
                         word = m[sw.WORD]
                         wait = wait - m[sw.RESERVE] + m[sw.FIXED] - engine.COMMAND_CYCLES
@@ -178,8 +180,9 @@ class Header(array):
                             m[sw.READ_INDEX] = (head + 1) & WIDE_WRAP
                             gap = q[k + sw.SEG_WHOLE] - m[sw.POSITION]
                             d = (gap << 22) + q[k + sw.SEG_FRACTION]
-                            # within two steps, so that the second line cannot overflow, and by an
-                            # eighth, but for a motion that has turned within the last tick
+                            # Compares whole steps first, so that the next line cannot overflow. The
+                            # tolerance is an eighth step, except after a tick of less than a full
+                            # span, in which the motion turned.
                             if (gap + 2) >> 2 or (
                                 (d - m[sw.FRACTION] + sw.ONE // 8) >> 20
                                 and m[sw.SPAN] - cycles == 0
@@ -200,8 +203,8 @@ class Header(array):
                                 m[sw.JERK] = q[k + sw.SEG_JERK]
                                 m[sw.SPAN] = q[k + sw.SEG_SPAN]
                         else:
-                            # The end, or with a velocity left or more to come a queue that was not
-                            # filled in time
+                            # The end; or, if there is still a velocity or more is planned, a queue
+                            # that was not filled in time
                             if m[sw.MODE] & sw.STOP:
                                 pass
                             elif m[sw.VELOCITY] | (m[sw.PLANNED] & sw.PLAN_TIMED):
@@ -220,7 +223,7 @@ class Header(array):
                     acc = acc >> 5
                     m[sw.VELOCITY] = d + acc
                 else:
-                    # A stop needs no target: the steps made so far are where the motor stands.
+                    # A stop needs no target: the motor's position is the steps made so far.
                     m[sw.IDLE_AT] = h[sw.TICKS]
                     d = m[sw.VELOCITY]
                     acc = m[sw.DECEL]
@@ -244,14 +247,14 @@ class Header(array):
                         m[sw.WAIT] = m[sw.WAIT] - 1
                         if m[sw.WAIT] == 0:
                             m[sw.MODE] = sw.IDLE
-                # Steps that fall into this tick. All that follows looks along the motion.
+                # Steps within this tick. From here on signs are relative to the motion.
                 rem = m[sw.FRACTION] + d
                 s = rem >> 31
                 if s:
                     rem = 0 - rem
                     d = 0 - d
                     acc = 0 - acc
-                n = (rem + _HAIR) >> 22
+                n = (rem + _STEP_TOLERANCE) >> 22
                 if n:
                     rem = rem - (n << 22)
                     least = m[sw.SHORTEST]
@@ -274,12 +277,12 @@ class Header(array):
                     fifo = ptr32(m[sw.FIFO])
                     carry = m[sw.CARRY] - engine.COMMAND_CYCLES
                     bent = 0
-                    back = 0  # whole steps from the pulse looked at to the last one of the tick
+                    back = 0  # whole steps from this command's last pulse to the tick's last one
                     if acc:
                         if (acc ^ (acc >> 31)) > (d - sw.ONE // 2) >> 7:
                             bent = 1
-                    # e: cycles from the start of the tick to the last crossing, were the velocity
-                    # constant. bent: acceleration over velocity, Q10.
+                    # e: cycles from the tick's start to the last crossing, at constant velocity.
+                    # bent: acceleration over velocity, Q10.
                     if n - 1:
                         step = (m[sw.SPAN] << 14) // (d >> 8)  # cycles per step
                         e = m[sw.SPAN] - ((rem >> 8) * step >> 14)
@@ -302,13 +305,13 @@ class Header(array):
                         elif m[sw.CARRY] - m[sw.RESERVE]:
                             pass
                         else:
-                            # no pulse in the tick before: the first is not as far from that as
-                            # the second is from the first
+                            # there was no pulse in the tick before, so the two pulses of this tick
+                            # have different distances
                             back = 1
                             extra = 0
                     else:
                         if d < 64:
-                            # a step owed from before, at rest or turning round
+                            # a step left over from before, at rest or at a turn
                             if rem >= d:
                                 rem = 64
                             d = 64
@@ -330,7 +333,7 @@ class Header(array):
                         if bent:
                             bent = (acc << 5) // (d >> 5)
                             if (bent + 128) >> 8:
-                                # Far from constant, next to a start, a turn or a rest. Exactly,
+                                # Far from constant, near a start, a turn or rest: solve exactly,
                                 # with b = a/2d: b·x² + (1 - b)·x = x0; x0 in Q17, 1 - b and the
                                 # root in Q13.
                                 if bent > 4096:
@@ -370,10 +373,10 @@ class Header(array):
                                 * bent
                                 >> 11
                             ) + x
-                        x = x + carry  # cycles that the pulses have got
+                        x = x + carry  # cycles available for the pulses
                         if pulses >> 6:
-                            # One command would drift by up to half a cycle a pulse. Two make a bow
-                            # instead; of its height about half is taken off.
+                            # One command would drift by up to half a cycle per pulse. Two commands
+                            # make an arc instead; about half of its height is removed.
                             period = x // pulses
                             if period < least:
                                 period = least
