@@ -131,7 +131,7 @@ class Stops:
         self.reports.on_closed()
 
     def on_stop_input(self):
-        """Hard-stop what a stop input is for that has become active (field note 8.4)."""
+        """Hard-stop the motors of a stop input that has become active (field note 8.4)."""
         axes = self.axes
         virtuals = self.virtuals
         operations = self.operations

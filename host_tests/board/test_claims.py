@@ -133,7 +133,7 @@ def test_a_bus_reset_in_motion(rig, late):
 @pytest.mark.parametrize("asked", [True, False])
 def test_a_pin_that_something_else_takes(rig, asked):
     """The pin is restored before the motor moves again, at its next request or soon after; its
-    position is lost, because pulses may be."""
+    position is lost, because pulses may be missing."""
     emulator = rig.board.emulator
     rig.accept(MotorResetPosition(1, 0), MotorResetPosition(7, 0))
     rig.forget()

@@ -2,7 +2,7 @@
 
 
 class EmulatorError(Exception):
-    """The emulator could not do what was asked; the text explains it."""
+    """The emulator could not carry out a call; the text explains it."""
 
 
 class ReplError(Exception):

@@ -20,7 +20,7 @@ _CALL = const(2)  # and each motor begun takes this
 class Axes:
     """All motors of the controller.
 
-    The pins are behind the kernel: what it queues in a tick is pulsed BEHIND ticks later. So the
+    The pins are behind the kernel: the pulses of a tick come BEHIND ticks later. So the
     reported positions come from samples taken some ticks ago, whose pulses have all been made.
     """
 

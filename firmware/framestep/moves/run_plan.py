@@ -54,7 +54,7 @@ _SHORTEST_RAMP = formula(
 
 
 class Plan:
-    """A request, and what has been found for it.
+    """A request, and the values computed for it.
 
     There are two plans, so that a refusal changes nothing.
     """

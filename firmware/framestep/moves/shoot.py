@@ -89,7 +89,7 @@ _STEPS_PER_SECOND = formula(registers, "X = X * THOUSAND")
 
 
 class Shot:
-    """A request, and what has been found for it.
+    """A request, and the values computed for it.
 
     There are two shots, so that a refusal changes nothing.
     """

@@ -116,7 +116,7 @@ def _reserve(words, memory, own, frame: int) -> int:
 
 @micropython.viper
 def _write(words, memory, own, frame: int):
-    """Set the bits of a frame to those of _VALUE, which have units."""
+    """Set the bits of a frame, which have units, to the bits of _VALUE."""
     half = ptr16(memory)
     block = frame // _BLOCK_FRAMES
     unit = int(_before(words, memory, own, block))
