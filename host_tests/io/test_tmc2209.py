@@ -112,10 +112,12 @@ def test_settings(driver, register, bits, value):
     assert one(**driver).registers[register] & bits == value
 
 
-def test_hold_current():
-    driver = one(run_ma=900, hold_percent=50)
+@pytest.mark.parametrize("percent", [50, 99, 100])
+def test_hold_current(percent):
+    """Never above its share of the running current."""
+    driver = one(run_ma=900, hold_percent=percent)
     irun, ihold = (driver.registers[chip.IHOLD_IRUN] >> shift & 0x1F for shift in (8, 0))
-    assert (ihold + 1) / (irun + 1) == pytest.approx(0.5, abs=1 / 32)
+    assert percent / 100 - 1 / (irun + 1) < (ihold + 1) / (irun + 1) <= percent / 100
 
 
 @given(st.integers(10, 2000), st.integers(50, 1000))
