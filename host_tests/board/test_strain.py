@@ -1,10 +1,7 @@
 """A part of `make fuzz BOARD=emulator`: any requests on the emulated board, alone and together with
 work on its REPL. See strain.py."""
 
-import pytest
-
 from host_tests.board.strain import strain
-from host_tests.covering import sweep
 
 QUIET_SEED = 5
 SEED = 3
@@ -12,14 +9,13 @@ OVERLAY_SEED = 7
 REQUESTS = 500
 
 
-@pytest.mark.parametrize("requests", sweep((REQUESTS // 2, REQUESTS), REQUESTS // 2))
-def test_requests_beside_work_on_the_repl(requests):
-    counts = strain(SEED, requests).counts
-    assert counts["answers"] + counts["left unanswered"] == counts["requests"] >= requests
-    assert counts["answers"] > 0.8 * requests
+def test_requests_beside_work_on_the_repl():
+    counts = strain(SEED, REQUESTS).counts
+    assert counts["answers"] + counts["left unanswered"] == counts["requests"] >= REQUESTS
+    assert counts["answers"] > 0.8 * REQUESTS
     for name in ("taken", "refused", "closed", "damaged", "Ctrl-C"):
         assert counts[name] > 0, name  # it happened
-    assert counts["REPL"] > requests / 50
+    assert counts["REPL"] > REQUESTS / 50
 
 
 def test_requests_alone():
