@@ -156,7 +156,7 @@ def test_rig_file_and_load_without_a_server(stage, device, tmp_path):
     go_to(page, "Rig file, load")
     text.fill('{"name": "wrong", "motor_count": 9}')
     rig.get_by_role("button", name="Put onto the board").click()
-    expect(rig.get_by_role("status")).to_contain_text("it has restarted with the file of before")
+    expect(rig.get_by_role("status")).to_contain_text("it has restarted with the previous file")
     expect(page.locator("#who")).to_contain_text("Übung // 2, firmware")
     assert page.locator("#conditions li").count() == 0
     assert page.errors == []

@@ -1,5 +1,5 @@
 // Bundles the page that runs an emulated board: node bundle.mjs CONSOLE OUT. CONSOLE is the console's page as a server
-// gives it, with setup.json.
+// sends it, with setup.json.
 
 import fs from 'node:fs';
 import { createRequire } from 'node:module';
@@ -15,7 +15,7 @@ const [console_, out] = process.argv.slice(2);
 const common = {
   bundle: true,
   minify: true,
-  legalComments: 'none', // licences.txt has all
+  legalComments: 'none', // licences.txt has them all
   metafile: true,
   nodePaths: [MODULES],
   target: 'es2022',
@@ -36,7 +36,7 @@ const made = await Promise.all([
   }),
 ]);
 
-/** The packages that are in what was made, and their licences. */
+/** Return the packages in the bundle, and their licences. */
 function licences() {
   const packages = new Set();
   for (const { metafile } of made) {

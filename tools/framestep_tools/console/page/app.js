@@ -13,7 +13,7 @@ import { RigView } from "./views/rig.js";
 import { ShootView } from "./views/shoot.js";
 import { VirtualView } from "./views/virtual.js";
 
-const AGAIN_MS = 1000; // from a link that has ended to the next try
+const AGAIN_MS = 1000; // from the end of a link to the next try
 const MESSAGES = 30; // kept in the log
 
 const device = new Device();
@@ -29,10 +29,10 @@ const views = [
   new RigView(device),
 ];
 const place = (id) => document.getElementById(id);
-let openLink = null; // gives {link, hello}; null where the user connects by hand
+let openLink = null; // returns {link, hello}; null if the user connects by hand
 let tries = true;
 let shown = null;
-let lost = ""; // why there is no device any more
+let lost = ""; // why the device is gone
 
 // ---- the link
 
@@ -91,7 +91,7 @@ device.addEventListener("gone", ({ detail }) => {
   if (openLink && tries && !device.restarts) setTimeout(serve, AGAIN_MS);
 });
 
-// ---- stop, and what goes on without this page
+// ---- stop, and motion without this page
 
 function stop() {
   holds.releaseAll();
@@ -115,16 +115,16 @@ const keep = h("input", { onchange: () => device.client?.keep(keep.checked) });
 const keepLine = check("Runs and moves go on when this page is hidden or closed", keep);
 place("keep-place").append(keepLine);
 
-/** The page can no longer be seen: holds have ended by themselves, all else ends here. */
+/** The page is hidden: holds have ended by themselves; stop everything else. */
 function unseen() {
   if (device.client && device.state.moving && !keep.checked) stop();
 }
 document.addEventListener("visibilitychange", () => document.hidden && unseen());
 window.addEventListener("pagehide", unseen);
 
-// ---- what is under way
+// ---- present motion
 
-/** What moves, as a sentence. */
+/** Say what moves. */
 function motion() {
   const { state } = device;
   const head = `Play head ${(state.playHead / 1000).toFixed(3)}`;
@@ -213,7 +213,7 @@ setTheme();
 document.title = `framestep console ${VERSION}`;
 show(views[0]);
 
-/** Connect by `open`, again and again where that fails. null: the user does it, by Web Serial. */
+/** Connect by `open`, and repeat if that fails. null: the user connects by Web Serial. */
 export function start(open) {
   openLink = open;
   if (open) serve();

@@ -1,5 +1,5 @@
-// What framestep console's server does on the board's REPL, done by the page itself: rig file and load, by a
-// second port of Web Serial. The board checks the rig file.
+// Rig file and load without a server: the page uses the board's REPL through a second port of Web Serial. The board
+// checks the rig file.
 
 import { LinkError } from "./client.js";
 import { SCRIPTS } from "./protocol.js";
@@ -9,7 +9,7 @@ import { bareRig, mistake } from "./rig_text.js";
 const TEXT_CHUNK = 200; // characters of a rig file in one script: little memory is free
 const MARK = "\x02";
 
-/** A script that runs; what it says, behind its mark. */
+/** Run a script and return its output after the mark. */
 async function told(repl, script) {
   return (await repl.run(script)).split(MARK).at(-1).trim();
 }
@@ -18,14 +18,14 @@ function lines(said) {
   return said.split(/\r?\n/).map((line) => line.trim()).filter(Boolean);
 }
 
-/** Its methods are those of the server's tasks. Each opens the port and closes it again. */
+/** Tasks with the names of the server's. Each opens the port and closes it again. */
 export class BoardWork {
   #port;
   #watched = null;
   #schema = null;
   #turn = Promise.resolve();
 
-  /** port: the REPL's, of Web Serial. */
+  /** port: the REPL's port of Web Serial. */
   constructor(port) {
     this.#port = port;
   }
@@ -38,7 +38,7 @@ export class BoardWork {
     return this.#with(async (repl) => ({ text: await this.#check(repl, bareRig(text)) }));
   }
 
-  /** The board restarts then, and both of its ports go for a moment. `before` is for `restore_rig`. */
+  /** Write the rig file. Then the board restarts, and both of its ports disappear for a moment. `before` is for `restore_rig`. */
   write_rig({ text }) {
     return this.#with(async (repl) => {
       const bare = bareRig(text);
@@ -49,7 +49,7 @@ export class BoardWork {
     });
   }
 
-  /** Put back what `write_rig` has taken away; the board restarts. */
+  /** Restore the file that `write_rig` has replaced; the board restarts. */
   restore_rig({ text, there }) {
     return this.#with(async (repl) => {
       await this.#replace(repl, there ? text : null);
@@ -61,7 +61,7 @@ export class BoardWork {
     return this.#with(async (repl) => ({ lines: lines(await told(repl, SCRIPTS.load)) }));
   }
 
-  /** The load as numbers; the port stays open until `rest`, or until something else is asked. */
+  /** Return the load as numbers. The port stays open until `rest`, or until another task. */
   live() {
     return this.#next(async () => {
       try {
@@ -99,8 +99,8 @@ export class BoardWork {
     return { text: pieces.length ? pieces.join("") : "{}\n", there: pieces.length > 0 };
   }
 
-  /** What a rig file makes of the board; LinkError where it is not right. The schema has the first word, the board the
-   * last one. */
+  /** Check a rig file and return the board's greeting for it. Throws LinkError for a mistake. The schema decides first, the
+   * board last. */
   async #check(repl, text) {
     this.#schema ??= await (await fetch("rig.schema.json")).json();
     const wrong = mistake(JSON.parse(text), this.#schema);
@@ -112,7 +112,7 @@ export class BoardWork {
     return said;
   }
 
-  /** Stop framestep, write the file (null: take it away) and restart. Nothing is changed while motors move. */
+  /** Stop framestep, write the file (null: remove it) and restart. Changes nothing while motors move. */
   async #replace(repl, text) {
     if (await told(repl, SCRIPTS.halt) !== "0") throw new LinkError("motors move, or a run is prepared; nothing has been changed");
     let arrived = true;
@@ -128,7 +128,7 @@ export class BoardWork {
     if (!arrived) throw new LinkError("the rig file did not arrive as it was sent; the board has the old one, and restarts");
   }
 
-  /** As the variable `text` on the board. */
+  /** Set the variable `text` on the board. */
   async #put(repl, text) {
     await repl.run("text = ''");
     for (let at = 0; at < text.length; at += TEXT_CHUNK) await repl.run(`text += ${JSON.stringify(text.slice(at, at + TEXT_CHUNK))}`);
@@ -147,7 +147,7 @@ export class BoardWork {
     });
   }
 
-  /** One at a time. */
+  /** Run one task at a time. */
   #next(work) {
     const done = this.#turn.then(work);
     this.#turn = done.catch(() => {});

@@ -1,11 +1,11 @@
-// Requests and their answers over a link. A link has send(bytes), close(), and calls onbytes and onend.
+// Requests and their answers over a link. A link has send(bytes) and close(), and calls onbytes and onend.
 
 import { ackCode, Decoder, encode, pack, unpack } from "./codec.js";
 import { CODES, M, REQUESTS } from "./protocol.js";
 
 const PATIENCE_MS = 3000;
 
-/** The device did not take a request; `code` is the response code. */
+/** The device has refused a request; `code` is the response code. */
 export class Refused extends Error {
   constructor(request, code) {
     const [name, meaning] = CODES[code] ?? [`code ${code}`, "the specification has no such code"];
@@ -14,13 +14,13 @@ export class Refused extends Error {
     this.code = code;
   }
 
-  /** Give the reason that the device has told, if there is one, instead of the meaning of the code. */
+  /** Return the device's reason, if there is one, instead of the meaning of the code. */
   because(reason) {
     if (reason) this.message = `${REQUESTS[this.request].name} was refused: ${reason}`;
   }
 }
 
-/** The link has ended, or nothing came in time. */
+/** The link has ended, or no answer came in time. */
 export class LinkError extends Error {}
 
 export class Client {
@@ -29,7 +29,7 @@ export class Client {
   #nextId = 1;
   #waiting = new Map(); // id -> {request, resolve, reject, timer}
 
-  /** onreport: called with each message that the device sends unasked, {kind, …}. onend: once, with the reason. */
+  /** onreport: called with each unasked message, {kind, …}; onend: called once, with the reason. */
   constructor(link, onreport, onend) {
     this.#link = link;
     link.onbytes = (bytes) => {
@@ -45,7 +45,7 @@ export class Client {
     };
   }
 
-  /** Send a request; its reply {kind, …}, or {} for an acknowledgement. Refused, LinkError, RangeError. */
+  /** Send a request. Resolves to its reply {kind, …}, or {} for an acknowledgement. Throws Refused, LinkError, RangeError. */
   request(request, values = {}) {
     const id = this.#nextId;
     this.#nextId = (id % 0x7fffffff) + 1;
@@ -60,13 +60,13 @@ export class Client {
     });
   }
 
-  /** What the server does beside the protocol; LinkError over a link that has no server. */
+  /** Run a task of the server. Throws LinkError over a link without a server. */
   ask(task, values) {
     if (!this.#link.ask) return Promise.reject(new LinkError("this needs framestep console on the computer"));
     return this.#link.ask(task, values);
   }
 
-  /** Whether a run goes on when this page has gone. Only a server can keep the port open. */
+  /** Set whether a run goes on without this page. Only a server can keep the port open. */
   keep(on) {
     this.#link.keep?.(on);
   }
@@ -76,7 +76,7 @@ export class Client {
     return Boolean(this.#link.keep);
   }
 
-  /** Whether the page can have the board's REPL by a port of its own, which the user chooses: Web Serial. */
+  /** Whether the user can choose a separate port for the board's REPL: Web Serial. */
   get choosesRepl() {
     return Boolean(this.#link.chooseRepl);
   }
@@ -85,7 +85,7 @@ export class Client {
     return this.#link.chooseRepl();
   }
 
-  /** The same port once more, {link, hello}, over a link without a server. */
+  /** Open the same port again, {link, hello}, over a link without a server. */
   again() {
     return this.#link.again();
   }

@@ -1,12 +1,12 @@
-// Frames of the DMC v2 protocol: checksum, encoder, decoder; and payloads by the layouts that
-// protocol.js brings. Nothing here knows a message by itself.
+// Frames of the DMC v2 protocol: checksum, encoder, decoder; and payloads, by the layouts in protocol.js. This file
+// knows no message itself.
 
 import { M, REPORTS, REQUESTS } from "./protocol.js";
 
 const MARK_D = 0x44;
 const MARK_F = 0x46;
 const CHECK_BYTES = 2;
-const LARGEST_ANNOUNCED = 4096; // a longer payload is taken for noise
+const LARGEST_ANNOUNCED = 4096; // a longer payload counts as noise
 
 const SIZES = { B: 1, b: 1, H: 2, h: 2, I: 4, i: 4 };
 const RANGES = {
@@ -18,7 +18,7 @@ const RANGES = {
   i: [-2147483648, 2147483647],
 };
 
-/** Fletcher-16 with modulus 255: [sum1, sum2], both 0 over a whole undamaged frame. */
+/** Return Fletcher-16 with modulus 255: [sum1, sum2], both 0 over a whole undamaged frame. */
 export function sums(bytes) {
   let one = 0;
   let two = 0;
@@ -29,7 +29,7 @@ export function sums(bytes) {
   return [one, two];
 }
 
-/** The bytes of one frame. */
+/** Return the bytes of one frame. */
 export function encode(type, payload, id) {
   const frame = new Uint8Array(M.FRAME_OVERHEAD + payload.length);
   const view = new DataView(frame.buffer);
@@ -46,11 +46,11 @@ export function encode(type, payload, id) {
   return frame;
 }
 
-/** Finds frames in a stream of bytes, however it is cut up; goes on behind the marker of a damaged one. */
+/** Finds frames in a stream of bytes, however it is divided. After a damaged frame it goes on behind the marker. */
 export class Decoder {
   #waiting = new Uint8Array(0);
 
-  /** The frames {id, type, ack, payload} that these bytes complete. */
+  /** Return the frames {id, type, ack, payload} that these bytes complete. */
   feed(bytes) {
     const all = new Uint8Array(this.#waiting.length + bytes.length);
     all.set(this.#waiting);
@@ -107,7 +107,7 @@ function packFields(out, fields, values, owner) {
   }
 }
 
-/** The payload of a request, such as pack("MotorMove", {motor: 1, position: -5}); RangeError if a value does not fit. */
+/** Return a request's payload, as in pack("MotorMove", {motor: 1, position: -5}). Throws RangeError if a value does not fit. */
 export function pack(request, values) {
   const out = [];
   packFields(out, REQUESTS[request].fields, values, request);
@@ -157,7 +157,7 @@ function unpackFields(view, at, fields) {
   return [found, place];
 }
 
-/** What a report says, {kind: "Positions", …}; null for one that is not known or too short. */
+/** Decode a report to {kind: "Positions", …}, or null if it is unknown or too short. */
 export function unpack(type, payload) {
   const report = REPORTS[type];
   if (!report) return null;
@@ -170,7 +170,7 @@ export function unpack(type, payload) {
   }
 }
 
-/** The code of an acknowledgement: a WORD, or the low word of a DWORD in the dmc-lite dialect. */
+/** Return the code of an acknowledgement: a WORD, or the low word of a DWORD in the dmc-lite dialect. */
 export function ackCode(payload) {
   return payload.length >= 2 ? payload[0] | (payload[1] << 8) : -1;
 }

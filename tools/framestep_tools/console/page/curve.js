@@ -8,8 +8,8 @@ const HEIGHT = 280;
 const LEFT = 12;
 const BOTTOM = 24;
 const TOP = 10;
-const MOST_POINTS = 600; // of a curve: more than pixels help nobody
-// Tell motors apart by colour and by dashes alike
+const MOST_POINTS = 600; // of a curve; more points than pixels are useless
+// Motors differ both by colour and by dashes
 const COLOURS = ["#2f7fb8", "#c75a12", "#3c8f4e", "#9a4fb0", "#b0323c", "#7a6a1c", "#2a8f93", "#70757a"];
 const DASHES = ["", "8 3", "2 3", "8 3 2 3"];
 
@@ -37,7 +37,7 @@ export class Curve {
     this.at(move.startFrame, null);
   }
 
-  /** Put the play head on a frame, and a dot where each motor is (null: as uploaded). */
+  /** Move the play head to a frame, with a dot at each motor's position (null: as uploaded). */
   at(frame, positions) {
     if (!this.#move) return;
     const x = this.#x(frame);

@@ -1,26 +1,26 @@
-// What the page knows of the device, kept up to date by asking and by listening.
+// The page's knowledge of the device, kept up to date by requests and reports.
 
 import { Client, LinkError, Refused } from "./client.js";
 import { CONDITIONS, M, REQUESTS, TRUST } from "./protocol.js";
 import { explain } from "./refusals.js";
 
 const NO_MOTOR = 255;
-const MOVING_MS = 120; // from one question what moves to the next
+const MOVING_MS = 120; // interval of the question what moves
 const RESTING_MS = 400;
-const SLOW_MS = 1200; // what hardly changes
+const SLOW_MS = 1200; // interval for values that seldom change
 
 const STOPS = {
   [M.HARD_STOP_GENERAL]: () => "The E-stop was pressed.",
   [M.HARD_STOP_UPPER]: (motor) => `Motor ${motor} ran into its upper limit switch.`,
   [M.HARD_STOP_LOWER]: (motor) => `Motor ${motor} ran into its lower limit switch.`,
-  [M.HARD_STOP_FAULT]: () => "A fault in the firmware or a driver has stopped the motors; the REPL tells more.",
+  [M.HARD_STOP_FAULT]: () => "A fault in the firmware or a driver has stopped the motors; the REPL says more.",
 };
 
 const NOTHING = {
   info: null,
   positions: [],
   moving: 0,
-  /** Whether the device has said what moves. */
+  /** Whether the device has reported what moves. */
   movingKnown: false,
   lightsMove: false,
   playHead: 0,
@@ -30,17 +30,17 @@ const NOTHING = {
   virtual: null,
 };
 
-/** Events: "change" whenever something is new, "told" {text, bad} for the user, "hardstop", "ended" after RT_END,
- * "stopped" with the reason when somebody else has stopped motors, "connected", "gone". */
+/** Events: "change" for anything new, "told" {text, bad} for the user, "hardstop", "ended" after RT_END,
+ * "stopped" with the reason when another program has stopped motors, "connected", "gone". */
 export class Device extends EventTarget {
   client = null;
   hello = null;
   state = structuredClone(NOTHING);
-  /** The link is there, but nothing has come in time. */
+  /** The link is open, but no answer has come in time. */
   silent = false;
-  /** Whether the board restarts because the page has asked for it: it is connected again by who asked. */
+  /** Whether the page restarts the board; the code that restarts it also connects again. */
   restarts = false;
-  /** Whether motors can be homed: framestep with a rig file that says how. */
+  /** Whether motors can be homed: framestep with `home` in the rig file. */
   homes = false;
   #timer = 0;
   #asking = false;
@@ -55,7 +55,7 @@ export class Device extends EventTarget {
     return this.state.info?.motors ?? 0;
   }
 
-  /** Whether what the page shows of motion is what the device says now. */
+  /** Whether the motion on the page is up to date. */
   get knowsWhatMoves() {
     return this.connected && !this.silent && this.state.movingKnown;
   }
@@ -64,12 +64,12 @@ export class Device extends EventTarget {
     return ((this.state.moving >>> (motor - 1)) & 1) === 1;
   }
 
-  /** Whether the device says in HI that it can do this. */
+  /** Whether HI advertises this capability. */
   can(capability) {
     return ((this.state.info?.capabilities ?? 0) & capability) !== 0;
   }
 
-  /** Take a link that is open; resolves once the device has said who it is. */
+  /** Use an open link. Resolves once the device has answered HI. */
   async connect({ link, hello }) {
     this.hello = hello;
     link.onstopped = (why) => this.dispatchEvent(new CustomEvent("stopped", { detail: why }));
@@ -90,7 +90,7 @@ export class Device extends EventTarget {
     this.#poll();
   }
 
-  /** Ask anew who the device is: it has restarted. */
+  /** Send HI again after a restart. */
   async greet() {
     const info = await this.demand("Hi");
     this.homes = await this.#askWhetherItHomes(this.client);
@@ -100,7 +100,7 @@ export class Device extends EventTarget {
     this.#soon();
   }
 
-  /** Send a request for the user; a refusal is told and gives null, so does a link that has gone. */
+  /** Send a request for the user. A refusal, or a lost link, is shown and gives null. */
   async ask(request, values) {
     try {
       return await this.demand(request, values);
@@ -110,7 +110,7 @@ export class Device extends EventTarget {
     }
   }
 
-  /** The same for those who tell the user themselves: throws Refused, LinkError, RangeError. */
+  /** Send a request for a caller that informs the user itself. Throws Refused, LinkError, RangeError. */
   async demand(request, values) {
     const { client } = this;
     if (!client) throw new LinkError("no device is connected");
@@ -126,18 +126,18 @@ export class Device extends EventTarget {
     }
   }
 
-  /** Ask at once what moves, so that `state.moving` is not older than the request before. */
+  /** Ask at once what moves, so `state.moving` is not older than the previous request. */
   async seeWhatMoves() {
     const status = await this.demand("MotorStatus").catch(() => null);
     if (status) this.#moving(status);
   }
 
-  /** Put a sentence before the user. */
+  /** Show a sentence to the user. */
   tell(text, bad = false) {
     this.dispatchEvent(new CustomEvent("told", { detail: { text, bad } }));
   }
 
-  /** How far a motor's position can be trusted: {state, text}; null where the device does not tell. */
+  /** Return how far a motor's position can be trusted, {state, text}, or null if the device does not report it. */
   trustOf(motor) {
     const found = this.state.trust[motor - 1];
     if (!found) return null;
@@ -145,12 +145,12 @@ export class Device extends EventTarget {
     return { state, text: `${state}: ${TRUST.reasons[found.reason] ?? `reason ${found.reason}`}` };
   }
 
-  /** A sentence for each condition of the board. */
+  /** Return a sentence for each condition of the board. */
   conditionTexts() {
     return Object.entries(CONDITIONS).filter(([bit]) => this.state.conditions & bit).map(([, text]) => text);
   }
 
-  /** A motor that there is not is refused in another way where there are others to home; nothing moves. */
+  /** Find out whether motors can be homed: HOME of a missing motor moves nothing, and its refusal shows it. */
   async #askWhetherItHomes(client) {
     if (!REQUESTS.Home) return false;
     try {
@@ -206,7 +206,7 @@ export class Device extends EventTarget {
     this.dispatchEvent(new Event("change"));
   }
 
-  /** Ask what moves before it would be due. */
+  /** Ask what moves ahead of time. */
   #soon() {
     if (this.#asking || !this.connected) return;
     clearTimeout(this.#timer);
@@ -258,7 +258,7 @@ export class Device extends EventTarget {
     }
   }
 
-  /** Ask what not every device knows; null where it is refused, and then not again if it is unknown. */
+  /** Send a request that not every device knows. Null if it is refused; an unknown one is not sent again. */
   async #mayAsk(client, request) {
     if (this.#unknown.has(request)) return null;
     try {

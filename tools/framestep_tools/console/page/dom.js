@@ -2,7 +2,7 @@
 
 let nextId = 1;
 
-/** An element: h("button", {class: "x", onclick: f, "aria-label": "…"}, "text", child). False and null children are left out. */
+/** Make an element: h("button", {class: "x", onclick: f, "aria-label": "…"}, "text", child). False and null children are left out. */
 export function h(tag, props = {}, ...children) {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(props)) set(element, name, value);
@@ -12,7 +12,7 @@ export function h(tag, props = {}, ...children) {
 
 const SVG = "http://www.w3.org/2000/svg";
 
-/** The same for a drawing. */
+/** Make an element of a drawing. */
 export function s(tag, props = {}, ...children) {
   const element = document.createElementNS(SVG, tag);
   for (const [name, value] of Object.entries(props)) element.setAttribute(name, value);
@@ -27,35 +27,35 @@ function set(element, name, value) {
   else element.setAttribute(name, value);
 }
 
-/** A label and its field, one under the other. */
+/** Make a label with its field below. */
 export function field(label, input, hint) {
   input.id ||= `field-${nextId++}`;
   return h("div", { class: "field" }, h("label", { htmlFor: input.id }, label), input, hint ? h("small", {}, hint) : null);
 }
 
-/** A check box with its label behind it. */
+/** Make a check box with its label after it. */
 export function check(label, input) {
   input.type = "checkbox";
   input.id ||= `field-${nextId++}`;
   return h("div", { class: "check" }, input, h("label", { htmlFor: input.id }, label));
 }
 
-/** A field for a number. Whole ones unless `step` says otherwise. */
+/** Make a field for a number, by default a whole one. */
 export function number(value, least, most, props = {}) {
   return h("input", { type: "number", inputMode: "numeric", required: true, value: String(value), min: String(least), max: String(most), step: "1", ...props });
 }
 
-/** The number in a field; null, and the browser says what is wrong, where it is none that is allowed. */
+/** Return the number in a field. Null if it is not allowed; the browser then says what is wrong. */
 export function read(input) {
   return input.reportValidity() && input.value !== "" ? Number(input.value) : null;
 }
 
-/** Set an element's text, if it is another one: so screen readers and layout are left alone. */
+/** Set an element's text if it differs, so as not to disturb screen readers and layout. */
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-/** Whether keys belong to this element because one types there. */
+/** Return whether the user types in this element, so keys belong to it. */
 export function takesText(element) {
   return element instanceof HTMLElement && (element.isContentEditable || /^(TEXTAREA|SELECT)$/.test(element.tagName)
     || (element.tagName === "INPUT" && !/^(button|checkbox|radio|submit)$/.test(element.type)));

@@ -1,9 +1,9 @@
-// Motion that lasts as long as a button or a key is held, and not a moment longer: the dead-man behind
-// every jog. A hold repeats its request; the device ends a jog that is not repeated.
+// Motion that lasts only while a button or a key is held: the dead man's switch of every jog. A hold repeats its
+// request; the device ends a jog that is not repeated.
 
 const REPEAT_MS = 150; // the device waits 500 ms by default
 
-/** All holds of the page. `end` of a hold sends what stops it. */
+/** All holds of the page. `end` of a hold sends its stop. */
 export class Holds {
   #holds = new Map(); // key -> {end, timer}
 
@@ -15,9 +15,8 @@ export class Holds {
     document.addEventListener("freeze", release);
   }
 
-  /** Begin a hold, if this key has none: `repeat` is called now and again and again until the hold ends, or until it
-   * gives false (what it has begun goes on by itself until `end`); when it fails the hold ends, too. `end` is called
-   * once. */
+  /** Begin a hold, if this key has none. `repeat` is called repeatedly until the hold ends, or until it returns false:
+   * then the motion goes on by itself until `end`. If `repeat` fails, the hold ends too. `end` is called once. */
   begin(key, repeat, end) {
     if (this.#holds.has(key)) return;
     const hold = { end, timer: 0 };
@@ -29,7 +28,7 @@ export class Holds {
         this.release(key);
         return;
       }
-      // The next one only after an answer: a slow link must not pile up jogs behind a stop
+      // Wait for the answer: a slow link must not queue jogs after a stop
       if (this.#holds.get(key) === hold) hold.timer = setTimeout(turn, REPEAT_MS);
     };
     turn();
@@ -44,12 +43,12 @@ export class Holds {
     hold.end();
   }
 
-  /** End every hold; what is still pressed has to be pressed again. */
+  /** End every hold. Buttons that are still pressed have to be pressed again. */
   releaseAll() {
     for (const key of [...this.#holds.keys()]) this.release(key);
   }
 
-  /** Let a button hold: pressed by pointer, space or enter. */
+  /** Make a button hold while it is pressed by pointer, space or enter. */
   button(element, key, repeat, end) {
     const begin = () => {
       if (!element.disabled) this.begin(key, repeat, end);

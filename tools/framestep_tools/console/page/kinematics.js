@@ -1,9 +1,9 @@
-// Where a rig's arm and camera are, for drawing: the formulas of docs/internals/virtual-axes.md. World: X to the
+// Positions of a rig's arm and camera for drawing, by the formulas of docs/internals/virtual-axes.md. World: X to the
 // right, Y up, Z backward; the camera at rest looks along −Z. Angles are in degrees.
 
 import { M } from "./protocol.js";
 
-/** Each type's axes, in the order of VIRT_CONFIG; `turns` are those in degrees. */
+/** Each type's axes, in the order of VIRT_CONFIG; `turns` are the axes in degrees. */
 export const TYPES = {
   [M.VIRT_BOOM_SWING_TRACK]: { name: "Boom, swing, track", axes: ["boom", "swing", "track", "pan", "tilt", "roll"], arm: true },
   [M.VIRT_SWING_PAN]: { name: "Swing, pan", axes: ["swing", "pan"] },
@@ -13,8 +13,8 @@ export const TYPES = {
 
 const TABLE_BEGIN = -60; // degrees
 
-/** The rig's joints, in units and degrees, where `steps(motor)` says where each motor is: from step 0, by the boom's
- * table where there is one. */
+/** Return the rig's joints in units and degrees, counted from step 0, by the boom's table if there is one. steps(motor):
+ * returns a motor's position. */
 export function joints(rig, steps) {
   return rig.axes.map(({ motor, perUnit }, i) => {
     const at = motor ? steps(motor) ?? 0 : 0;
@@ -23,7 +23,7 @@ export function joints(rig, steps) {
   });
 }
 
-/** The boom's angle by its table; its ends are as far as that goes. */
+/** Return the boom's angle from its table, at most the table's ends. */
 function boom(table, step) {
   const sign = Math.sign(table[1] - table[0]);
   const next = table.findIndex((value) => sign * value >= sign * step);
@@ -34,7 +34,7 @@ function boom(table, step) {
 
 const radians = (degrees) => (degrees * Math.PI) / 180;
 
-/** A vector in the camera's frame (x right, y forward, z up) in the world's: Rz(pan)·Rx(tilt)·Ry(roll). */
+/** Convert a vector from the camera's frame (x right, y forward, z up) to the world's: Rz(pan)·Rx(tilt)·Ry(roll). */
 function turned([x, y, z], pan, tilt, roll) {
   const [cp, sp, ct, st, cr, sr] = [pan, tilt, roll].flatMap((angle) => [Math.cos(radians(angle)), Math.sin(radians(angle))]);
   const [x1, z1] = [x * cr + z * sr, z * cr - x * sr];
@@ -44,7 +44,7 @@ function turned([x, y, z], pan, tilt, roll) {
 }
 
 /** rig: {type, length, extension, nodal: [x, y, z]}; joints: in the order of the type's axes.
- * {column, joint, camera: points of the world or null, looks: where the camera looks, pan, tilt, roll}. */
+ * {column, joint, camera: points of the world or null, looks: the camera's direction, pan, tilt, roll}. */
 export function pose(rig, joints) {
   const at = Object.fromEntries(TYPES[rig.type].axes.map((name, i) => [name, joints[i] ?? 0]));
   const swing = at.swing ?? 0;
@@ -56,7 +56,7 @@ export function pose(rig, joints) {
   return { column, joint, camera: mount.map((value, i) => value + offset[i]), looks, pan, tilt, roll };
 }
 
-/** Where the arm ends, the foot of its column, and where its extension begins. */
+/** Return the arm's end, the foot of its column, and the start of its extension. */
 function arm(rig, at, swing) {
   const booms = rig.type === M.VIRT_BOOM_SWING_TRACK;
   const level = booms ? rig.length * Math.cos(radians(at.boom)) : rig.length;

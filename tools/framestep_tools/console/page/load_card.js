@@ -18,7 +18,7 @@ export class LoadCard {
   #timer = 0;
   #round = 0;
 
-  /** ask(task): what the server, or the page itself, does on the REPL. tell(text): a mistake. */
+  /** ask(task): runs a task on the REPL, by the server or the page; tell(text): shows a mistake. */
   constructor(ask, tell, button) {
     this.#ask = ask;
     this.#tell = tell;
@@ -34,7 +34,7 @@ export class LoadCard {
     this.#live.disabled = on;
   }
 
-  /** Watch no longer: the link has gone, or nobody looks. */
+  /** Stop watching: the link is gone, or the view is hidden. */
   stop() {
     if (!this.#live.checked) return;
     this.#live.checked = false;
@@ -52,7 +52,7 @@ export class LoadCard {
     this.#drawing.style.display = this.#live.checked ? "" : "none";
     this.#shares = [];
     if (this.#live.checked) this.#look(this.#round);
-    else this.#ask("rest").catch(() => {}); // the port is closed again
+    else this.#ask("rest").catch(() => {}); // closes the port
   }
 
   async #look(round) {

@@ -1,4 +1,4 @@
-// The page of `framestep console`: its server gives the address a token. Without one, Web Serial.
+// The page of `framestep console`. Its server adds a token to the address; without a token the page uses Web Serial.
 
 import { start } from "./app.js";
 import { WebSocketLink } from "./websocket_link.js";

@@ -1,11 +1,11 @@
-// Moves as CSV, as framestep upload takes them: a column `frame`, then a column per motor in the order
-// of the motors, positions in whole steps. What spreadsheets make of such a file is read as well.
+// Moves as CSV, as for framestep upload: a column `frame`, then a column per motor in their order, with positions in
+// whole steps. Variants that spreadsheets write are accepted.
 
-const LONGEST = 80; // characters of a line that is told
+const LONGEST = 80; // characters of a line in an error text
 const LEAST = -2147483648;
 const MOST = 2147483647;
 
-/** A file that is no move; the text names the line. */
+/** A file is not a move. The text names the line. */
 export class MoveError extends Error {}
 
 function shown(cells) {
@@ -26,7 +26,7 @@ function whole(cell, name, where) {
   return value;
 }
 
-/** {startFrame, endFrame, names, positions: an array per motor}; MoveError. `name` is the file's. */
+/** Return {startFrame, endFrame, names, positions: an array per motor}. Throws MoveError. name: the file's. */
 export function parseMove(text, name) {
   const lines = text.replace(/^\uFEFF/, "").split(/\r\n|\r|\n/);
   const count = (sign) => lines[0].split(sign).length;
@@ -52,7 +52,7 @@ export function parseMove(text, name) {
   return { startFrame: frame - positions[0].length + 1, endFrame: frame, names: header.slice(1), positions };
 }
 
-/** Where a motor (from 0) is at a frame that need not be whole; straight between frames, as they are drawn. */
+/** Return a motor's position (motors from 0) at any frame; straight between frames, as drawn. */
 export function positionAt(move, motor, frame) {
   const steps = move.positions[motor];
   const at = Math.min(Math.max(frame - move.startFrame, 0), steps.length - 1);

@@ -1,18 +1,17 @@
-// An operation that is made ready, waits for GO and plays: a run or a shot. One for the whole page, as
-// for the device.
+// An operation that is prepared, waits for GO and plays: a run or a shot. The page has only one, as has the device.
 
 const NONE = "none";
-const GOING = "going"; // the motors are on their way to where it begins
+const GOING = "going"; // the motors move to the start
 const READY = "ready";
 const PLAYING = "playing";
 
-/** Events: "change". `name` is what it is, such as "Run 1 to 240". */
+/** Events: "change". `name`: such as "Run 1 to 240". */
 export class Operation extends EventTarget {
   name = "";
   #device;
   #state = NONE;
-  #last = null; // frame on which it ends by itself
-  #stopped = false; // somebody has asked for a stop
+  #last = null; // frame at which it ends by itself
+  #stopped = false; // a stop has been requested
 
   constructor(device) {
     super();
@@ -43,27 +42,26 @@ export class Operation extends EventTarget {
     }[this.#state];
   }
 
-  /** Make it ready; false where the device refuses. last: the frame on which it ends by itself, null if it does not
-   * end on a frame. */
+  /** Prepare the operation. False if the device refuses. last: the frame at which it ends by itself, or null. */
   async prepare(name, request, values, last = null) {
     if (!(await this.#device.ask(request, values))) return false;
     this.name = name;
     this.#last = last;
     this.#stopped = false;
-    await this.#device.seeWhatMoves(); // from the answer on the device says so
+    await this.#device.seeWhatMoves(); // the device reports motion from the answer on
     this.#set(GOING);
     return true;
   }
 
-  /** Start it. */
+  /** Start the operation. */
   async go() {
     if (await this.#device.ask("RtGo")) this.#set(PLAYING);
   }
 
-  /** Everything has been stopped. */
+  /** Note that everything has been stopped. */
   stopped() {
     this.#stopped = true;
-    if (this.#state !== PLAYING) this.#set(NONE); // a run says itself when it has ended
+    if (this.#state !== PLAYING) this.#set(NONE); // a run reports its end itself
   }
 
   #end() {

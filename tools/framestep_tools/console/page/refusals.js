@@ -1,12 +1,12 @@
-// Why the device has refused a request, in a sentence: which motor and frame, what is needed, what is set. The device
-// is asked for it (framestep's own messages); other devices' refusals keep the words of their code.
+// Explain a refusal in a sentence: which motor and frame, what is needed, what is set. This asks the device by framestep's
+// own messages. Refusals of other devices keep the text of their code.
 
 import { EXCEEDED, M } from "./protocol.js";
 
 const SPEED = "raise it under Motors, “Zero, soft limits, speed”";
 const PLAYED = new Set(["RtRunMove", "RtJogAll", "RtPositionFrame", "RtGo", "RtShootFrame", "RtShootFrame2"]);
 
-/** A sentence, or null where the device does not say more. ask(request, values) asks it. */
+/** Return a sentence, or null if the device does not report more. ask(request, values): sends a request. */
 export async function explain(ask, request, values, code) {
   try {
     if (code === M.ERR_MOVING) return "motors move, or a run waits for GO: wait, or press STOP";
@@ -17,7 +17,7 @@ export async function explain(ask, request, values, code) {
     }
     if (PLAYED.has(request)) return beyond(await ask("GetExceeded"), values);
   } catch {
-    // it does not tell, or has gone
+    // it does not know this message, or is gone
   }
   return null;
 }
@@ -37,7 +37,7 @@ function pastLimit(set, { motor, position, destination }, code) {
   return `${position ?? destination} is past the ${up ? "upper" : "lower"} soft limit of motor ${motor}, ${limit}`;
 }
 
-/** What the last move asks too much of. */
+/** Say what the last move exceeds. */
 function beyond(told, values) {
   const { what, motor, frame, by } = told;
   const where = `motor ${motor} at frame ${frame}`;

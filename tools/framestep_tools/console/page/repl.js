@@ -1,10 +1,9 @@
-// A board's REPL at a port of Web Serial, in its raw mode: scripts in, what they print out. Nothing is
-// reset; what framestep does goes on.
+// A board's raw REPL at a port of Web Serial: scripts in, their output out. Nothing is reset, and framestep goes on.
 
 import { LinkError } from "./client.js";
 
-const NOMINAL_BAUD = 115200; // meaningless on USB, but it has to be named
-const CHUNK = 256; // bytes that MicroPython takes at a time
+const NOMINAL_BAUD = 115200; // meaningless on USB, but required
+const CHUNK = 256; // bytes that MicroPython accepts at a time
 const PATIENCE_MS = 10_000;
 const INTERRUPT = "\x03";
 const RAW = "\x01";
@@ -19,9 +18,9 @@ export class Repl {
   #heard = "";
   #wake = () => {};
   #ended = false;
-  #left = false; // nothing answers any more
+  #left = false; // the board no longer answers
 
-  /** Open a port that the user has chosen, and get to its REPL; LinkError where there is none. */
+  /** Open a port that the user has chosen, and reach its REPL. Throws LinkError if there is none. */
   static async open(port) {
     const repl = new Repl();
     repl.#port = port;
@@ -44,27 +43,27 @@ export class Repl {
     return repl;
   }
 
-  /** Run a script; what it prints. LinkError with the last line of a traceback where it fails. */
+  /** Run a script and return its output. Throws LinkError with the last line of a traceback. */
   async run(script) {
     if (this.#left) throw new LinkError("the board restarts");
     const bytes = new TextEncoder().encode(script);
     for (let at = 0; at < bytes.length; at += CHUNK) await this.#writer.write(bytes.subarray(at, at + CHUNK));
     await this.#send(END);
-    await this.#until("OK", "the board does not take a script");
+    await this.#until("OK", "the board does not accept a script");
     const said = await this.#until(END, "the board does not come to an end");
     const failed = await this.#until(`${END}>`, "the board does not come to an end");
     if (failed.trim()) throw new LinkError(`the board reported an error: ${failed.trim().split("\n").at(-1)}`);
     return said;
   }
 
-  /** Run a script after which the board answers no more. */
+  /** Run a script after which the board no longer answers. */
   async runAndLeave(script) {
     this.#left = true;
     await this.#send(script + END);
-    await this.#until("OK", "the board does not take a script"); // a port that is closed too soon would take it away
+    await this.#until("OK", "the board does not accept a script"); // closing the port too early would lose the script
   }
 
-  /** Leave the REPL as a terminal finds it. */
+  /** Leave the REPL as a terminal expects it. */
   async close() {
     if (!this.#left) await this.#send(`\r${FRIENDLY}`).catch(() => {});
     await this.#reader.cancel().catch(() => {});
@@ -91,7 +90,7 @@ export class Repl {
     this.#wake();
   }
 
-  /** What comes before a mark, which is taken as well. */
+  /** Return the output before a mark, and remove both. */
   async #until(mark, otherwise) {
     const end = performance.now() + PATIENCE_MS;
     for (;;) {

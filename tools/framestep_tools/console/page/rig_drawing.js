@@ -1,5 +1,4 @@
-// The rig from above and from the side: arm, camera, where it has been, and where the uploaded move
-// leads it.
+// The rig from above and from the side: arm, camera, the camera's past path, and the path of the uploaded move.
 
 import { h, s } from "./dom.js";
 import { pose } from "./kinematics.js";
@@ -7,8 +6,8 @@ import { pose } from "./kinematics.js";
 const SIZE = 420;
 const MARGIN = 40;
 const LONGEST_TRAIL = 600;
-const LOOK = 34; // pixels of the camera's arrow
-// Which world axes a view shows: to the right and up, and how it is called
+const LOOK = 34; // length of the camera's arrow in pixels
+// A view's world axes, to the right and up, and its name
 const VIEWS = [
   { name: "From above", right: [0, 1], up: [2, -1], labels: ["X →", "↑ forward (−Z)"] },
   { name: "From the side", right: [2, -1], up: [1, 1], labels: ["forward (−Z) →", "↑ up (Y)"] },
@@ -24,12 +23,12 @@ export class RigDrawing {
     this.element.append(...this.#views.map((view) => h("figure", { class: "card" }, h("figcaption", {}, view.name), view.drawing)));
   }
 
-  /** The camera's way along a move: joints frame by frame. */
+  /** Set the camera's path along a move, as joints frame by frame. */
   showPath(rig, frames) {
     this.#path = frames.map((joints) => pose(rig, joints).camera);
   }
 
-  /** Forget where the camera has been. */
+  /** Forget the camera's past path. */
   clear() {
     this.#trail = [];
     this.#path = [];

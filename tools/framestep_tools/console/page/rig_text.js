@@ -1,8 +1,9 @@
-// A rig file as a board can read it, and what its schema says of it.
+// A rig file's text for the board, and its check by the schema.
 
 import { LinkError } from "./client.js";
 
-/** The text without // comments and byte order mark; LinkError, with what is wrong, if the rest is not a JSON object. */
+/** Return the text without // comments and byte order mark. Throws LinkError, with the mistake, if the rest is not a JSON
+ * object. */
 export function bareRig(text) {
   const bare = text.replace(/^\uFEFF/, "").replace(/("(?:[^"\\\n]|\\.)*")|\/\/[^\n]*/g, (_, string) => string ?? "")
     .replace(/[ \t]+$/gm, "").replace(/\n{2,}/g, "\n").trim();
@@ -16,7 +17,7 @@ export function bareRig(text) {
   return `${bare}\n`;
 }
 
-/** The first mistake that a schema (rig.schema.json) finds in a value, as text with its key; null for none. */
+/** Return the first mistake that a schema (rig.schema.json) finds in a value, as text with its key, or null. */
 export function mistake(value, schema, where = "") {
   const wrong = (what) => `${where}: found ${JSON.stringify(value)}, allowed is ${what}`;
   const type = typeOf(value);
@@ -31,7 +32,7 @@ export function mistake(value, schema, where = "") {
   return type === "object" ? inObject(value, schema, where) : null;
 }
 
-/** What a setting may be, as text. */
+/** Return the allowed values of a setting as text. */
 export function allowed({ type, enum: choices, minimum, maximum, minLength, maxLength, maxItems }) {
   if (choices) return choices.map((choice) => JSON.stringify(choice)).join(", ");
   if (minimum !== undefined) return `${minimum} to ${maximum}`;

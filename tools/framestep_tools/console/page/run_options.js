@@ -1,5 +1,4 @@
-// What goes with a run beside its motion: the camera, and the bloop, a moment of light or sound at the
-// first frame.
+// Options of a run: the camera, and the bloop, a moment of light or sound at the first frame.
 
 import { field, h, number, read } from "./dom.js";
 import { M } from "./protocol.js";
@@ -29,7 +28,7 @@ export class RunOptions {
     this.connected({ outputs: 0, dmx_channels: 0 });
   }
 
-  /** What the device has: the fields of DeviceInfo. */
+  /** Adapt to the device, by the fields of DeviceInfo. */
   connected({ outputs, dmx_channels: channels }) {
     const before = this.#output.value;
     this.#output.replaceChildren(h("option", { value: "0" }, "none"), ...Array.from({ length: outputs }, (_, i) => h("option", { value: String(2 ** i) }, `output ${i + 1}`)));
@@ -37,7 +36,7 @@ export class RunOptions {
     this.#channel.max = String(channels);
   }
 
-  /** The fields of RUN_MOVE that these make, with `flags` of the run's own; null where a field is not right. */
+  /** Return the fields of RUN_MOVE for these options, with other `flags` of the run, or null for a wrong field. */
   values(flags) {
     const shown = this.#angles.hidden ? [] : [this.#open, this.#close];
     const numbers = [this.#channel, this.#time, ...shown].map(read);

@@ -3,7 +3,7 @@
 import { BoardWork } from "./board_work.js";
 import { LinkError } from "./client.js";
 
-const NOMINAL_BAUD = 115200; // meaningless on USB, but it has to be named
+const NOMINAL_BAUD = 115200; // meaningless on USB, but required
 
 export const serialIsThere = () => "serial" in navigator;
 
@@ -25,9 +25,9 @@ export class SerialLink {
   #reader;
   #ended = false;
   #closed = false;
-  #work = null; // on the REPL's port, once the user has chosen it
+  #work = null; // tasks on the REPL's port, once the user has chosen it
 
-  /** Opens a port that the user picks; DTR tells the device that a host is there. */
+  /** Open a port that the user picks. DTR shows the device that a host is connected. */
   static async open() {
     return SerialLink.#begin(await choose());
   }
@@ -42,7 +42,7 @@ export class SerialLink {
     return { link: new SerialLink(port), hello: { device: "the chosen port", repl: false, kept: false } };
   }
 
-  /** Opens a port that is known already, with the REPL's; `name` is what it is called. */
+  /** Open a known port, with the REPL's. name: its name on the page. */
   static async at(port, repl, name) {
     const found = await SerialLink.#begin(port);
     found.hello.device = name;
@@ -63,13 +63,13 @@ export class SerialLink {
     this.#work = new BoardWork(await choose());
   }
 
-  /** What framestep console's server does on the REPL; LinkError where its port has not been chosen. */
+  /** Run a task on the REPL, as framestep console's server does. Throws LinkError if its port has not been chosen. */
   ask(task, values = {}) {
     if (!this.#work) return Promise.reject(new LinkError("the port of the REPL has not been chosen"));
     return this.#work[task](values);
   }
 
-  /** The same port once more, {link, hello}, with the REPL's: for a board that restarts. LinkError where it is not there. */
+  /** Open the same ports again after a restart, {link, hello}. Throws LinkError if the port is missing. */
   async again() {
     await this.close();
     await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));

@@ -1,10 +1,10 @@
-// Uploads a move: sections of as many positions as a frame holds, some of them on their way at a time.
+// Uploads a move in sections as large as a frame allows, with some of them unanswered.
 
 import { LAST_SECTION, SECTION_POSITIONS } from "./protocol.js";
 
 const WINDOW = 4;
 
-/** The requests that upload a move, [request, values] each. */
+/** Yield the requests that upload a move, each [request, values]. */
 export function* uploadRequests(move) {
   yield ["RtUploadMoveBegin", { start_frame: move.startFrame, end_frame: move.endFrame }];
   for (const [index, steps] of move.positions.entries()) {
@@ -20,7 +20,7 @@ export function* uploadRequests(move) {
   yield ["RtUploadMoveEnd", {}];
 }
 
-/** Upload; calls progress(share of 1). Throws at the first section that is refused, and sends nothing after it. */
+/** Upload a move, and call progress(share of 1). Throws at the first refused section, and sends nothing after it. */
 export async function upload(device, move, progress) {
   const requests = [...uploadRequests(move)];
   let failed = null;

@@ -11,10 +11,10 @@ function dword(out, value) {
   for (let i = 0; i < 4; i += 1) out.push((value >> (8 * i)) & 255);
 }
 
-const NUMBERS = 121; // of a boom table: −60 to 60 degrees
+const NUMBERS = 121; // numbers of a boom table: −60 to 60 degrees
 
-/** The boom table that a text holds: the motor's step for each degree from −60 to 60. null for an empty text;
- * RangeError, with what is wrong, for anything else. */
+/** Parse a boom table: the motor's step for each degree from −60 to 60. Null for an empty text; throws RangeError, with the
+ * mistake, for anything else. */
 export function parseTable(text) {
   const cells = text.split(/[\s,;]+/).filter((cell) => cell !== "");
   if (!cells.length) return null;
@@ -29,8 +29,8 @@ export function parseTable(text) {
   return table;
 }
 
-/** The payload. rig: {type, axes: [{motor, perUnit, position}], length, extension, nodal, table: null for none, safe: null
- * for none}; motor 0: no such axis. RangeError where a number does not fit. */
+/** Return the payload. rig: {type, axes: [{motor, perUnit, position}], length, extension, nodal, table: null for none, safe: null
+ * for none}; motor 0: no such axis. Throws RangeError if a number does not fit. */
 export function packConfig(rig) {
   const out = [rig.type];
   if (rig.type === M.VIRT_NONE) return out;

@@ -1,19 +1,19 @@
-// The link through `framestep console`: bytes of the protocol over a WebSocket, and what the server
-// does beside it (rig file, the board's load).
+// The link through `framestep console`: bytes of the protocol over a WebSocket, and the server's tasks (rig file, the
+// board's load).
 
 import { LinkError } from "./client.js";
 
 export class WebSocketLink {
   onbytes = () => {};
   onend = () => {};
-  /** Somebody else has stopped motors, with the reason: let go of what is held. */
+  /** Another program has stopped motors, with the reason: end all holds. */
   onstopped = () => {};
   #socket;
   #why = "the link to framestep console has closed";
   #nextTask = 1;
   #tasks = new Map();
 
-  /** Connects; resolves with {link, hello} once the server has the device's port. */
+  /** Connect. Resolves with {link, hello} once the server has the device's port. */
   static open(address) {
     return new Promise((resolve, reject) => new WebSocketLink(address, resolve, reject));
   }

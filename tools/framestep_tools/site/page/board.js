@@ -1,13 +1,13 @@
-// The emulated board, which runs in a worker (tools/framestep_emulator/board/worker.mjs has the messages). Its serial ports look
-// like those of Web Serial.
+// The emulated board, which runs in a worker (tools/framestep_emulator/board/worker.mjs has the messages). Its serial ports
+// have the interface of Web Serial.
 
 /** Events: "edges" with {records, nanos}, "ports" when `shown` has changed, "halted" with the reason. */
 export class Board extends EventTarget {
-  /** Serial ports that the board shows now. */
+  /** The board's present serial ports. */
   shown = 0;
   #worker;
 
-  /** pins: levels that switches give, {pin: 0 or 1}. */
+  /** pins: levels from switches, {pin: 0 or 1}. */
   constructor(worker, image, files, pins) {
     super();
     this.#worker = worker;
@@ -21,12 +21,12 @@ export class Board extends EventTarget {
     this.#worker.postMessage(message);
   }
 
-  /** A switch on a pin: 0, 1, or null for nothing there. */
+  /** Set a switch on a pin: 0, 1, or null for none. */
   setPin(pin, level) {
     this.send({ do: "pin", pin, level });
   }
 
-  /** Power off and on again; the flash is kept. */
+  /** Switch the power off and on; the flash keeps its content. */
   reset() {
     this.send({ do: "reset" });
   }
@@ -46,16 +46,16 @@ export class Board extends EventTarget {
   }
 }
 
-/** A serial port as Web Serial has it: open, setSignals, readable, writable, close. */
+/** A serial port with the interface of Web Serial: open, setSignals, readable, writable, close. */
 export class BoardPort {
   readable = null;
   writable = null;
-  /** Whether somebody has opened it, so that there is nothing for the listener. */
+  /** Whether the port is open, so the listener gets nothing. */
   taken = false;
   #listener = null;
   #board;
   #number;
-  #to = null; // what reads the stream
+  #to = null; // the reader of the stream
 
   constructor(board, number) {
     this.#board = board;
@@ -66,7 +66,7 @@ export class BoardPort {
     return this.#number < this.#board.shown;
   }
 
-  /** Resolves once the board shows the port. */
+  /** Resolve once the board has this port. */
   async open() {
     if (this.taken) throw new Error("it is open already");
     this.taken = true;
@@ -90,7 +90,7 @@ export class BoardPort {
     this.#setOpen(this.#listener !== null);
   }
 
-  /** Get what comes while nobody has opened the port; it is open for that. */
+  /** Listen to the port while nobody else has opened it. */
   listen(listener) {
     this.#listener = listener;
     this.#setOpen(true);
@@ -105,7 +105,7 @@ export class BoardPort {
     else if (!this.taken) this.#listener?.(bytes);
   }
 
-  /** The board has gone from the bus: whoever had the port open has to open it again. */
+  /** The board has left the bus, so the port has to be opened again. */
   end() {
     if (!this.#to) return;
     this.#to.close();

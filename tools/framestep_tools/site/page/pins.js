@@ -1,10 +1,10 @@
-// What the board's pins have done: their last edges, and the steps that they made.
+// The last edges of the board's pins, and the steps so far.
 
 const RECORD = 10; // bytes (tools/framestep_emulator/board/lib/trace.mjs)
 const KEPT = 1 << 17; // edges of each pin; a motor at 20 000 steps/s makes them in three seconds
 const COUNT = 30;
 
-/** The last edges of one pin. `count` goes on for ever; those from `count - KEPT` on are there. */
+/** The last edges of one pin. `count` never wraps; edges from `count - KEPT` on are kept. */
 class Edges {
   count = 0;
   #times = null;
@@ -23,12 +23,12 @@ class Edges {
     return this.#times[index % KEPT];
   }
 
-  /** The level after an edge; 0 before all of them. */
+  /** Return the level after an edge; 0 before the first. */
   level(index) {
     return index < 0 ? 0 : this.#levels[index % KEPT];
   }
 
-  /** How many edges there have been up to a time; the search begins at `from`. */
+  /** Return the number of edges up to a time. from: start of the search. */
   upTo(nanos, from = 0) {
     let low = Math.max(from, this.count - KEPT, 0);
     let high = this.count;
@@ -42,10 +42,10 @@ class Edges {
 }
 
 export class Pins {
-  /** The board's time up to which the edges are complete, ns. */
+  /** Board time in ns up to which the edges are complete. */
   nanos = 0;
   edges = Array.from({ length: COUNT }, () => new Edges());
-  /** Steps that each motor has made since power-up, up less down. */
+  /** Steps of each motor since power-up, up minus down. */
   steps;
   #motorOf = new Map(); // step pin -> index of the motor
   #dir;

@@ -1,4 +1,4 @@
-// The rig of the example move, as far as the pulses on the pins have brought it: a camera on an arm, on a carriage.
+// The rig of the example move, moved by the pulses on the pins: a camera on an arm, on a carriage.
 
 import { h, setText } from "framestep-console/dom.js";
 import { pose } from "framestep-console/kinematics.js";
@@ -8,14 +8,14 @@ import { beam, draw } from "./solids.js";
 const AXES = [["track", 25, "mm"], ["boom", 800, "°"], ["swing", 200, "°"], ["pan", 400, "°"]]; // motor by motor: steps per unit
 const ARM = 800; // mm
 const RIG = { type: M.VIRT_BOOM_SWING_TRACK, length: ARM, extension: 0, nodal: [0, 0, 0] };
-const BEHIND = 0.35; // of the arm behind its column: the counterweight
+const BEHIND = 0.35; // part of the arm behind its column, with the counterweight
 const FLOOR = -650; // below the arm's hinge
 const TIE = 200; // mm from one tie of the track to the next
-const SEEN = 1700; // mm of the track to each side
-const FREE = 500; // mm that the carriage may go from the middle before the picture follows it
-const MIDDLE = 950; // the same of the track
-const HIGH = 0.5; // of the width
-const WIDE = 3000; // mm across
+const SEEN = 1700; // visible mm of the track to each side
+const FREE = 500; // mm that the carriage may leave the middle before the picture follows
+const MIDDLE = 950; // middle of the track
+const HIGH = 0.5; // height as a part of the width
+const WIDE = 3000; // visible width in mm
 const METAL = [141, 153, 166];
 const DARK = [77, 86, 97];
 const CAMERA = [47, 127, 184];
@@ -27,7 +27,7 @@ export class RigPicture {
   #said = h("p", { class: "faint" });
   #middle = MIDDLE;
 
-  /** controls: elements for the corner. */
+  /** controls: elements in the corner. */
   constructor(pins, ...controls) {
     this.#pins = pins;
     this.element = h("article", { class: "card rig-card", "aria-label": "Rig" },
@@ -45,7 +45,7 @@ export class RigPicture {
     this.#canvas.height = Math.round(height * scale);
     const context = this.#canvas.getContext("2d");
     context.scale(scale, scale);
-    // the track leads along +X here, and the arm at rest away from it, to the front
+    // here the track runs along +X, and the arm at rest points to the front
     const view = { yaw: -0.45, pitch: 0.35, scale: width / WIDE, center: [this.#middle, -150, 300], middle: [width / 2, height / 2] };
     draw(context, this.#track(), view);
     draw(context, this.#rig(at), view);
@@ -60,7 +60,7 @@ export class RigPicture {
 
   #rig({ track, boom, swing, pan }) {
     const { camera, looks } = pose(RIG, [boom, swing, 0, pan]);
-    // of the console's world, where the track leads along Z and the arm along −Z
+    // from the console's world, where the track runs along Z and the arm along −Z
     const turned = ([x, y, z]) => [-x, y, -z];
     const hinge = [track, 0, 0];
     const end = turned(camera).map((value, i) => value + hinge[i]);

@@ -6,10 +6,10 @@ const ROW = 22; // pixels
 const HIGH = 4; // from the row's top to a high level
 const LOW = 18;
 const LABEL = 128; // pixels left of the traces
-const SHARE_BEFORE = 0.25; // of the width before the trigger
+const SHARE_BEFORE = 0.25; // part of the width before the trigger
 const MS = 1e6; // ns
 const SPANS = [[1000 * MS, "1 s"], [100 * MS, "100 ms"], [10 * MS, "10 ms"], [1 * MS, "1 ms"]];
-const SPEED_MS = 2000; // over which the board's speed is measured
+const SPEED_MS = 2000; // interval in which the board's speed is measured
 
 export class Scope {
   #pins;
@@ -19,8 +19,8 @@ export class Scope {
   #trigger = h("select", { "aria-label": "Trigger" }, h("option", { value: "" }, "none"));
   #hold = h("input", { type: "checkbox", onchange: () => this.#freeze() });
   #speed = h("p", { class: "faint", role: "status" });
-  #began = null; // {real, nanos}: since when the speed is measured
-  #frozen = null; // the time up to which it shows
+  #began = null; // {real, nanos}: start of the measurement of speed
+  #frozen = null; // end of the frozen picture
 
   constructor(pins, rows) {
     this.#pins = pins;
@@ -51,7 +51,7 @@ export class Scope {
     }
   }
 
-  /** A column of pixels is a level, an edge, or many of them. */
+  /** Draw a row; a column of pixels is a level, an edge, or several edges. */
   #drawRow(context, edges, top, columns, start, span) {
     let before = edges.upTo(start);
     let runFrom = 0;
@@ -69,7 +69,7 @@ export class Scope {
     run(columns);
   }
 
-  /** When the picture begins: so that it ends now, or with the trigger's last edge at its place. */
+  /** Return the start of the picture: it ends now, or has the trigger's last edge at its place. */
   #start(span) {
     const end = this.#frozen ?? this.#pins.nanos;
     if (!this.#trigger.value) return end - span;

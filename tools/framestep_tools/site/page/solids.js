@@ -1,7 +1,7 @@
-// Beams in space, drawn flat: seen from far away, the farthest face first.
+// Beams in space, drawn in parallel projection, the farthest face first.
 
 const FACES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
-const DARKEST = 0.45; // of a color, away from the light
+const DARKEST = 0.45; // part of a color away from the light
 const LIGHT = normal([-0.4, 1, 0.6]);
 
 const add = (a, b, factor = 1) => a.map((value, i) => value + factor * b[i]);
@@ -13,7 +13,7 @@ function normal(vector) {
   return vector.map((value) => value / length);
 }
 
-/** A beam between two points; `up` says how its cross-section, high × wide, is turned. color: [red, green, blue]. */
+/** A beam between two points; `up`: direction of the height of its cross-section, high × wide. color: [red, green, blue]. */
 export function beam(from, to, high, wide, color, up = [0, 1, 0]) {
   const along = normal(add(to, from, -1));
   const side = normal(cross(along, Math.abs(dot(along, up)) > 0.99 ? [1, 0, 0] : up));

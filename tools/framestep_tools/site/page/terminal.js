@@ -10,11 +10,11 @@ const ENTER = "\r";
 export class ReplTerminal {
   element;
   #terminal = new Terminal({ rows: ROWS, fontSize: 13, screenReaderMode: true });
-  /** Lines that have been entered. */
+  /** Number of entered lines. */
   lines = 0;
   #port;
 
-  /** port: the REPL's BoardPort. controls: elements beside the title. */
+  /** port: the REPL's BoardPort; controls: elements next to the title. */
   constructor(port, ...controls) {
     this.#port = port;
     const place = h("div", { class: "terminal-place" });
@@ -31,7 +31,7 @@ export class ReplTerminal {
     port.listen((bytes) => this.#terminal.write(bytes));
   }
 
-  /** What the user types. Nobody hears it while the page itself has the REPL, for the rig file or the load. */
+  /** Send the user's typing. It is lost while the page itself uses the REPL, for the rig file or the load. */
   type(text) {
     if (this.#port.taken) return;
     this.#port.write(new TextEncoder().encode(text));

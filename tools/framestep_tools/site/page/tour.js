@@ -1,15 +1,15 @@
-// A tour in six steps. Each is done when the board says so, whoever did it.
+// A tour in six steps. A step is done when the board shows it, whoever did it.
 
 import { h, setText } from "framestep-console/dom.js";
 import { M } from "framestep-console/protocol.js";
 
 const LOOK_MS = 200;
 const MARKED_MS = 4000;
-const FAR = 100; // steps that are a jog
+const FAR = 100; // steps that count as a jog
 const COMMAND = "status()";
 const MOTOR_CARD = '[aria-label="Motor 1"]';
 
-/** What is done in each step, and how it shows. `begin` gives the function that says whether it is done. */
+/** The steps. `begin` returns a function that returns whether the step is done. */
 function steps({ device, moves, operation, pins, estop, terminal, takeExample }) {
   return [
     {
@@ -24,7 +24,7 @@ function steps({ device, moves, operation, pins, estop, terminal, takeExample })
     },
     {
       title: "Set its zero",
-      text: "After power-up a step motor does not know where it is. Open “Zero, soft limits, speed” of motor 1 and press “Set position”.",
+      text: "After power-up framestep does not know where a stepper motor is. Open “Zero, soft limits, speed” of motor 1 and press “Set position”.",
       view: "Motors",
       control: `${MOTOR_CARD} details form button`,
       begin: () => () => device.trustOf(1)?.state === "known",
@@ -75,7 +75,7 @@ function steps({ device, moves, operation, pins, estop, terminal, takeExample })
   ];
 }
 
-/** Bring a control before the user, and mark it for a moment. */
+/** Scroll to a control, and mark it for a moment. */
 function mark({ view, control }) {
   if (view) [...document.querySelectorAll("nav button")].find((tab) => tab.textContent === view)?.click();
   const found = document.querySelector(control);

@@ -1,4 +1,4 @@
-// framestep in a browser tab: an emulated board with the image of a Pico, the console before it, its REPL beside it.
+// framestep in a browser tab: an emulated board with the image of a Pico, its console and its REPL.
 
 import "framestep-console/style.css";
 import "@xterm/xterm/css/xterm.css";
@@ -41,7 +41,7 @@ function estopButton(board) {
   return button;
 }
 
-/** Put the example move into the field for a move's file, and let the motors be as fast as it needs. */
+/** Put the example move into the field for a move's file, and set the velocities that it needs. */
 async function takeExample() {
   for (const i of pins.step.keys()) await running.device.ask("MotorSetSpeed", { motor: i + 1, ...setup.speed });
   const chosen = new DataTransfer();
@@ -51,13 +51,13 @@ async function takeExample() {
   field.dispatchEvent(new Event("change"));
 }
 
-/** The pins that the scope shows, [pin, name]. */
+/** Return the scope's pins, [pin, name]. */
 function shownPins() {
   const motors = pins.step.flatMap((pin, i) => [[pin, `Step ${i + 1} · GP${pin}`], [pins.dir[i], `Direction ${i + 1} · GP${pins.dir[i]}`]]);
   return [...motors, [pins.dmx.tx, `DMX · GP${pins.dmx.tx}`], [pins.shutter, `Shutter · GP${pins.shutter}`], [pins.meter, `Meter · GP${pins.meter}`]];
 }
 
-/** Draw again and again, while the page is seen. */
+/** Draw repeatedly while the page is visible. */
 function keepDrawing(...parts) {
   let last = 0;
   const turn = (now) => {

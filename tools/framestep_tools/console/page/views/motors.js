@@ -1,9 +1,9 @@
-// Motors: where they are, jog, move, zero, home, soft limits, speed.
+// Motors: positions, jog, move, zero, home, soft limits, speed.
 
 import { check, field, h, number, read, setText } from "../dom.js";
 import { M } from "../protocol.js";
 
-const FARTHEST = 2_000_000_000; // where a jog leads: it ends at a soft limit, or when it is let go
+const FARTHEST = 2_000_000_000; // target of a jog, which ends at a soft limit or when it is released
 const FULL_SPEED = 10_000;
 const LOWEST = -2147483648;
 const HIGHEST = 2147483647;
@@ -76,7 +76,7 @@ export class MotorsView {
     this.#holds.begin(key, ...this.#requests(motor, up));
   }
 
-  /** What a hold sends again and again, and what ends it. */
+  /** Return a hold's repeated request and its stop. */
   #requests(motor, up) {
     const jog = async () => {
       const speed = Math.round((FULL_SPEED * Number(this.#speed.value)) / 100);
@@ -150,7 +150,7 @@ class MotorCard {
   }
 }
 
-/** What is set for a motor. Filled with what the device says when it is opened. */
+/** A motor's settings, read from the device when they are opened. */
 class MotorSettings {
   #device;
   #motor;
@@ -191,13 +191,13 @@ class MotorSettings {
       form(() => this.#sendLimits(),
         check("Lower soft limit", this.#lowerOn), field("Lower, steps", this.#lower), here(this.#lower),
         check("Upper soft limit", this.#upperOn), field("Upper, steps", this.#upper), here(this.#upper),
-        field("Limit switch set", this.#set, "0: none. The device does not tell which one is set."), check("Swap its switches", this.#swap),
+        field("Limit switch set", this.#set, "0: none. The device does not report which one is set."), check("Swap its switches", this.#swap),
         h("button", {}, "Set limits")),
       form(() => this.#sendSpeed(), field("Velocity, steps/s", this.#velocity), field("Acceleration, steps/s²", this.#acceleration), h("button", {}, "Set speed")),
       form(() => this.#sendFlags(), check("Enabled", this.#enabled), check("Moves in a shot with motion blur", this.#blur), h("button", {}, "Set")));
   }
 
-  /** Ask what is set; other devices than framestep do not tell. */
+  /** Read the settings; only framestep reports them. */
   async #fill() {
     try {
       const told = await this.#device.demand("GetExceeded", { motor: this.#motor });
@@ -210,7 +210,7 @@ class MotorSettings {
       this.#upperOn.checked = (told.bits & M.SET_UPPER) !== 0;
       this.#enabled.checked = (told.bits & M.SET_ENABLED) !== 0;
     } catch {
-      this.#device.tell("This device does not tell what is set; the fields show defaults.");
+      this.#device.tell("This device does not report its settings; the fields show defaults.");
     }
   }
 

@@ -13,16 +13,16 @@ const JOG_ALL_KEY = "along the move";
 export class MovesView {
   title = "Moves";
   element = h("section");
-  /** The move that was uploaded from this page; null for none. */
+  /** The move that this page has uploaded, or null. */
   move = null;
   #device;
   #holds;
-  #operation; // what is prepared, for the whole page
+  #operation; // the page's operation
   #curve = new Curve();
   #file = h("input", { type: "file", accept: ".csv,.txt,text/csv" });
   #upload = h("button", { class: "main", disabled: true }, "Upload");
   #progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": "Upload" });
-  #about = h("p", { class: "faint" }, "A CSV file as framestep upload takes it: a column frame, then a column per motor in steps.");
+  #about = h("p", { class: "faint" }, "A CSV file as for framestep upload: a column frame, then a column per motor in steps.");
   #read = null;
   #start = number(1, -FARTHEST_FRAME, FARTHEST_FRAME);
   #end = number(240, -FARTHEST_FRAME, FARTHEST_FRAME);
@@ -96,7 +96,7 @@ export class MovesView {
     try {
       const move = parseMove(await file.text(), file.name);
       this.#read = move;
-      this.move = null; // what the curve shows is not what the device has
+      this.move = null; // the curve no longer shows the device's move
       this.#curve.show(move);
       this.#upload.disabled = !this.#device.connected;
       setText(this.#about, `${file.name}: frames ${move.startFrame} to ${move.endFrame} for ${move.positions.length} motors`);
@@ -147,7 +147,7 @@ export class MovesView {
     if (frame !== null) await this.#device.ask("RtPositionFrame", { frame });
   }
 
-  /** What a hold sends: once, as the device goes on by itself until it is stopped. */
+  /** Send a hold's request once; the device goes on by itself until a stop. */
   #jogAll(toEnd) {
     return async () => {
       const [start, end, fps] = [this.#start, this.#end, this.#fps].map(read);

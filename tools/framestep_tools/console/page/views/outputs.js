@@ -3,7 +3,7 @@
 import { check, field, h, number, read, setText } from "../dom.js";
 import { M } from "../protocol.js";
 
-const SHOWN = 12; // lights at a time
+const SHOWN = 12; // number of lights in the view
 const HIGHEST_LEVEL = 255;
 const CAMERA = [[M.GIO_CAM_SHUTTER, "Shutter"], [M.GIO_CAM_METER, "Meter"]];
 
@@ -24,7 +24,7 @@ export class OutputsView {
     this.element.append(
       h("div", { class: "cards" },
         card("Inputs", this.#inputs),
-        card("Outputs", this.#outputs, h("p", { class: "faint" }, "The device does not tell how its outputs are: a switch shows what this page has set. Each change sets all of them.")),
+        card("Outputs", this.#outputs, h("p", { class: "faint" }, "The device does not report its outputs: a switch shows what this page has set. Each change sets all of them.")),
         card("Camera", this.#camera)),
       this.#lights.element,
     );
@@ -46,7 +46,7 @@ export class OutputsView {
     });
   }
 
-  /** A switch for each of [bit, name]; any of them sends the bits of all. */
+  /** Make a switch for each [bit, name]. Each one sends the bits of all. */
   #switches(parts, request) {
     const boxes = parts.map(([bit]) => h("input", { value: String(bit), role: "switch" }));
     for (const box of boxes) {
@@ -67,13 +67,13 @@ function lamps(count) {
   return range(count).map((i) => h("div", {}, `Input ${i + 1} `, h("output", {}, h("span", { class: "lamp", "aria-hidden": "true" }), h("span", {}, "off"))));
 }
 
-/** Sliders for some neighbouring channels; a level that is changed is sent when the one before has been answered. */
+/** Sliders for some neighbouring channels. A changed level is sent after the answer to the previous one. */
 class Lights {
   element = h("article", { class: "card", "aria-label": "Lights" });
-  /** Sends a request DMX. */
+  /** Send a request DMX. */
   send = async () => {};
   failed = () => {};
-  #levels = new Map(); // channel -> level as this page has set it
+  #levels = new Map(); // channel -> level that this page has set
   #channels = 0;
   #first = number(1, 1, 512);
   #fade = h("input");

@@ -1,16 +1,16 @@
-// The rig file and the board's load: both by the board's other port, through framestep console or a second
-// port of Web Serial.
+// The rig file and the board's load, through the board's other port: by framestep console or a second port of Web
+// Serial.
 
 import { h, setText } from "../dom.js";
 import { LoadCard } from "../load_card.js";
 import { M } from "../protocol.js";
 import { allowed } from "../rig_text.js";
 
-const RESTART_MS = 60_000; // a board that restarts is back by then
+const RESTART_MS = 60_000; // time for a board to restart
 
 export class RigView {
   title = "Rig file, load";
-  /** It has the REPL's port, which is there while the protocol's is not. */
+  /** Uses the REPL's port, which exists also while the protocol's does not. */
   worksAlone = true;
   element = h("section");
   #device;
@@ -55,7 +55,7 @@ export class RigView {
     this.#load.stop();
   }
 
-  /** What can be asked, and what has to be chosen before. */
+  /** Show which tasks are possible, and which port has to be chosen first. */
   #allow() {
     const { client, hello } = this.#device;
     const repl = Boolean(hello?.repl);
@@ -100,8 +100,8 @@ export class RigView {
   }
 
   async #write() {
-    setText(this.#said, "The board takes it and restarts …");
-    this.#device.restarts = !this.#device.client?.keeps; // else a server waits for the board
+    setText(this.#said, "The board accepts it and restarts …");
+    this.#device.restarts = !this.#device.client?.keeps; // with a server, that waits for the board
     try {
       await this.#replace();
     } finally {
@@ -125,10 +125,10 @@ export class RigView {
     const again = this.#device.client;
     await this.#ask("restore_rig", found.before);
     await this.#connectAgain(again);
-    throw new Error("rig.json: the board does not take these settings together (framestep rig check tells why); it has restarted with the file of before");
+    throw new Error("rig.json: the board rejects these settings together (framestep rig check says why); it has restarted with the previous file");
   }
 
-  /** Whether the board goes by its rig file; where there is a mistake it says so. */
+  /** Return whether the board has accepted its rig file; it reports a mistake as a condition. */
   async #isTaken() {
     const { bits } = await this.#device.demand("GetCondition");
     return (bits & M.CONDITION_RIG_FILE_INVALID) === 0;
@@ -161,7 +161,7 @@ export class RigView {
   }
 }
 
-/** A row for each setting of a schema, those of lists and objects behind theirs. */
+/** Return a row for each setting of a schema; settings of lists and objects follow them. */
 function rows(schema, before) {
   return Object.entries(schema.properties ?? {}).flatMap(([name, each]) => {
     const inner = each.items?.properties ? [each.items, `${before}${name}[].`] : [each, `${before}${name}.`];

@@ -1,5 +1,4 @@
-// Shoot: one frame with motion blur. The motors wait where the shutter's turn begins, and GO moves them
-// through it.
+// Shoot: one frame with motion blur. The motors wait at the start of the shutter's turn, and GO moves them through it.
 
 import { field, h, number, read, setText } from "../dom.js";
 import { M } from "../protocol.js";

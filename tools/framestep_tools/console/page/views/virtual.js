@@ -1,4 +1,4 @@
-// Virtual axes: the rig's sums, the camera's pose, jogs along straight lines, the rig drawn.
+// Virtual axes: the rig's configuration, the camera's pose, jogs along straight lines, a drawing of the rig.
 
 import { check, field, h, number, read, setText } from "../dom.js";
 import { joints, TYPES } from "../kinematics.js";
@@ -9,10 +9,10 @@ import { packConfig, parseTable } from "../virtual_config.js";
 const POSITION = 100_000;
 const MILLI = 1000;
 const FULL_SPEED = 10_000;
-const FARTHEST = 2_000_000_000; // a step of the main motor that no jog reaches
+const FARTHEST = 2_000_000_000; // a step of the main motor beyond every jog
 const SAVED = "virtual rig";
 const LENGTHS = { length: 1000 }; // an arm of length 0 is refused
-// Virtual motors, the field of VirtPositions, the axes that may be their main motor
+// Virtual motors, their fields of VirtPositions, and the axes of their main motors
 const POSE = [
   [M.VIRT_MOTOR_TRACK, "vTrack", "track", ["track", "z"]],
   [M.VIRT_MOTOR_EW, "vEW", "east_west", ["swing", "x"]],
@@ -33,7 +33,7 @@ export class VirtualView {
   #device;
   #holds;
   #moves;
-  #rig = null; // as it was configured from here
+  #rig = null; // the rig as this page has configured it
   #type = h("select", {}, ...Object.entries(TYPES).map(([type, { name }]) => h("option", { value: type }, name)));
   #fields = h("div");
   #axes = [];
@@ -46,7 +46,7 @@ export class VirtualView {
   #without = h("p", { class: "faint" });
   #able = h("div", { class: "view" });
 
-  /** moves: the view that has the uploaded move. */
+  /** moves: the view with the uploaded move. */
   constructor(device, holds, moves) {
     this.#device = device;
     this.#holds = holds;
@@ -85,7 +85,7 @@ export class VirtualView {
     if (this.#rig && positions.length) this.#drawing.draw(this.#rig, joints(this.#rig, (motor) => positions[motor - 1]));
   }
 
-  // ---- the rig's sums
+  // ---- the rig's configuration
 
   #fill(saved) {
     const { axes, arm } = TYPES[this.#type.value];
@@ -139,7 +139,7 @@ export class VirtualView {
     this.render();
   }
 
-  /** The boom table, null for none; undefined, and the user is told, where it is not right. */
+  /** Return the boom table or null; undefined for a mistake, which is shown. */
   #readTable() {
     if (!this.#table.isConnected) return null;
     try {
@@ -150,7 +150,7 @@ export class VirtualView {
     }
   }
 
-  /** The payload; null, and the user is told, where a number does not fit. */
+  /** Return the payload; null if a number does not fit, which is shown. */
   #packed(rig) {
     try {
       return packConfig(rig);
@@ -166,7 +166,7 @@ export class VirtualView {
     this.render();
   }
 
-  /** The camera's way along the uploaded move. */
+  /** Return the camera's path along the uploaded move. */
   #showPath() {
     const { move } = this.#moves;
     if (!move || !this.#rig) return;
