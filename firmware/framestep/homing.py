@@ -116,7 +116,7 @@ class Homing:
         if not bits or not self.gate.allow_motion():
             return m.ERR_GENERAL
         if self.phase == _ENDED and not self.axis.moving:
-            self.let_go()
+            self.restore()
         if self.operations.busy or self.gate.virtual or self.phase:
             return m.ERR_MOVING
         known = 0
@@ -176,7 +176,7 @@ class Homing:
         axis = self.axis
         if self.phase == _ENDED:
             if not axis.moving:
-                self.let_go()
+                self.restore()
             return
         if (self.phase == _SEEK or self.phase == _AGAIN) and not self.found and self._active():
             self.found = True
@@ -325,9 +325,9 @@ class Homing:
         self._restore_limits()
         self.axis.rates_outdated = True
         if not self.axis.moving:
-            self.let_go()
+            self.restore()
 
-    def let_go(self):
+    def restore(self):
         """After release(): restore the limit switches of SET_LIMITS."""
         if self.phase == _ENDED:
             self.phase = _NONE

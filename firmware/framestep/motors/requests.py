@@ -279,7 +279,7 @@ class Motors:
         if not self.axes[motor].set_limits(lower_enable != 0, upper_enable != 0, self.words, 0):
             return m.ERR_RANGE
         if self.homing:
-            self.homing.let_go()
+            self.homing.restore()
         self.safety.assign(motor, switches, hw_set & m.HW_SET_SWAP)
         self.operations.settings_changed()
         motor = self.gate.leading(motor)

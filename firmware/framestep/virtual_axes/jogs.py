@@ -95,7 +95,7 @@ class Jogs:
 
     # ---------------------------------------------------------------- the present jog
 
-    def _goes_on(self, kind, number, direction, speed):
+    def _repeats(self, kind, number, direction, speed):
         """Return whether this is the present jog. If so, note the repeated request."""
         jog = self.jog
         if self.next.kind or jog.kind != kind or jog.number != number:
@@ -169,7 +169,7 @@ class Jogs:
         if not self.move.state:
             return self._begin_axis(number, speed, target)
         # on which side of the line's start the destination lies shows the direction
-        if self._goes_on(AXIS, number, self.line.side(main, target, 0), speed):
+        if self._repeats(AXIS, number, self.line.side(main, target, 0), speed):
             return results.OK
         return self._ask_next(AXIS, number, 0, speed, target, 0)
 
@@ -205,7 +205,7 @@ class Jogs:
             return results.ERR_RANGE
         if not self.move.state:
             return self._begin_camera(axis, direction, speed)
-        if self._goes_on(CAMERA, axis, direction, speed):
+        if self._repeats(CAMERA, axis, direction, speed):
             return results.OK
         return self._ask_next(CAMERA, axis, direction, speed, self.next.end, 0)
 
@@ -234,7 +234,7 @@ class Jogs:
 
     def jog_motor(self, axis, target, i, speed):
         """Jog such a motor toward the step target[i] while something moves. Return a code."""
-        if self._goes_on(MOTOR, axis, self.line.side(axis, target, i), speed):
+        if self._repeats(MOTOR, axis, self.line.side(axis, target, i), speed):
             return results.OK
         return self._ask_next(MOTOR, axis, 0, speed, target, i)
 

@@ -203,10 +203,10 @@ class Chain:
         self._lag = room
         level = self._last & ~self._steps
         if self._count <= FRAMES + WORDS:  # otherwise nothing has been sent since the last time
-            self._owe(held, level)
+            self._delay(held, level)
         self._hold(level)
 
-    def _owe(self, held, level):
+    def _delay(self, held, level):
         """Delay the painted words and the next ones by `held` words, on the grid of ticks."""
         words = self._words
         # The upper half of the next word has been out for a frame, and pulses under way were cut

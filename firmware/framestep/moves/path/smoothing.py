@@ -34,7 +34,7 @@ _HERE = const(22)  # position of the middle frame
 BITS = const(23)  # _Q; 0 if positions are so far apart that smoothing makes no difference
 # Of the last frame of place():
 _KIND = const(24)
-_WAY = const(25)  # direction in which it is passed: 1 up, -1 down
+_SIGN = const(25)  # direction in which it is passed: 1 up, -1 down
 _ADDED = const(26)  # what smoothing adds to its position
 # PART, behind these: how far beyond its position the middle frame is passed, Q16 of a step
 
@@ -122,38 +122,38 @@ def smooth(w: ptr32, before: int, after: int):
 
 
 @micropython.viper
-def room(w: ptr32, bounds: ptr32, k: int, way: int) -> int:
+def room(w: ptr32, bounds: ptr32, k: int, sign: int) -> int:
     """Return the steps from frame k's position to the bound in that direction, at most 2^28."""
-    end = bounds[UPPER] if way > 0 else bounds[LOWER]
+    end = bounds[UPPER] if sign > 0 else bounds[LOWER]
     # Halve all first, since a distance between two words may need 33 bits.
     d = (end >> 1) - (w[_HERE] >> 1) - (w[k + 0] >> 1)
     if d > 0x8000000 or d < -0x8000000:  # beyond a small integer it would be allocated
         return 0x10000000
     d = end - w[_HERE] - w[k + 0]
-    return d if way > 0 else 0 - d
+    return d if sign > 0 else 0 - d
 
 
 @micropython.viper
 def place(w, bounds, k: int) -> int:
     """Return how far beyond frame k of the window, smoothed, the path passes it: up to half a step.
 
-    Backward the path passes it as far on the other side. Sets _KIND, _WAY and _ADDED.
+    Backward the path passes it as far on the other side. Sets _KIND, _SIGN and _ADDED.
     """
     f = ptr32(w)
     p = f[k + 0]
     i = 0
     while i < _HOLD and f[k - i - 1] == p:
         i += 1
-    come = 0
+    arrival = 0
     if i < _HOLD:
-        come = 1 if f[k - i - 1] < p else -1
+        arrival = 1 if f[k - i - 1] < p else -1
     j = 0
     while j < _HOLD and f[k + j + 1] == p:
         j += 1
-    go = 0
+    departure = 0
     if j < _HOLD:
-        go = 1 if f[k + j + 1] > p else -1
-    f[_WAY] = come
+        departure = 1 if f[k + j + 1] > p else -1
+    f[_SIGN] = arrival
     f[_ADDED] = 0
     bits = f[BITS]
     at = k + SMOOTHED - BESIDE + 2
@@ -164,14 +164,14 @@ def place(w, bounds, k: int) -> int:
             return 0
         here = 0
         if i < _FADE:
-            here = come * (_FADE - i)
+            here = arrival * (_FADE - i)
         if j < _FADE:
-            here += go * (_FADE - j)
+            here += departure * (_FADE - j)
         return here * (_HALF // _FADE)
-    if come == go:
+    if arrival == departure:
         f[_KIND] = _ONWARD
         f[_ADDED] = smoothed
-        return come * _HALF if bits else 0
+        return arrival * _HALF if bits else 0
     if i + j:
         f[_KIND] = _STILL
         if bits == 0:
@@ -179,34 +179,34 @@ def place(w, bounds, k: int) -> int:
         d = j - i
         if d < 0:
             d = i - j
-            come = go
-        here = _HALF * d // (i + j) * come
+            arrival = departure
+        here = _HALF * d // (i + j) * arrival
         if ptr32(bounds)[NO_OVERSHOOT]:
             return here
         if i == 0:
             f[_KIND] = _BEYOND
         elif j == 0:
             f[_KIND] = _BEYOND
-            f[_WAY] = go
+            f[_SIGN] = departure
         f[_ADDED] = smoothed
         return here
     f[_KIND] = _CORNER
     if bits == 0 or ptr32(bounds)[NO_OVERSHOOT]:
         return 0
     # Distance on the way to the turn, and back. Do the frames next to this one move on as well?
-    d = (p - f[k - 1]) * come
-    rise = (p - f[k + 1]) * come
+    d = (p - f[k - 1]) * arrival
+    rise = (p - f[k + 1]) * arrival
     if d > _WORKABLE or rise > _WORKABLE:
         return 0
-    if (f[k - 1] - f[k - 2]) * come <= 0 or (f[k + 2] - f[k + 1]) * go <= 0:
+    if (f[k - 1] - f[k - 2]) * arrival <= 0 or (f[k + 2] - f[k + 1]) * departure <= 0:
         return 0
-    rise = (f[at + 1] - f[at - 1]) * come  # half of its slope
+    rise = (f[at + 1] - f[at - 1]) * arrival  # half of its slope
     # The path overshoots the frame by 4/27 of the slope.
     past = rise
     if rise < 0:
         past = 0 - rise
-    past = (past * 2 // 27 + _HALF + smoothed * come) >> bits
-    if int(room(w, bounds, k, come)) < past:
+    past = (past * 2 // 27 + _HALF + smoothed * arrival) >> bits
+    if int(room(w, bounds, k, arrival)) < past:
         return 0
     # If the path turns in the frame before, it comes back to half a step below the position. That
     # is enough only if it has reached the position before. The cubic from half a step above the
@@ -220,9 +220,9 @@ def place(w, bounds, k: int) -> int:
         at -= 1
         rise = 0 - rise
     fall = rise >> 1
-    short = _HALF - smoothed * come
-    d = (p - f[beside]) * come
-    back = short + _HALF + (f[at + 0] - (f[beside] << bits)) * come - (d << bits)
+    short = _HALF - smoothed * arrival
+    d = (p - f[beside]) * arrival
+    back = short + _HALF + (f[at + 0] - (f[beside] << bits)) * arrival - (d << bits)
     if d < 2 or (
         49 * fall + 22 * back < short << 9
         and 9 * fall + 10 * back < short << 6
@@ -231,10 +231,10 @@ def place(w, bounds, k: int) -> int:
         return 0
     f[_KIND] = _TURNS
     if beside < k:
-        come = 0 - come
-        f[_WAY] = come
+        arrival = 0 - arrival
+        f[_SIGN] = arrival
     f[_ADDED] = smoothed
-    return come * _HALF
+    return arrival * _HALF
 
 
 @micropython.viper
@@ -254,16 +254,16 @@ def slope(window, bounds, before: int, after: int) -> int:
     ahead = (w[BESIDE + 1] << bits) + w[_ADDED]
     here = int(place(window, bounds, BESIDE))
     kind = w[_KIND]
-    way = w[_WAY]
+    sign = w[_SIGN]
     # How far the path goes on either side, forward or backward, whichever is less
     past -= here
     if past > 0:
         past = 0 - past
-    past += (w[_ADDED] - back) * way
+    past += (w[_ADDED] - back) * sign
     onward -= here
     if onward > 0:
         onward = 0 - onward
-    onward += (ahead - w[_ADDED]) * way
+    onward += (ahead - w[_ADDED]) * sign
     here += w[_ADDED]
     w[PART] = here << 8
     if before == 0:
@@ -291,7 +291,7 @@ def slope(window, bounds, before: int, after: int) -> int:
             if before > 1:
                 s = 18 * first - 6 * (w[SMOOTHED + 1] - w[SMOOTHED])
         else:
-            least = 6 * (last if (last - first) * way < 0 else first) * way
+            least = 6 * (last if (last - first) * sign < 0 else first) * sign
             if least < 0:
                 least = 0
             if before > 1 and after > 1:
@@ -309,18 +309,18 @@ def slope(window, bounds, before: int, after: int) -> int:
         if past > back:
             past = back
     elif kind == _TURNS:
-        if w[BESIDE - 1] * way > 0:  # it has turned in the frame before
+        if w[BESIDE - 1] * sign > 0:  # it has turned in the frame before
             past = onward
     else:
         s = 6 * (w[BESIDE + 1] - w[BESIDE - 1]) << bits
         ahead = s if s > 0 else 0 - s
         ahead = ((ahead >> bits) * 4 + 323) // 324
-        if ptr32(bounds)[NO_OVERSHOOT] or int(room(window, bounds, BESIDE, way)) < ahead:
+        if ptr32(bounds)[NO_OVERSHOOT] or int(room(window, bounds, BESIDE, sign)) < ahead:
             return 0
-        if s * way < 0:
-            way = 0 - way
+        if s * sign < 0:
+            sign = 0 - sign
             past = 0 - onward
-    s = s * way
+    s = s * sign
     if bits == 0:
         past -= 1  # the frames next to it may be a step farther
     if past < 0:
@@ -329,7 +329,7 @@ def slope(window, bounds, before: int, after: int) -> int:
         s = least
     if s > 36 * past:
         s = 36 * past
-    return s * way
+    return s * sign
 
 
 @micropython.viper
