@@ -132,6 +132,14 @@ def test_help(app, capsys):
     assert "Usage" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("args", [[], ["rig"]])
+def test_no_description_of_a_command_is_cut_short(args, capsys):
+    assert cli.app.status([*args, "--help"]) == 0
+    listed = capsys.readouterr().out.partition("Commands:")[2].partition("\n\n")[0]
+    assert len(listed.splitlines()) > 3
+    assert "..." not in listed, "begin its docstring with a short sentence"
+
+
 def test_every_exit_status_is_documented():
     page = (ROOT / "docs/use/troubleshooting.md").read_text(encoding="utf-8")
     listed = "".join(f"| {number} | {text} |\n" for number, text in STATUSES.items())

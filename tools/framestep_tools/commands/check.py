@@ -59,9 +59,12 @@ def check(
     ] = None,
     json: Json = False,
 ) -> int:  # fmt: skip
-    """Compare what a move asks of each motor with its settings, and say whether the board would
-    play it. Nothing moves. Exit status: 0 if all fits, 7 if the board would refuse it, 1 if it
-    would play it although a motor needs more than its acceleration."""
+    """Judge a move before anything moves.
+
+    Compare what a move asks of each motor with its settings, and say whether the board would play
+    it. Exit status: 0 if all fits, 7 if the board would refuse it, 1 if it would play it although a
+    motor needs more than its acceleration.
+    """
     from framestep.protocol.messages import RUN_LOOP, RUN_PING_PONG
     from framestep.rig import RigError
 

@@ -22,7 +22,10 @@ def home(
     ] = None,
     device: Url = None,
 ) -> None:
-    """Home motors, one after the other: each finds its switch, which defines its position."""
+    """Home motors, one after the other.
+
+    Each finds its switch, which defines its position.
+    """
     from ..payloads import Home, MotorStatus
 
     with moving(device) as client:

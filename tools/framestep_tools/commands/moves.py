@@ -178,8 +178,11 @@ def play(
         int, typer.Option(help="how long that moment lasts", min=1, max=65535)
     ] = 100,
 ) -> None:
-    """Upload a move and play it, from the pre-roll to rest on its last frame. Ctrl-C brings the
-    motors to rest softly, a second one harder."""
+    """Upload a move and play it.
+
+    It runs from the pre-roll to rest on its last frame. Ctrl-C brings the motors to rest softly, a
+    second one harder.
+    """
     from framestep.protocol.messages import RUN_LOOP, RUN_PING_PONG, RUN_STILLS, RUN_VIDEO
 
     from ..payloads import RtRunMove
@@ -288,9 +291,11 @@ def shoot(
     acceleration: Acceleration = None,
     dmx: LightFile = None,
 ) -> None:
-    """Shoot frames one by one with the motors in motion (go-motion), and with the shutter and meter
-    outputs. Ctrl-C brings the motors to rest softly, a second one harder, and reports which frames
-    are shot."""
+    """Shoot frames one by one, in motion (go-motion).
+
+    The shutter and meter outputs release the camera. Ctrl-C brings the motors to rest softly, a
+    second one harder, and reports which frames are shot.
+    """
     from ..move.shoot import Shots, frames_of, spans
 
     both_or_neither(velocity, acceleration)

@@ -41,7 +41,10 @@ def prove(
     out: Annotated[Path, typer.Option(help="folder for the report", metavar="DIR")] = Path(),
     json: Json = False,
 ) -> None:
-    """Let a board measure itself, without wires, and compare it with the emulated one."""
+    """Let a board measure itself, without wires.
+
+    Then compare it with the emulated one.
+    """
     with extra("prove"):
         from ..prove import report
         from ..prove.board import real

@@ -77,7 +77,10 @@ def plot(
         ),
     ] = None,
 ) -> None:  # fmt: skip
-    """Draw a trace: positions and velocities from the edges, and the levels of all other pins."""
+    """Draw a trace as a picture.
+
+    It shows positions and velocities from the edges, and the levels of all other pins.
+    """
     from ..errors import ToolError
 
     target = out or trace.with_suffix(".png")

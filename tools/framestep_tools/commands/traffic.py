@@ -26,7 +26,10 @@ def sniff(
         ),
     ] = None,
 ) -> None:
-    """Show protocol traffic frame by frame: live, from a log, or from a capture."""
+    """Show protocol traffic frame by frame.
+
+    Traffic is live, from a log, or from a capture.
+    """
     from ..errors import ToolError
     from ..traffic.sniffer import read_capture
 
@@ -131,10 +134,11 @@ def replay(
         typer.Option("--log", help="write a log of this replay", metavar="FILE"),
     ] = None,
 ) -> None:
-    """Play a log's host side against a device and compare what it answers. Motors move!
+    """Play a log against a device. Motors move!
 
-    Compared by kind only: positions under way, MOTOR_STATUS, inputs, a device's name, version and
-    memory. Ctrl-C closes the port, which stops all motors.
+    The log's host side is sent again, and the answers are compared with the log's. Compared by kind
+    only: positions under way, MOTOR_STATUS, inputs, a device's name, version and memory. Ctrl-C
+    closes the port, which stops all motors.
     """
     from ..client import port_finder
     from ..client.client import DEFAULT_TIMEOUT_S, BrokenOff, Client
