@@ -159,7 +159,7 @@ class Near:
         self._left += getattr(node, "workeroutput", {}).get("left", 0)
 
     def pytest_terminal_summary(self, terminalreporter):
-        """Print what was not run."""
+        """Print the tests that were not run."""
         if self._left or self._other_files:
             terminalreporter.write_line(
                 f"left out, farther from the change: {self._left} tests after {self._seconds:g} s, "

@@ -57,7 +57,7 @@ class Runtime:
         self._core = compiled_tree(self._processor.march, engine)  # once: it takes long
 
     def share(self, cases: Sequence[T]) -> Sequence[T]:
-        """Return those of many cases that are run on this processor."""
+        """Return the cases, of many, that run on this processor."""
         return cases[:: self._processor.share]
 
     def _command(self, script: Path, args, heap: str, search: str) -> list[str]:

@@ -8,7 +8,7 @@ Every valid request gets one answer in time, whatever stops the motors gets an a
 end where their edges say, no tick in motion comes late, interrupts are not off for long, and the
 firmware runs at the end. HARD_STOP 100 may come if the REPL prevents passes for longer than queues
 last; the report says how often it came, and why. quiet: nobody works on the REPL, and HARD_STOP 100
-is a fault. overlay: these modules replace those of the image, in RAM, as `framestep flash` does it
+is a fault. overlay: these modules replace the image's, in RAM, as `framestep flash` does it
 with edited ones.
 """
 

@@ -42,7 +42,7 @@ def test_right_after_go_and_in_play(session, fps):
 @pytest.mark.parametrize("again", [False, True], ids=["first", "again"])
 def test_from_go_to_the_first_edge(session, again):
     """After 300 ms in READY everything is prepared: the acknowledgement and the edges come at once,
-    those of all motors in step."""
+    with all motors in step."""
     client = session.client
     board = session.board
     session.prepare({motor: np.arange(20) * 2000 for motor in range(1, 9)}, 60_000, 25)

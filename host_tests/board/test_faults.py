@@ -213,7 +213,7 @@ def test_a_host_that_takes_nothing(rig):
 
 
 def test_positions_outlive_the_power(rig):
-    """After two seconds at rest they are saved; the first motion clears what is saved before its
+    """After two seconds at rest they are saved; the first motion clears the saved ones before its
     first step."""
     emulator = rig.board.emulator
     rig.accept(

@@ -80,7 +80,7 @@ class DrivenBoard(EmulatedBoard):
                 return
 
     def _serve(self):
-        """Receive what was sent in this slice, to the end of the telegram, and answer."""
+        """Receive the bytes of this slice, to the end of the telegram, and answer."""
         records = self._records()
         talks = [pin for pin in PINS if (records["pin"] == pin).any()]
         if not talks:

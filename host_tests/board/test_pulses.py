@@ -108,7 +108,7 @@ def test_steady(pulses, rate, motors):
 
 
 def test_ramp(pulses):
-    """design: 2 µs in a ramp of 100 000 steps/s². The edges are those of the model of the
+    """design: 2 µs in a ramp of 100 000 steps/s². The edges match the model of the
     engine."""
     profile = trapezoid(400, Fraction(1, 10), 20)
     board = pulses.play(profile, 840)

@@ -96,7 +96,7 @@ class _WorldLine(Behaviour):
 
 
 class _Granted(Behaviour):
-    """Acknowledges what it refuses, and moves nothing."""
+    """Acknowledges a request that it refuses, and moves nothing."""
 
     def __init__(self, type: int):
         self.type = type
@@ -108,7 +108,7 @@ class _Granted(Behaviour):
 
 
 class _LeaderOnly(Behaviour):
-    """Forgets what is set for motor 2 while it is coupled."""
+    """Forgets settings of motor 2 while it is coupled."""
 
     coupled = False
 

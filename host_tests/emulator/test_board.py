@@ -124,7 +124,7 @@ def test_free_running_keeps_pace(emulator):
 
 
 def test_trace_file_can_be_followed(emulator, tmp_path):
-    """What has happened is in the file within 50 ms of real time, and nothing gets lost."""
+    """Every event is in the file within 50 ms of real time, and none gets lost."""
     emu = emulator(lockstep=False, speed=1)
     emu.wait_usb()
     emu.trace_start([25], file=tmp_path / "trace")

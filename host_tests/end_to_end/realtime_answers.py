@@ -6,7 +6,7 @@ python -m host_tests.end_to_end.realtime_answers > docs/internals/realtime.md
 
 from framestep_tools import payloads as p
 
-# Columns: a state and what it is
+# Columns: a state and its meaning
 STATES = {
     "empty": "nothing is uploaded, all at rest",
     "upload": "between UPLOAD_MOVE_BEGIN and UPLOAD_MOVE_END",
@@ -22,7 +22,7 @@ STATES = {
     "estop": "a move is uploaded, the E-stop is held",
 }
 
-# Response codes: the last two digits; OK stands for 0x0010 and for an answer with data
+# Response codes: the last two digits; OK means 0x0010 or an answer with data
 #                         empty upload idle move way ready run back stop shoot jog estop
 _ALWAYS = "OK OK OK OK OK OK OK OK OK OK OK OK"
 _NEVER = "13 13 13 13 13 13 13 13 13 13 13 13"

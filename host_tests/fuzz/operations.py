@@ -104,7 +104,7 @@ class Operations(Actions):
             self.world.uploads.upload()
         self.settle(1500) or self.halt()
         if dice.random() < 0.8:
-            self.world.surroundings.release()  # what is still pressed
+            self.world.surroundings.release()  # releases pressed switches
         if dice.random() < 0.2:
             self.send(
                 m.MSG_RT_POSITION_FRAME, struct.pack("<i", self.world.uploads.number_of_frame())

@@ -172,7 +172,7 @@ class Replies(Part):
                 )
 
     def _positions(self, request, payload):
-        """At rest the reported positions are those of the edges."""
+        """At rest the reported positions match the edges."""
         self._pins(payload)
         if self.trial.idle_since is None or self.trial.idle_since < 0 or self.may_set_off():
             return
@@ -200,7 +200,7 @@ class Replies(Part):
         motor.at_rest(self.ms)
 
     def _pins(self, payload):
-        """Positions in motion are those of the pins, except for a tick or two (field note
+        """Positions in motion match the pins, except for a tick or two (field note
         4.6)."""
         if self.trial.late:
             return

@@ -1,4 +1,4 @@
-"""The fuzzer itself: it replays what was found, and its checks find what they are for."""
+"""The fuzzer itself: it replays its findings, and its checks find the faults that they are for."""
 
 from pathlib import Path
 

@@ -11,7 +11,7 @@ These are the rules:
 * each motor keeps within its velocity, its acceleration (in a hard stop: times the factor) and, in
   its own moves, its jerk, and stays between where it was, its targets, and its soft limits; coupled
   motors go together
-* at rest the reported positions are those of the edges, and while MOTOR_STATUS is 0 no edge comes
+* at rest the reported positions match the edges, and while MOTOR_STATUS is 0 no edge comes
 * a motor with a target, and a motor at the end of a run, comes to rest there
 * after a stop of everything, or of one motor, or of a jog that is not repeated, the motors rest
   within the time that their limits allow; RT_END comes once, and no HARD_STOP without a reason

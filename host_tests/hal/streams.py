@@ -24,7 +24,7 @@ END_WORDS = 3  # of a motor
 
 @dataclass
 class Painted:
-    """What a session has painted. The first word of tick n is words[n * WORDS]."""
+    """The words that a session has painted. The first word of tick n is words[n * WORDS]."""
 
     words: np.ndarray
     lost: int

@@ -247,7 +247,7 @@ def test_power_cut_while_the_mark_is_cleared():
 
 @given(st.lists(st.tuples(st.integers(0, 7), st.integers(0, 2000)), max_size=30))
 def test_power_cuts_at_any_time(steps):
-    """Whatever has happened, positions that are reported as held are those of the last rest."""
+    """Whatever has happened, positions reported as held are where the motors last rested."""
     flash = Brittle(3, 4 * SLOT_BYTES)
     powered = PoweredUp(flash)
     place = 0

@@ -60,7 +60,7 @@ class Motor:
         if not self._prepare(hal, *ticks):
             return False
         block = self.block
-        # that of a stop at its end is dropped
+        # the one of a stop at its end is dropped
         self.place = block[stepper.POSITION] + block[stepper.FRACTION] / ONE
         whole, part, low, v, lower = self.axis.cubic[: segments.G1 + 2]
         self.planned_from = whole + part / 2**16 + low / 2**46, v / 2**16 + lower / 2**46

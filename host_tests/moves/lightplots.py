@@ -221,7 +221,7 @@ def _values(draw, count):
 
 @st.composite
 def plots(draw, steps=30):
-    """Draw a store, too small or large enough, and what is loaded into it and played."""
+    """Draw a store, too small or large enough, with uploads to load and play."""
     size = draw(st.sampled_from([176, 240, 400, 1000, PLENTY, PLENTY]))
     frames = draw(st.one_of(st.integers(1, 60), st.sampled_from([1, 2, 200, 900])))
     channels = draw(

@@ -52,7 +52,7 @@ class Jog:
         return self.bench.place(motor)
 
 
-# ---------------------------------------------------------------- what is refused
+# ---------------------------------------------------------------- refusals
 
 
 @pytest.mark.parametrize(

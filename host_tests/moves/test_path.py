@@ -127,7 +127,7 @@ def test_between_frames_that_go_one_way_the_curve_never_turns(steps, way):
 
 @given(moves)
 def test_the_path_does_not_leave_a_hold(frames):
-    """field note 5.6: between two equal neighbours the motor stands still."""
+    """field note 5.6: between two equal neighbours the motor rests."""
     made = slopes(frames)
     for k, (before, after) in enumerate(itertools.pairwise(frames)):
         if before == after:

@@ -62,7 +62,7 @@ def due(number, fps):
     return round(Fraction(number * 10**9) / round(fps * 1000)) / 1000
 
 
-# ---------------------------------------------------------------- what is refused
+# ---------------------------------------------------------------- refusals
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ class Shot:
         return LEAD * PER_TICK - self.bench.kernel[stepper.AHEAD] + CUE_DELAY_US * PER_US
 
 
-# ---------------------------------------------------------------- what is refused
+# ---------------------------------------------------------------- refusals
 
 
 @pytest.mark.parametrize("frame, code", [(0, m.ERR_RANGE), (1, m.OK), (3, m.OK), (4, m.ERR_RANGE)])
@@ -231,7 +231,7 @@ def test_the_speed_is_constant_while_the_shutter_is_open():
     "permille, a, b", [(500, 200, 600), (1000, 0, 800), (0, 0, 800), (1, 400, 400)]
 )
 def test_a_blur_of_less_is_the_middle_of_the_way(permille, a, b):
-    """field note 7.1: frame ± blur/2; 0 stands for 100 % (7.3)."""
+    """field note 7.1: frame ± blur/2; 0 means 100 % (7.3)."""
     shot = Shot([0])
     shot.blur((1, 0, 800), permille=permille)
     shot.play()

@@ -9,7 +9,7 @@ import pytest
 
 from framestep_tools.building.board_files import ROOT
 
-# A Python that only makes environments from itself, and logs what it was asked for
+# A Python that only makes environments from itself, and logs its arguments
 PYTHON = """#!/bin/bash
 echo "$0 $*" >>"{log}"
 if [ "$1 $2" = "-m venv" ]; then

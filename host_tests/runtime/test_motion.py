@@ -244,6 +244,6 @@ LEFT = Path(__file__).parent / "nothing_left.py"
 
 
 def test_nothing_left_allocated(runtime):
-    """Nothing may stay, not even what is freed at once, such as large call frames."""
+    """Nothing may stay, not even memory freed at once, such as large call frames."""
     left = int(runtime.run(LEFT, path=[REPLAY.parent]))
     assert left <= 64  # the loop's own variables

@@ -174,7 +174,7 @@ def test_unknown_types(kind):
     assert state(rig) == before
 
 
-# ---- what is kept --------------------------------------------------------------------------------
+# ---- the state ----------------------------------------------------------------------------------
 
 RUN = dict(fps_milli=24000, start_frame=5, end_frame=29, preroll_ms=500, postroll_ms=500)
 FAR = 2**31 - 1

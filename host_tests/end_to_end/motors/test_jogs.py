@@ -79,7 +79,7 @@ def test_jog_reaches_its_destination(rig):
 
 
 def test_jog_repeated_is_one_motion(rig):
-    """Repetitions do not disturb it: the edges are those of a single request."""
+    """Repetitions do not disturb it: the edges match a single request's."""
     other = simulated({"jog_timeout_ms": 0})
     rig.board.run_until(100_000_000)
     other.board.run_until(100_000_000)

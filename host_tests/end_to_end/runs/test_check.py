@@ -155,7 +155,7 @@ def test_what_is_refused_is_so_in_the_controllers_words(steps, setting, words):
 
 
 def test_the_rig_file_counts():
-    """strict_moves refuses what is too steep; pulse_us limits the velocity; motor_count gives the
+    """strict_moves refuses steep moves; pulse_us limits the velocity; motor_count gives the
     number of motors."""
     move = move_of([0] * 4, [0, 250, 550, 550])
     settings = {1: FAST, 2: FAST}

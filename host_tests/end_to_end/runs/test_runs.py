@@ -83,7 +83,7 @@ def test_roll_positions(loaded, first, last, roll):
     times, signs = times[times < end], signs[times < end]
     rate = abs(velocity)
     assert_within(times, signs, rate * 1.001, rate / min(pre, post), window=0.1)
-    # the roll lasts T: its edges are those of a constant acceleration
+    # the roll lasts T: its edges show a constant acceleration
     n = int(rate * pre / 2)
     begun = times[n - 1] - pre
     ideal = begun + (2 * np.arange(1, n + 1) * pre / rate) ** 0.5

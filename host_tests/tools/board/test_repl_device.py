@@ -21,7 +21,7 @@ def test_a_port_that_cannot_be_opened():
 
 
 def test_a_terminal_that_says_nothing_is_left_in_time():
-    """A pseudo-terminal stays while a board restarts, and what was sent is lost: so the tool soon
+    """A pseudo-terminal stays while a board restarts, and bytes sent are lost: so the tool soon
     asks again."""
     master, slave = os.openpty()
     try:

@@ -189,7 +189,7 @@ def test_requests_name_their_replies():
 
 
 def test_an_answer_belongs_to_one_message():
-    """Its number is that of its request."""
+    """It has the number of its request."""
     with pytest.raises(TypeError, match="Status is the answer to another message already"):
 
         class Other(p.Request[p.Status], number=0x4700):
