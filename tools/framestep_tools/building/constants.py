@@ -261,8 +261,8 @@ def _imports_formula(module: _Module) -> bool:
 
 
 def _compiled(module: _Module, modules: Mapping[str, _Module], call: ast.Call) -> bytes:
-    """Compile a call of formula(). Its registers are constants of a module, or, with globals(), of
-    this module."""
+    """Compile a call of formula(). Its registers are constants of a module, or, with globals(), all
+    constants known in this module."""
     names: dict[str, int]
     match call.args:
         case [ast.Name(id=name), ast.Constant(value=str(text)) as node] if name in module.modules:

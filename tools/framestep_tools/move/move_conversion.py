@@ -85,7 +85,8 @@ def _assigned(channels: list[Channel], axes: list[Axis], path: str) -> list[Chan
 
 
 def _named(axis: Axis, channels: list[Channel], path: str) -> Channel:
-    """Return the channel with an axis's name. Capitals only count if several names match."""
+    """Return the channel with an axis's name: the exact one, or the only one if capitals are
+    ignored."""
     for same in (str, str.lower):
         found = [channel for channel in channels if same(channel.name) == same(axis.in_file)]
         if len(found) == 1:

@@ -44,7 +44,7 @@ class Gathering:
             self.complaints.append(f"motor {motor}: {made} steps at its pin, {moved} reported")
 
     def _away(self, motor: int, stands: Sequence[int], way: int) -> int:
-        """Return a target this many steps away, in the direction that stays closer to the start."""
+        """Return a target `way` steps below, or above if that would be below the motor's start."""
         at = stands[motor - 1]
         return at - way if at - way >= self._began_at[motor - 1] else at + way
 
