@@ -5,6 +5,7 @@ import pytest
 from playwright.sync_api import expect
 
 from framestep_tools.site import documents
+from host_tests.console.conftest import PATIENCE_MS
 from host_tests.console.file_server import FileServer
 
 
@@ -21,9 +22,14 @@ def url(tmp_path, stage):
 
 def test_pages_load_from_their_own_host_and_the_search_finds(stage, url):
     page = stage.page(f"{url}docs/use/console.html")
-    page.locator(".md-search__input").fill("backlash")
+    page.locator(".md-search__input").click()
+    # A word filled in before the search is ready is sometimes never looked for.
+    expect(page.locator(".md-search-result__meta")).to_have_text(
+        "Type to start searching", timeout=PATIENCE_MS
+    )
+    page.locator(".md-search__input").press_sequentially("backlash")
     expect(page.locator(".md-search-result__item").first).to_contain_text(
-        "backlash", ignore_case=True
+        "backlash", ignore_case=True, timeout=PATIENCE_MS
     )
     assert len(page.asked) > 5
     assert [each for each in page.asked if not each.startswith((url, "data:", "blob:"))] == []
