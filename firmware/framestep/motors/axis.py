@@ -97,12 +97,11 @@ class Axis(Motor):
 
     def keep_to_limits(self, hal):
         """After set_limits(): end a motion of move_to() at the new limit if it goes beyond."""
-        if (
-            not self.at_rest
-            and not self.stopping
-            and not self.stopping_smoothly
-            and self.outside(self.backlash, TARGET)
-        ):
+        if not self.outside(self.backlash, TARGET):
+            return
+        if self.at_rest or self.stopping or self.stopping_smoothly:
+            self.clamp(self.backlash, TARGET)  # for resume_target(), which may follow
+        else:
             self.move_to(hal, self.backlash, TARGET, self.speed, self.direction)
 
     def begin_plan(self, hal, ticks=SPLICE_TICKS):
@@ -139,7 +138,7 @@ class Axis(Motor):
         hal.irq_on(irq)
         return taken != splice.TOO_SOON
 
-    def move_to(self, hal, target, i, speed=FULL_SPEED, direction=0):
+    def move_to(self, hal, target, i, speed=FULL_SPEED, direction=0, resumed=False):
         """Move to the position target[i]. Return whether anything moves, from the next tick on.
 
         speed: of velocity and acceleration, in ten-thousandths. direction: of the motion that comes
@@ -148,7 +147,8 @@ class Axis(Motor):
 
         A moving motor bends to the new target, and stops first if it must turn (field note 4.8). A
         target out of bounds is clamped, see clamp(): the bounds may have become narrower since the
-        target was checked.
+        target was checked. resumed: it is TARGET, clamped already; a motor that came from outside
+        may have overshot it, and be inside now.
         """
         r = self.numbers
         if speed != self.speed or self.rates_outdated:
@@ -166,7 +166,8 @@ class Axis(Motor):
                 reals.copy(r, MOTION_ACCELERATION, _Y)
         backlash = self.backlash
         reals.copy_word(backlash, TARGET, target, i)
-        self.clamp(backlash, TARGET)
+        if not resumed:
+            self.clamp(backlash, TARGET)
         self.direction = direction
         # The kernel's stops have no jerk limit, so a plan with one cannot begin within a stop.
         smooth = reals.sign(r, MAX_JERK) > 0
@@ -274,7 +275,8 @@ class Axis(Motor):
         """
         self.block[stepper.PLANNED] = 0
         if not self._is_on(self.backlash, TARGET, self.direction):
-            self.move_to(hal, self.backlash, TARGET, self.speed or FULL_SPEED, self.direction)
+            speed = self.speed or FULL_SPEED
+            self.move_to(hal, self.backlash, TARGET, speed, self.direction, True)
 
     def start(self, hal):
         """Make the kernel take the queue from the next tick on."""
