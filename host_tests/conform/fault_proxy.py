@@ -1,5 +1,5 @@
-"""A port that spoils one behaviour of the device behind it: what it receives, what it says and
-when, what its pins show."""
+"""A port that puts one fault between the host and a correct device: in the requests, in the
+messages and their times, or in the pins' edges."""
 
 import struct
 from collections.abc import Callable, Iterable
@@ -14,28 +14,28 @@ _GRAIN_S = 1e-6
 
 
 class Behaviour:
-    """How a faulty device behaves. This one is sound; a fault overrides what it spoils.
+    """How the device behaves. This one has no fault; a fault overrides the methods it changes.
 
-    `port` is the FaultProxy port that it sits in.
+    `port` is the FaultProxy that uses it.
     """
 
     port: "FaultProxy"
 
     def asked(self, frame: Frame) -> Frame | None:
-        """Return the request for the device; None: acknowledge it and do nothing."""
+        """Return the request for the device. None: acknowledge it, and send the device none."""
         return frame
 
     def said(self, frame: Frame) -> Frame | None:
-        """Return for the host what the device says; None: nothing."""
+        """Return the message for the host. None: send none."""
         return frame
 
     def edges(self, edges: list[Edge]) -> list[Edge]:
-        """Return what the pins show."""
+        """Return the edges that the judge sees on the pins."""
         return edges
 
 
 class FaultProxy:
-    """A port in front of a port."""
+    """A port that passes another port's data on, with a behaviour's changes."""
 
     def __init__(self, port: Any, behaviour: Behaviour):
         self.port = port
@@ -52,11 +52,11 @@ class FaultProxy:
     # ---- for a fault
 
     def tell(self, frame: Frame, after_s: float = 0) -> None:
-        """Send this to the host, after a while."""
+        """Send this frame to the host, `after_s` from now."""
         self._to_host.append((self.clock() + after_s, frame))
 
     def ask(self, request: spec.Request, after_s: float = 0) -> None:
-        """Send a request of the fault's own; the host does not see its answer."""
+        """Send the fault's own request; the host does not see the answer."""
         self._own += 1
         self._to_device.append((self.clock() + after_s, Frame(self._own, *request)))
         if not after_s:
@@ -65,7 +65,8 @@ class FaultProxy:
     # ---- a port
 
     def write(self, data: bytes) -> int:
-        """Pass requests on as the fault makes them; anything but good frames passes unchanged."""
+        """Pass requests on as the fault changes them. Data that are not whole, valid frames pass
+        unchanged."""
         decoder = FrameDecoder()
         frames = list(decoder.feed(data))
         if decoder.skipped or decoder.pending or not frames:
@@ -79,7 +80,7 @@ class FaultProxy:
         return len(data)
 
     def read(self, size: int = 1) -> bytes:
-        """Return what the device says, spoiled; meanwhile send what is due."""
+        """Return the device's messages as the fault changes them; meanwhile send frames now due."""
         end = self.clock() + (self.timeout or 0)
         while True:
             self._due()
@@ -148,5 +149,8 @@ class _Asked(Behaviour):
 
 
 def asked(type: int, change: Callable[[bytes], bytes | None]) -> Callable[[], Behaviour]:
-    """Return what makes one for a fault. change() None: acknowledge the request and do nothing."""
+    """Return a maker of behaviours that change requests of this type.
+
+    Where change() returns None, the host gets an acknowledgement and the device no request.
+    """
     return lambda: _Asked(type, change)

@@ -81,7 +81,7 @@ class _Twice(Behaviour):
 
 
 class _SecondIgnored(Behaviour):
-    """A second STOP_ALL soon after the first does nothing."""
+    """Ignores a STOP_ALL soon after another."""
 
     last = -10.0
 

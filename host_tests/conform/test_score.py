@@ -10,7 +10,7 @@ from framestep_tools.conform.checks import every_check
 from host_tests.conform import score
 from host_tests.conform.variants import VARIANTS
 
-# this runs in parts what `make conform` runs as a whole
+# The checks that these tests run on each variant; `make conform` runs all of them.
 _PARTS = {
     "DWORD acknowledgements, an acknowledged MOVE": ("framing", "numbers", "virtuals"),
     "HI of 49 bytes": ("framing",),

@@ -29,7 +29,7 @@ class _ShortHi(Behaviour):
 
 
 class _Slow(Behaviour):
-    """Delays whatever the device says, and keeps the order."""
+    """Delays each message of the device, and keeps their order."""
 
     def said(self, frame: Frame) -> None:
         self.port.tell(frame, _SLOW_S)
