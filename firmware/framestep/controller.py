@@ -332,10 +332,10 @@ class Controller:
         state = self.operations.state
         if state == POSITIONING or state == ENDING:
             self.operations.poll()  # so that answers give the present state
-        # An operation that has ended is over for the host before the answer to its next request,
-        # which may begin another one.
-        if (self.operations.rt_end_due or self.reports.end) and not self._send_end():
-            return True
+            # RT_END goes out before the answer to the next request, which may begin another
+            # operation.
+            if self.operations.rt_end_due and not self._send_end():
+                return True
         writer = self.writer
         busy = False
         self.backlog = True
