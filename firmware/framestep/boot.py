@@ -146,7 +146,7 @@ def start(again=False):
     from framestep.hal.rp2.stack import set_limit
 
     set_limit(STACK)
-    set_clock(settings.clock_mhz)
+    set_clock(settings.board["clock_mhz"])
     if mistake:
         print("framestep:", mistake)
         print("framestep: nothing moves until the file is corrected and the board reset")

@@ -280,20 +280,15 @@ class Controller:
         lost = self.hal.take_lost_commands()
         if lost or flags & stepper.FLAG_FAULT:
             self.stops.on_fault(lost)
-        self._send_end()
+        if self.operations.rt_end_due:
+            self.operations.rt_end_due = False
+            self.reports.position = self.reports.end = True
+        self.reports.send(now, self.was_open)
         if self.journal:
             self.journal.poll(
                 now, self.reports.was_moving or self.operations.busy or self.virtuals.engaged
             )
         self.unsent = self.port.send(self.writer)
-
-    def _send_end(self):
-        """Send reports, RT_END with them if an operation has ended. Return whether that is done."""
-        if self.operations.rt_end_due:
-            self.operations.rt_end_due = False
-            self.reports.position = self.reports.end = True
-        self.reports.send(self.now, self.was_open)
-        return not self.reports.end
 
     def _plan(self, now):
         """Plan a piece, such as a frame or segments of one motor; the next pass goes on."""
@@ -334,8 +329,10 @@ class Controller:
             self.operations.poll()  # so that answers give the present state
             # RT_END goes out before the answer to the next request, which may begin another
             # operation.
-            if self.operations.rt_end_due and not self._send_end():
-                return True
+            if self.operations.rt_end_due:
+                self.operations.rt_end_due = False
+                self.reports.position = self.reports.end = True
+                self.reports.send(self.now, self.was_open)
         writer = self.writer
         busy = False
         self.backlog = True

@@ -41,7 +41,7 @@ class Rig:
             self.servos |= 1 << i
             if "step" in self.board:
                 self.board["step"][i] = self.board["dir"][i] = pin
-        self.clock_mhz = self._read_clock(settings["clock_mhz"])  # 0: left alone
+        self._set_clock(settings["clock_mhz"])
         self.home_input = settings["home_input"]
         self.settings = settings
         self.homing = self._read_homes()  # whether any motor can be homed
@@ -77,11 +77,13 @@ class Rig:
                 "motors: found %d, allowed is a list of at most %d here" % (len(self.motors), count)
             )
 
-    def _read_clock(self, mhz):
-        clocks = self.board.get("clocks", [0])
+    def _set_clock(self, mhz):
+        """Set the board's clock_mhz; 0 keeps its own."""
+        clocks = self.board.pop("clocks", [0])
         if mhz and mhz not in clocks:
             raise RigError("clock_mhz: found %d, allowed is one of %s here" % (mhz, clocks))
-        return mhz or self.board.get("clock_mhz", 0)
+        if mhz:
+            self.board["clock_mhz"] = mhz
 
     def _read_servos(self):
         """Return a list of (motor from 0, pin) of the motors that are servos."""
