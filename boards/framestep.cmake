@@ -1,13 +1,13 @@
-# What the images of all boards have in common; for MicroPython's build of the rp2 port
+# Settings of the images of all boards; for MicroPython's build of the rp2 port
 set(MICROPY_FROZEN_MANIFEST ${CMAKE_CURRENT_LIST_DIR}/manifest.py)
-# Their names tell framestep's version
+# The boards' names show framestep's version
 file(STRINGS ${CMAKE_CURRENT_LIST_DIR}/../firmware/framestep/reports.py FRAMESTEP_VERSION REGEX "^VERSION = ")
 string(REGEX REPLACE "^VERSION = .([0-9]+), ([0-9]+), ([0-9]+).*" "\\1.\\2.\\3" FRAMESTEP_VERSION "${FRAMESTEP_VERSION}")
 if(NOT FRAMESTEP_VERSION)
     message(FATAL_ERROR "firmware/framestep/reports.py has no VERSION")
 endif()
 list(APPEND MICROPY_DEF_BOARD FRAMESTEP_VERSION=${FRAMESTEP_VERSION})
-# What MicroPython leaves out in them (MICROPY_BOARD_DIR is where headers are looked for)
+# Parts of MicroPython that are left out (headers are searched for in MICROPY_BOARD_DIR)
 if(PICO_PLATFORM STREQUAL "rp2040")
     list(APPEND MICROPY_DEF_BOARD MP_CONFIGFILE="../rp2040_port.h")
 endif()

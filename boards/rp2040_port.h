@@ -1,5 +1,5 @@
-// MicroPython's settings for the rp2 port, less what leaves an RP2040's image no room: that image ends before the file
-// system at 640 kB. Nobody needs these parts beside a motion controller.
+// MicroPython's settings for the rp2 port, without parts that a motion controller does not need: an RP2040's image must end
+// before the file system at 640 kB.
 #include <mpconfigport.h>
 
 #undef MICROPY_PY_CRYPTOLIB

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Python packages in a virtual environment of their own (.cache/venv), MicroPython's type stubs beside it, and the
-# node package of the emulator, or a browser for the tests of the console. Does only what is missing.
+# Installs Python packages in a virtual environment (.cache/venv), MicroPython's type stubs next to it, and the node
+# package of the emulator, or a browser for the tests of the console. Does only what is missing.
 #
 # usage: tools/setup.sh [python|node|chromium]      (default: python)
 set -euo pipefail
@@ -10,7 +10,7 @@ STUBS='micropython-rp2-stubs==1.27.0.post1' # those of 1.26 lack Timer(hard=)
 VENV=$CACHE/venv
 export PIP_DISABLE_PIP_VERSION_CHECK=1
 
-# The first Python that is new enough; $PYTHON comes first.
+# Print the first Python that is new enough; $PYTHON comes first.
 find_python() {
     local python
     for python in ${PYTHON:-} python3 python3.13 python3.12 python3.11; do
@@ -25,8 +25,8 @@ find_python() {
 stamp() { cat "$ROOT/pyproject.toml" "$ROOT/tools/constraints.txt" "$ROOT/tools/setup.sh" <(echo "$ROOT") | sha256sum; }
 python_is_there() { [ "$(cat "$VENV/.complete" 2>/dev/null)" = "$(stamp)" ]; }
 
-# A virtual environment has its own path in all of its scripts: moved or copied with its clone, they run the other
-# clone's code.
+# A virtual environment has its own path in all its scripts: in a moved or copied clone, they would run the other clone's
+# code.
 venv_is_of_here() { grep -qsF "$VENV" "$VENV/bin/activate" && "$VENV/bin/python" -c 'import pip' 2>/dev/null; }
 
 node_is_there() {
@@ -42,7 +42,7 @@ python_packages() {
     python=$(find_python)
     "$python" -c 'import venv, ensurepip' 2>/dev/null || need_packages "make a Python environment" python3-venv
     if [ -e "$VENV" ] && ! venv_is_of_here; then
-        note "  $VENV was made for another folder; it is made anew"
+        note "  $VENV was made for another folder; it is made again"
         rm -rf "$VENV"
     fi
     [ -x "$VENV/bin/python" ] || step venv "making a Python environment in $VENV" "$python" -m venv "$VENV"
@@ -62,7 +62,7 @@ node_packages() {
         npm --prefix "$board" install --no-package-lock --no-audit --no-fund
 }
 
-# Any of them does; Debian's is installed where there is none.
+# Any of them will do; if there is none, Debian's is installed.
 chromium_is_there() {
     local browser
     for browser in chromium chromium-browser google-chrome google-chrome-stable; do

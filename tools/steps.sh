@@ -38,7 +38,7 @@ stop_counter() {
 }
 trap stop_counter EXIT
 
-# need_packages PURPOSE PACKAGE... installs what is missing as root, else says in one sentence what is.
+# need_packages PURPOSE PACKAGE... installs missing packages as root; otherwise names them in one sentence.
 need_packages() {
     local purpose=$1 missing=() package
     shift
@@ -57,7 +57,7 @@ install_packages() {
     apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends "$@"
 }
 
-# One build at a time in one cache.
+# Allow one build at a time in one cache.
 lock() {
     mkdir -p "$CACHE" "$LOG"
     if command -v flock >/dev/null; then

@@ -52,12 +52,12 @@ def test_a_second_time_nothing_is_done(clone):
 
 
 @pytest.mark.parametrize("how", [shutil.move, shutil.copytree], ids=["moved", "copied"])
-def test_a_clone_that_was_moved_or_copied_makes_its_environment_anew(clone, how):
+def test_a_clone_that_was_moved_or_copied_makes_its_environment_again(clone, how):
     set_up(clone)
     other = clone.with_name("two")
     how(clone, other)
     said, asked = set_up(other)
-    assert f"{other}/.cache/venv was made for another folder; it is made anew" in said
+    assert f"{other}/.cache/venv was made for another folder; it is made again" in said
     assert f"-m venv {other}/.cache/venv" in asked
     assert f"{clone}/" not in asked
     assert set_up(other) == ("", "")

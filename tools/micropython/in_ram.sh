@@ -2,9 +2,9 @@
 # Compiles a C file of an image for speed: in_ram.sh COMPILER ARGUMENT...
 #
 # The functions named here run from RAM. The flash cache of an RP2040 (16 kB) is too small for MicroPython's interpreter
-# and framestep's own code together. What calls and looks up most, and what leads to the tick, is copied to RAM at the
-# start: pico-sdk's linker script does it with sections called .time_critical. They take 9.7 kB; `make bench` shows what
-# they are worth.
+# and framestep's own code together. The functions for calls and look-ups, and those that lead to the tick, are copied
+# to RAM at the start: pico-sdk's linker script copies sections called .time_critical. They take 9.7 kB; `make bench` shows
+# their effect.
 set -euo pipefail
 
 FUNCTIONS=(
@@ -24,7 +24,7 @@ FUNCTIONS=(
     alarm_pool_irq_handler alarm_callback mp_sched_schedule mp_irq_dispatch
 )
 
-# What pico-sdk has in RAM and framestep calls seldom or never
+# pico-sdk has these in RAM, but framestep rarely or never calls them
 FROM_FLASH=(
     mutex_enter_blocking mutex_enter_block_until mutex_enter_timeout_ms mutex_try_enter mutex_try_enter_block_until
     mutex_exit recursive_mutex_try_enter spi_write_blocking spi_write_read_blocking

@@ -1,4 +1,4 @@
-// Files of the computer as MicroPython's streams: open(), sys.stdin, sys.stdout, and what import reads.
+// Files of the computer as MicroPython's streams: open(), sys.stdin, sys.stdout, and files for import.
 #include <fcntl.h>
 #include <string.h>
 #include <unistd.h>
@@ -105,7 +105,7 @@ static bool ends_with(const char *text, const char *end) {
     return length >= last && strcmp(text + length - last, end) == 0;
 }
 
-// The host calls do not tell folders; one that can be imported is known by what is in it.
+// The host calls do not recognize folders; a folder that can be imported is recognized by its files.
 mp_import_stat_t mp_import_stat(const char *path) {
     static const char *const inside[] = { "/__init__.mpy", "/__init__.py" };
     char name[300];
@@ -126,7 +126,7 @@ mp_import_stat_t mp_import_stat(const char *path) {
     return MP_IMPORT_STAT_NO_EXIST;
 }
 
-// What MicroPython's reader of source and .mpy files calls.
+// MicroPython's reader of source and .mpy files calls this.
 int open(const char *path, int flags, ...) {
     return host_open(path, HOST_READ);
 }
@@ -146,7 +146,7 @@ ssize_t read(int handle, void *buffer, size_t count) {
 
 #include "../esp32/chip.h"
 
-// The chip's own, once it is on (shared/runtime/sys_stdio_mphal.c).
+// The chip's own, when its UART is on (shared/runtime/sys_stdio_mphal.c).
 static mp_uint_t stdin_read(mp_obj_t self, void *buffer, mp_uint_t size, int *error) {
     if (!uart_on) {
         return file_read(self, buffer, size, error);
@@ -186,7 +186,7 @@ static void stdin_attr(mp_obj_t self, qstr name, mp_obj_t *found) {
     if (name == MP_QSTR_buffer) {
         found[0] = MP_OBJ_FROM_PTR(&stdin_bytes);
     } else {
-        found[1] = MP_OBJ_SENTINEL; // look among the type's own names
+        found[1] = MP_OBJ_SENTINEL; // look up the type's own names
     }
 }
 static MP_DEFINE_CONST_OBJ_TYPE(stdin_type, MP_QSTR_TextIOWrapper, MP_TYPE_FLAG_ITER_IS_STREAM,

@@ -1,4 +1,4 @@
 #include "py/obj.h"
 
 void files_init(void);  // opens standard input and output
-void files_flush(void);  // writes what has been printed
+void files_flush(void);  // writes what was printed

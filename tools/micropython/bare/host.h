@@ -1,4 +1,4 @@
-// What the emulator does for the program: files of the computer, the command line, an end.
+// The emulator's services for the program: files of the computer, the command line, the exit.
 #include <stdint.h>
 
 enum { HOST_READ, HOST_WRITE, HOST_APPEND };
@@ -10,6 +10,6 @@ void host_close(int handle);
 int host_read(int handle, void *buffer, int count);  // how many bytes, 0 at the end, or -1
 int host_write(int handle, const void *buffer, int count);  // the same
 int host_seek(int handle, int place);  // from the beginning; negative if that fails
-int host_command_line(char *buffer, int size);  // its words, each with a blank behind it; negative if they do not fit
+int host_command_line(char *buffer, int size);  // its words, each followed by a blank; negative if they do not fit
 void host_exit(int status) __attribute__((noreturn));
-uint64_t host_time_ns(void);  // some clock that only goes forward
+uint64_t host_time_ns(void);  // a monotonic clock

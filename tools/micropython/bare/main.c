@@ -1,6 +1,6 @@
-// Runs one script: FIRMWARE HEAP_KB PATH[:PATH...] SCRIPT [ARGUMENT...], none of them with a blank in it.
+// Runs one script: FIRMWARE HEAP_KB PATH[:PATH...] SCRIPT [ARGUMENT...], all without blanks.
 //
-// Its exit status is the script's: 0, what SystemExit says, or 1 after an exception, whose traceback is printed.
+// Its exit status is the script's: 0, the one of SystemExit, or 1 after an exception, whose traceback is printed.
 #include <stdlib.h>
 #include <string.h>
 #include "py/builtin.h"
@@ -84,7 +84,7 @@ static void collect_stack(void) {
 #else
 
 void collect_windows(char *top);
-static char *stack_top; // Linux has given us one
+static char *stack_top; // Linux provides one
 #define STACK_TOP stack_top
 
 static void collect_stack(void) {
@@ -102,7 +102,7 @@ void gc_collect(void) {
     #endif
 }
 
-// The machine code of .mpy files; like an ESP32's it is never freed.
+// The machine code of .mpy files; as on an ESP32 it is never freed.
 void allocate_code(size_t bytes, void **place, size_t *taken) {
     static uint32_t memory[CODE_BYTES / sizeof(uint32_t)];
     static size_t used;
@@ -126,8 +126,8 @@ void abort(void) {
     host_exit(STATUS_ABORTED);
 }
 
-// The next word up to a separator, or NULL; the text is cut up. (strtok keeps its place where a thread's own memory
-// would be, which there is none of.)
+// Returns the next word up to a separator, or NULL; cuts the text up. (strtok keeps its place in the thread's own
+// memory, and there are no threads.)
 static char *next_word(char **at, char separator) {
     char *word = *at;
     while (*word == separator) {
@@ -163,7 +163,7 @@ static int run(const char *path) {
         return value == mp_const_none ? 0 : mp_obj_is_small_int(value) ? MP_OBJ_SMALL_INT_VALUE(value) : 1;
     }
     #if CHIP_ESP32
-    uart_on = false; // for whoever started it
+    uart_on = false; // output goes to the computer again
     #endif
     mp_obj_print_exception(&mp_plat_print, exception);
     return 1;

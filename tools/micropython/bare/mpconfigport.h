@@ -41,7 +41,7 @@
 #include "../esp32/mpconfigchip.h"
 #endif
 
-// Machine code lies outside of the heap, as on an ESP32 and in the unix port.
+// Machine code is outside of the heap, as on an ESP32 and in the unix port.
 void allocate_code(size_t bytes, void **place, size_t *taken);
 #define MP_PLAT_ALLOC_EXEC(bytes, place, taken) allocate_code(bytes, place, taken)
 #define MP_PLAT_FREE_EXEC(place, bytes)

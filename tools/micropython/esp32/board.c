@@ -1,14 +1,14 @@
-// A whole board, driven from outside: framestep_tools.simulator.esp32_board. Its program is the firmware as it is; each time that
-// has nothing to do (machine.idle()) a pass's time goes by, and where the time is reached that was asked for, the next
-// commands are read. A command is a letter and what follows it, lowest byte first:
+// A whole board, driven by framestep_tools.simulator.esp32_board. Its program is the unchanged firmware; whenever that is
+// idle (machine.idle()), the time of a pass goes by, and at the requested time the next commands are read. A command is
+// a letter and its arguments, lowest byte first:
 //
-//     r until[8] output[1]     run until this time, ns; with `output` no longer than until something was sent
+//     r until[8] output[1]     run until this time, ns; with `output`, or until something was sent
 //     w count[4] bytes         the host sends bytes
-//     p pin[1] level[1]        the world outside puts a pin to a level
-//     i ns[8]                  how long a pass takes, from now on
-//     s ns[8]                  the main loop stands still, once
+//     p pin[1] level[1]        drive a pin from outside
+//     i ns[8]                  the time of a pass from now on
+//     s ns[8]                  the main loop pauses, once
 //
-// After `r` comes the answer: the time now, ns [8], how many bytes were sent [4], and these.
+// The answer to `r`: the time, ns [8], the number of bytes sent [4], and the bytes.
 #include <string.h>
 #include "py/runtime.h"
 #include "../bare/host.h"
@@ -26,7 +26,7 @@ static void take(void *to, uint32_t count) {
     while (count) {
         int got = host_read(commands, at, count);
         if (got <= 0) {
-            host_exit(0);  // whoever drove it is gone
+            host_exit(0);  // the driving program has ended
         }
         at += got;
         count -= got;
@@ -53,7 +53,7 @@ static void answer(void) {
     if (count) {
         host_write(answers, bytes, count);
     }
-    until = 0; // time stands until the next `r`
+    until = 0; // time stops until the next `r`
 }
 
 static void command(void) {

@@ -1,12 +1,12 @@
-// Virtual time: nothing takes any but what says so, so every run is the same. The module `chip` is the script's hand on it.
+// Virtual time: only these calls take time, so every run is the same. Scripts control it through the module `chip`.
 //
-//     chip.advance(us)           time passes: for a pass that takes long, or the wait for the next one
-//     chip.flash(us)             a sector is erased: time passes, no interrupt comes, DMA goes on
+//     chip.advance(us)           time passes, as in a long pass or between passes
+//     chip.flash(us)             a sector is erased: time passes, no interrupt comes, DMA continues
 //     chip.collection(us)        how long each garbage collection takes from now on
-//     chip.drive(pin, level)     the world outside puts a pin to a level
+//     chip.drive(pin, level)     drive a pin from outside
 //     chip.now()                 µs since the start
-//     chip.record(path)          what I2S plays goes to this file: see i2s.c
-//     chip.serve(commands, answers)  from the next machine.idle() on whoever writes the one file lets time pass: board.c
+//     chip.record(path)          record what I2S plays in this file: see i2s.c
+//     chip.serve(commands, answers)  from the next machine.idle() on commands in a file let time pass: see board.c
 #include "py/runtime.h"
 #include "../bare/host.h"
 #include "chip.h"

@@ -1,4 +1,4 @@
-// The simulated chip: its time, its interrupts, and what was played.
+// The simulated chip: its time, its interrupts, and its record.
 #pragma once
 #include <stdbool.h>
 #include <stdint.h>
@@ -6,29 +6,29 @@
 #define NEVER UINT64_MAX
 
 extern uint64_t chip_now;  // ns since the start
-extern bool chip_interrupts;  // false while flash is written: interrupts wait, hardware goes on
+extern bool chip_interrupts;  // false while flash is written: interrupts wait, hardware continues
 
 void chip_advance(uint64_t ns);  // lets time pass; interrupts come when they are due
 void chip_collected(void);  // lets the time of a garbage collection pass
 
-// Each peripheral: when something happens next (at or after now), and doing it then.
+// For each peripheral: when something happens next (at or after now), and what happens then.
 uint64_t i2s_next(void);
 void i2s_event(void);
-void i2s_interrupt(void);  // what waits while interrupts are held off
+void i2s_interrupt(void);  // what waited while interrupts were off
 uint64_t timers_next(void);
 void timers_event(void);
 void timers_interrupt(void);
 void pins_interrupt(void);
 uint64_t uart_next(void);
 void uart_event(void);
-bool pins_drive(unsigned pin, int level);  // the world outside puts a pin to a level; false if there is none
+bool pins_drive(unsigned pin, int level);  // drive a pin from outside; false if it does not exist
 
 extern int i2s_record;  // the file's handle, or -1
 
-// The UART of the REPL, once it is on; before, standard input and output are this computer's.
+// The UART of the REPL, when it is on; before that, standard input and output are the computer's.
 extern bool uart_on;
-void uart_receive(const uint8_t *bytes, uint32_t count);  // the host sends these, one after the other
-uint32_t uart_sent(uint8_t *bytes, uint32_t room);  // takes what has gone out
+void uart_receive(const uint8_t *bytes, uint32_t count);  // the host sends these bytes
+uint32_t uart_sent(uint8_t *bytes, uint32_t room);  // takes the bytes sent
 bool uart_has_sent(void);
 int uart_read(void);  // waits for a byte
 uintptr_t uart_poll(uintptr_t flags);

@@ -1,7 +1,7 @@
 """Runs on the simulated ESP32 (tools/micropython/esp32): the firmware as it starts on a board.
 
-Arguments: the board's data and the rig file's content, both JSON in files; the files to which what
-I2S plays goes, from which commands come, and to which answers go (board.c).
+Arguments: files with the board's data and the rig file's content, both JSON; files for the output
+of I2S, the commands, and the answers (board.c).
 """
 
 import json

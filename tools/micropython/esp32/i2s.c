@@ -1,11 +1,11 @@
-// I2S as ESP-IDF's driver has it: a ring of DMA buffers that plays from the moment it is enabled. A buffer that has been
-// played is cleared and put into a queue of free ones by an interrupt; writing fills the one that has waited longest.
+// I2S like ESP-IDF's driver: a ring of DMA buffers that plays from the time it is enabled. An interrupt clears each
+// played buffer and puts it into a queue of free ones; writing fills the buffer that has waited longest.
 //
-// Nothing tells a writer that it comes late. The queue holds one buffer less than the ring; where it is full, the oldest
-// drops out. While interrupts are held off the ring plays its old content again, and the buffers played meanwhile are
-// neither cleared nor free: one interrupt comes for all, and is about the last of them.
+// A writer does not learn that it is late. The queue holds one buffer less than the ring; if it is full, the oldest
+// one drops out. While interrupts are off the ring plays its old content again, and the buffers played meanwhile are neither
+// cleared nor free: afterwards one interrupt comes for all of them, about the last.
 //
-// A record of what was played: for each buffer its time in ns (8 bytes), its number of bytes (4), and these.
+// The record of what was played: for each buffer its time in ns (8 bytes), its number of bytes (4), and the bytes.
 #include <string.h>
 #include "py/mperrno.h"
 #include "py/runtime.h"
@@ -15,7 +15,7 @@
 #include "chip.h"
 
 #define MOST_BUFFERS 64
-#define DMA_MEMORY (128 * 1024)  // about what a WROOM module has in one piece
+#define DMA_MEMORY (128 * 1024)  // about the largest block of a WROOM module
 
 struct i2s_channel {
     bool used, running, waiting;  // an interrupt waits
@@ -102,7 +102,7 @@ void check_esp_err_(esp_err_t code) {
 esp_err_t i2s_new_channel(const i2s_chan_config_t *config, i2s_chan_handle_t *tx, i2s_chan_handle_t *rx) {
     struct i2s_channel *c = &channels[config->id];
     if (!tx) {
-        return ESP_ERR_NOT_SUPPORTED;  // nothing here receives
+        return ESP_ERR_NOT_SUPPORTED;  // this model does not receive
     }
     if (c->used) {
         return ESP_ERR_NOT_FOUND;
@@ -119,11 +119,11 @@ esp_err_t i2s_channel_init_std_mode(i2s_chan_handle_t c, const i2s_std_config_t 
     uint32_t slots = config->slot_cfg.slot_mode == I2S_SLOT_MODE_STEREO ? 2 : 1;
     c->rate = config->clk_cfg.sample_rate_hz;
     c->bytes = c->frames * slots * config->slot_cfg.data_bit_width / 8;
-    // the master clock is 256 times the rate, and the source's 160 MHz have to be 1.99 of it
+    // the master clock is 256 times the rate, and the source's 160 MHz must be more than 1.99 times that
     esp_err_t result = c->rate == 0 || c->rate * 256ull * 199 >= 160000000ull * 100 ? ESP_ERR_INVALID_ARG
         : c->count > MOST_BUFFERS || c->count * c->bytes > DMA_MEMORY ? ESP_ERR_NO_MEM : ESP_OK;
     if (result != ESP_OK) {
-        return result;  // the channel stays taken, as it does there
+        return result;  // the channel stays in use, as on the chip
     }
     memset(c->memory, 0, c->count * c->bytes);
     for (uint32_t i = 0; i < c->count; i++) {

@@ -1,4 +1,4 @@
-// What `machine` has of its own here: the timers and pins.
+// The contents of `machine`: the timers and pins.
 extern const struct _mp_obj_type_t machine_timer_type;
 extern const struct _mp_obj_type_t machine_pin_type;
 

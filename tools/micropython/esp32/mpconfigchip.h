@@ -1,4 +1,4 @@
-// What mpconfigport.h has beyond a port without a machine.
+// Additions to mpconfigport.h for the chip.
 #undef MICROPY_PY_MACHINE
 #define MICROPY_PY_MACHINE                  (1)
 #define MICROPY_PY_MACHINE_INCLUDEFILE      "../esp32/machine.c"
@@ -14,7 +14,7 @@
 #define MICROPY_SCHEDULER_DEPTH             (8)
 #define MICROPY_HW_ENABLE_UART_REPL         (0)
 
-// The REPL's UART, as the port for ESP32 has it
+// The REPL's UART, as in the port for ESP32
 #undef MICROPY_KBD_EXCEPTION
 #define MICROPY_KBD_EXCEPTION               (1)
 #define MICROPY_PY_OS_DUPTERM               (1)

@@ -1,4 +1,4 @@
-// What mphalport.h has beyond a port without a machine: pins as numbers.
+// Additions to mphalport.h for the chip: pins as numbers.
 #pragma once
 #include <stdlib.h>
 #include "py/obj.h"

@@ -1,4 +1,4 @@
-// The pins: levels from outside, pulls and interrupts. One whose interrupt is held off interrupts once, afterwards.
+// The pins: levels from outside, pulls and interrupts. If interrupts are off, a pin interrupts once, afterwards.
 #include "py/obj.h"
 #include "driver/gpio.h"
 #include "driver/rtc_io.h"
@@ -18,7 +18,7 @@ static struct {
 
 extern const mp_obj_type_t machine_pin_type;
 
-// those that the port's machine_pin.h says there are
+// the pins of the port's machine_pin.h
 #define PIN { { &machine_pin_type }, { { &machine_pin_irq_type } } }
 const machine_pin_obj_t machine_pin_obj_table[GPIO_NUM_MAX] = {
     #if MICROPY_HW_ENABLE_GPIO0

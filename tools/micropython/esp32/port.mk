@@ -1,4 +1,4 @@
-# An ESP32's I2S, timers and pins: MicroPython's own bindings for them, unchanged, over a chip simulated in virtual time.
+# An ESP32's I2S, timers and pins: MicroPython's own bindings for them, unchanged, on a chip simulated in virtual time.
 PORT_INC += -I../esp32/idf -idirafter $(TOP)/ports/esp32
 CFLAGS += -DCHIP_ESP32=1 -DCONFIG_IDF_TARGET_ESP32=1
 CHIP_SRC_C = chip.c i2s.c timers.c pins.c uart.c board.c

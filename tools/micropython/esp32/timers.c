@@ -1,5 +1,5 @@
-// The four general timers: a counter from 0, an alarm that begins again by itself. An alarm while interrupts are held off
-// waits; a second one in that time is the same interrupt.
+// The four general timers: a counter from 0, and an alarm that reloads itself. While interrupts are off an alarm waits;
+// a second one meanwhile is the same interrupt.
 #include "py/mpconfig.h"
 #include "hal/timer_hal.h"
 #include "chip.h"

@@ -1,8 +1,8 @@
-// The UART of the REPL, 115200 baud, as MicroPython's port for ESP32 has it (its uart.c and mphalport.c).
+// The UART of the REPL, 115200 baud, as in MicroPython's port for ESP32 (its uart.c and mphalport.c).
 //
-// Received bytes go into a ring of 260, from an interrupt that runs while flash is written, too. What finds the ring
-// full is lost, and nobody is told. Sent bytes go into the 128 of the hardware; a write that finds no room there waits
-// for FreeRTOS's next tick, of which there are 100 a second.
+// Received bytes go into a ring of 260, from an interrupt that also runs while flash is written. If the ring is full,
+// they are lost without notice. Sent bytes go into the 128 of the hardware; a write without room there waits for FreeRTOS's
+// next tick, of which there are 100 a second.
 #include <string.h>
 #include "py/mphal.h"
 #include "py/ringbuf.h"
@@ -15,7 +15,7 @@
 #define BYTE_NS 86806ull  // ten bits
 #define TICK_NS 10000000ull
 #define HARDWARE 128
-#define MOST (1 << 16)  // bytes that the host has sent and that have not come yet; and those it has not taken
+#define MOST (1 << 16)  // bytes from the host that have not arrived yet; and bytes it has not read
 
 bool uart_on;
 
@@ -24,8 +24,8 @@ ringbuf_t stdin_ringbuf = { ring_memory, sizeof ring_memory, 0, 0 };
 
 static uint8_t coming[MOST], gone[MOST];
 static uint32_t coming_at, coming_count, gone_count;
-static uint64_t next_due;  // when the first of those coming is there
-static uint64_t free_at;  // when all that was written has gone out
+static uint64_t next_due;  // when the first of `coming` arrives
+static uint64_t free_at;  // when everything written is sent
 
 uint64_t uart_next(void) {
     return coming_count ? next_due : NEVER;

@@ -1,4 +1,4 @@
-// Semihosting: calls that QEMU answers itself.
+// Semihosting: calls that QEMU itself answers.
 #include <string.h>
 #include "../host.h"
 

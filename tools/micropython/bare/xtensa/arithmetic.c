@@ -1,4 +1,4 @@
-// What LLVM calls for: 64-bit integers and single floats (round to nearest, even), out of 32-bit operations.
+// Functions that LLVM calls: 64-bit integers and single floats (round to nearest, even), from 32-bit operations.
 #include <stdint.h>
 #include <stddef.h>
 
@@ -418,7 +418,7 @@ char *strrchr(const char *s, int c) {
     }
 }
 
-// doubles only pass by
+// doubles are only passed on
 uint64_t __extendsfdf2(float f) {
     bits a = {f};
     wide r = {0};

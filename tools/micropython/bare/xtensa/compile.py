@@ -1,9 +1,9 @@
-"""A C compiler for the Xtensa processors of ESP32, ESP32-S2 and S3, put together from LLVM's parts;
-called by make like gcc.
+"""A C compiler for the Xtensa processors of ESP32, ESP32-S2 and S3, made from parts of LLVM; make
+calls it like gcc.
 
-clang compiles C to bitcode, but knows no -mcpu=esp32; llc does, and makes assembler text of it.
-That is put right where LLVM has it wrong (mended()), and llvm-mc makes an object file.
-Kernels of framestep are not concerned: their machine code is mpy-cross's.
+clang compiles C to bitcode, but does not know -mcpu=esp32; llc does, and makes assembler text.
+mended() corrects two faults of LLVM in it, and llvm-mc makes an object file. This does not concern
+framestep's kernels: mpy-cross compiles them.
 """
 
 import os
@@ -21,13 +21,13 @@ TARGET = (
     *("-D__XTENSA_WINDOWED_ABI__=1", "-D__PICOLIBC_ERRNO_FUNCTION=__errno_location"),
     *("-Wno-unknown-warning-option", "-Wno-unused-command-line-argument"),
 )
-# dc233c, the processor that QEMU has, lacks floating point and the upper half of a product
+# dc233c, QEMU's processor, lacks floating point and the upper half of a product
 CODE = ("-mtriple=xtensa", "-mcpu=esp32", "-mattr=-fp,-mul32high", "-O2")
 OBJECT = ("-triple=xtensa", "-mcpu=esp32", "-filetype=obj")
 
 
 def run(*command: str, stdin: str | None = None) -> str:
-    """What a command prints; where it fails this program ends with its status."""
+    """Return what a command prints; if it fails, end this program with its status."""
     result = subprocess.run(command, input=stdin, stdout=subprocess.PIPE, text=True)
     if result.returncode != 0:
         sys.exit(result.returncode)
@@ -35,11 +35,11 @@ def run(*command: str, stdin: str | None = None) -> str:
 
 
 def mended(assembler: str) -> str:
-    """llc's text with two faults of LLVM 22 taken out.
+    """Return llc's text without two faults of LLVM 22.
 
     A function with variable arguments sets its frame pointer (a7) before it saves the sixth
-    argument, which is in the same register: the other way round. And literals lie between functions
-    unaligned: they get a section of their own.
+    argument, which is in the same register: this swaps the two. And literals are unaligned between
+    functions: they get their own section.
     """
     assembler = re.sub(
         r"\tor\ta7, a1, a1\n((?:\t\.cfi[^\n]*\n)*)\ts32i\ta7, a7, (\d+)\n",
@@ -68,7 +68,7 @@ def main() -> None:
         output = arguments[at + 1]
         del arguments[at : at + 2]
     if "-c" not in arguments:
-        # only preprocessed, for the names of strings and the like
+        # only preprocessed, for names of strings etc.
         to = ("-o", output) if output else ()
         os.execvp(CLANG, [CLANG, *TARGET, *arguments, *to])
     if output is None:

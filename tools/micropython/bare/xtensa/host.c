@@ -1,4 +1,4 @@
-// System calls of the Linux that qemu-xtensa is, and what of a C library they and main.c need.
+// System calls of qemu-xtensa, which is a Linux, and the part of a C library that they and main.c need.
 #include <stddef.h>
 #include <string.h>
 #include "../host.h"
@@ -80,7 +80,7 @@ uint64_t host_time_ns(void) {
 
 void bare_main(void);
 
-// From start.S, with the stack as Linux leaves it.
+// Called by start.S with the stack as Linux leaves it.
 void linux_main(int *stack) {
     argc = stack[0];
     argv = (char **)(stack + 1);
@@ -100,8 +100,8 @@ int *__errno_location(void) {
     return &number;
 }
 
-// What the garbage collector has to look at: the stack, and what registers hold. Those of older calls are in windows;
-// with eight calls more they are all on the stack.
+// The roots of the garbage collector: the stack and the registers. Registers of older calls are in windows; eight more
+// calls put them all on the stack.
 extern void gc_collect_root(void **from, size_t words);
 
 static void __attribute__((noinline)) collect_from_below(volatile unsigned calls, char *top) {

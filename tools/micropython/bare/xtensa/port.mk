@@ -1,4 +1,4 @@
-# ESP32, ESP32-S2 and S3: registers in windows. compile.py says how it is compiled without their makers' compiler.
+# ESP32, ESP32-S2 and S3: registers in windows. compile.py replaces Espressif's compiler.
 CROSS_COMPILE = xtensa-lx106-elf-
 CC = $(PYTHON) $(abspath xtensa/compile.py)
 PORT_INC = -Ixtensa/include

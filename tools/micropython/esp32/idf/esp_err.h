@@ -1,4 +1,4 @@
-// ESP-IDF's results, as far as MicroPython's bindings look at them.
+// ESP-IDF's results that MicroPython's bindings check.
 #pragma once
 #include <stdbool.h>
 #include <stddef.h>

@@ -1,4 +1,4 @@
-// What MicroPython's I2S asks of ESP-IDF.
+// What MicroPython's I2S uses of ESP-IDF.
 #pragma once
 #include "esp_err.h"
 typedef int i2s_port_t;

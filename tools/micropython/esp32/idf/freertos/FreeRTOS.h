@@ -1,4 +1,4 @@
-// What MicroPython's I2S asks of FreeRTOS.
+// What MicroPython's I2S uses of FreeRTOS.
 #pragma once
 #include "esp_err.h"
 

@@ -1,4 +1,4 @@
-// What MicroPython's Pin asks of ESP-IDF.
+// What MicroPython's Pin uses of ESP-IDF.
 #pragma once
 #include "esp_err.h"
 
@@ -24,7 +24,7 @@ esp_err_t gpio_pullup_en(gpio_num_t pin);
 esp_err_t gpio_pullup_dis(gpio_num_t pin);
 int mp_hal_pin_read_output(gpio_num_t pin);
 
-// without effect on levels here
+// these do not change levels here
 #define gpio_install_isr_service(flags)
 #define gpio_pulldown_en(pin)
 #define gpio_pulldown_dis(pin)

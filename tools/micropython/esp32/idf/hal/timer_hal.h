@@ -1,4 +1,4 @@
-// What MicroPython's Timer asks of ESP-IDF.
+// What MicroPython's Timer uses of ESP-IDF.
 #pragma once
 #include <assert.h>
 #include "esp_err.h"
