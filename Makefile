@@ -13,7 +13,7 @@ unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node chromium micropython demo try site sim emu check test test-all test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
-	plots bench profile flash image install release emulator-measure conform prove clean
+	plots bench profile flash image install release emulator-measure conform drawn-faults prove clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -120,6 +120,9 @@ bench: setup node micropython ## measure the firmware on the emulated board agai
 
 profile: setup node micropython ## where the processor's time goes: ARGS=upload, single-port, play, go or servos
 	@"$(PYTHON_VENV)" -m framestep_tools.bench.profile $(ARGS)
+
+drawn-faults: setup ## faults drawn at random, and which test finds each; ARGS="--try all" tries them again (an hour)
+	@"$(PYTHON_VENV)" -m host_tests.faults.drawn $(ARGS)
 
 conform: setup ## the conformance kit against the simulator and against seeded faults: both scores
 	@"$(PYTHON_VENV)" -m host_tests.conform.score
