@@ -27,8 +27,9 @@ SETTINGS = {
         "refuses moves that exceed a motor's acceleration at corners; otherwise they are played "
         "as uploaded"),
     "smoothing": (bool, None, None, False, "",
-        "smooths out the ripple of runs that comes from rounding to whole steps; positions at "
-        "the frames do not change, but a step onto a frame comes a little earlier"),
+        "smooths out the ripple of runs that comes from rounding to whole steps. Each frame still "
+        "finds the motor on its uploaded step; the motor may make this step a little before the "
+        "frame's time instead of at it"),
     "report_ms": (int, 20, 1000, 100, "ms", "how often positions are sent while something moves"),
     "motor_count": (int, 0, 12, 0, "",
         "how many motors; the other motors' pins become free. 0: all that the board has"),
@@ -40,11 +41,14 @@ SETTINGS = {
         "general outputs 1, 2, …; by default the board's, see its page"),
     "inputs": (list, 0, 16, None, "",
         "general inputs 1, 2, …; by default the board's, see its page"),
-    "limits": (list, 0, 12, [], "", "limit switch sets 1, 2, … that SET_LIMITS assigns to motors"),
+    "limits": (list, 0, 12, [], "",
+        "limit switch sets 1, 2, …; a set stops a motor only once the host has assigned it "
+        "(SET_LIMITS)"),
     "estop": (str, ("none", "nc", "no"), None, "none", "",
         "E-stop button between its pin and ground: normally closed or open"),
     "estop_cuts_power": (bool, None, None, False, "",
-        "the E-stop button also cuts the motors' power, so they lose their positions"),
+        "the E-stop button also cuts the motors' power at once: motors in motion lose their "
+        "positions"),
     "shutter_on": (str, ("high", "low"), None, "high", "",
         "level of the shutter output while it is on"),
     "meter_on": (str, ("high", "low"), None, "high", "",
@@ -67,8 +71,8 @@ MOTOR_SETTINGS = {
     "enable_high": (bool, None, None, False, "",
         "the driver is on while its enable pin is high, not low"),
     "backlash": (int, 0, 10000, 0, "steps",
-        "of the gears, in motor steps; taken up where the motion turns. Positions remain the "
-        "load's"),
+        "steps that the motor makes after a change of direction before the load moves; framestep "
+        "adds them at each turn, and they do not count in positions"),
     "jerk": (int, 0, 1000000, 0, "· 1000 steps/s³", "limit of the jerk; 0: none, plain trapezoids"),
     "driver": (dict, None, None, None, "",
         "how to set up a TMC2209 over its UART; by default the driver is left alone"),
@@ -80,7 +84,8 @@ MOTOR_SETTINGS = {
 
 DRIVER_SETTINGS = {
     "run_ma": (int, 10, 2000, None, "mA",
-        "current in motion, root mean square; rounded down to 1/32 of the maximum"),
+        "current in motion, root mean square; the driver has 32 values, the next lower one is set "
+        "(docs/use/drivers.md)"),
     "hold_percent": (int, 0, 100, 50, "%",
         "current at rest, as part of the current in motion; 0: none, the motor turns freely"),
     "hold_delay_ms": (int, 50, 5500, 500, "ms", "from rest to the lower current"),

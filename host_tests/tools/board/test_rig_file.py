@@ -18,7 +18,7 @@ WRONG = {
     '{"jog_timeout_ms": -1}': (
         "jog_timeout_ms: found -1, allowed is a whole number from 0 to 60000 ms"
     ),
-    '{"nane": "x"}': "nane: no such setting; there are dialect,",
+    '{"nane": "x"}': "nane: no such setting; there are clock_mhz, dialect,",
     '{"motors": [{}, {"pulse_us": "1"}]}': (
         "motors[2].pulse_us: found '1', allowed is a number from 0.25 to 4.0 µs"
     ),

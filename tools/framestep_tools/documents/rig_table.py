@@ -55,7 +55,10 @@ def _rows(settings: dict, prefix: str = "") -> list[str]:
         shown = (
             str(default).lower() if isinstance(default, bool) else repr(default).replace("'", '"')
         )
-        shown = "–" if default is None else f"`{shown}`"
+        if default is None:
+            shown = "–" if kind in (dict, list) else "required"
+        else:
+            shown = f"`{shown}`"
         rows.append(
             f"| `{prefix}{key}` | {_allowed(kind, low, high, unit)} | {shown} | {meaning} |"
         )
