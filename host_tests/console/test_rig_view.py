@@ -79,7 +79,7 @@ def test_the_schema_helps(stage):
     page.locator("summary", has_text="All settings").click()
     rows = page.get_by_role("row")
     row = rows.filter(has=page.get_by_text("motors[].home.back_off", exact=True))
-    expect(row).to_contain_text("from the switch back to where it is open for sure")
+    expect(row).to_contain_text("from the switch back to where it is surely open")
     expect(row).to_contain_text("1 to 1000000")
     expect(row.get_by_role("cell").last).to_have_text("200")
     assert rows.count() > 60
