@@ -298,7 +298,7 @@ class Drivers:
         return 0
 
     def _finish(self, flags, now):
-        """Finish with this driver for now. flags: of the driver.
+        """Record the driver's flags, and go on to the next driver.
 
         Return its motor's bit if the driver has failed, else 0.
         """

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from framestep.protocol.messages import EXCEEDED_BOARD, EXCEEDED_SLOWED
+from framestep.protocol.messages import (
+    EXCEEDED_BOARD,
+    EXCEEDED_SLOWED,
+    MOTOR_ENABLED,
+    MOTOR_LIVE,
+)
 from framestep_tools import payloads as p
 from host_tests.covering import sweep
 from host_tests.end_to_end.realtime import rig, upload
@@ -241,3 +246,21 @@ def test_limit_switches():
     session.accept(p.RtJogAll(9000, 160))
     session.wait_idle()
     assert session.position(3) == held[159]
+
+
+def test_a_limit_switch_of_a_motor_that_is_left_out():
+    """A motor under live control does not move, so its switch refuses nothing."""
+    session = rig(limits=[{"high": 22, "contact": "no"}], outputs=[], inputs=[])
+    upload(session, {**PATH, 3: 20 * K}, frames=FRAMES)
+    session.accept(p.MotorSetLimits(3, 0, 0, 0, 0, 1), p.RtPositionFrame(121))
+    session.wait_idle()
+    session.board._board.set_input(22, 0)
+    session.run(0.05)
+    session.forget()
+    session.refuse(p.Ack.ERR_HARD_UP, p.RtJogAll(9000, 200))
+    session.accept(p.MotorConfigure(3, MOTOR_ENABLED | MOTOR_LIVE))
+    here = session.position(3)
+    session.accept(p.RtJogAll(9000, 140))
+    session.wait_idle()
+    assert session.position(1) == PATH[1][139]
+    assert session.position(3) == here
