@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 _ENTRANCES = ("fun_viper_call", "fun_native_call", "fun_asm_call")  # called with the function
 _STATES = ("mp_execute_bytecode",)  # called with a code state
-CYCLES_PER_US = 125
 
 
 class Symbols:
@@ -69,11 +68,12 @@ class Profile:
     def __exit__(self, *_):
         self.ms += self._emulator.ns / 1e6
         found = self._emulator.cmd("profile", on=False)
+        per_us = self._emulator.cycles()["hz"] / 1e6
         spent = defaultdict(float)
         for address, cycles in found["addresses"]:
-            spent[self.symbols.name(address)] += cycles / CYCLES_PER_US
+            spent[self.symbols.name(address)] += cycles / per_us
         self.firmware = dict(sorted(spent.items(), key=lambda item: -item[1]))
         for code, calls, own, inner in sorted(found["functions"], key=lambda row: -row[2]):
             # code that is not frozen is in the heap, where there are no symbols
             name = self.symbols.name(code) if code >> 28 == 1 else hex(code)
-            self.functions.append(Function(name, calls, own / CYCLES_PER_US, inner / CYCLES_PER_US))
+            self.functions.append(Function(name, calls, own / per_us, inner / per_us))

@@ -6,7 +6,7 @@ from framestep.pulse import stepper
 
 from ..payloads import RtEnd, RtGo
 from ..simulator.boards import EmulatedBoard
-from .moves import STEADY_RATES, mixed_move
+from .moves import CLOCK_MHZ, STEADY_RATES, mixed_move
 from .session import Session
 
 _WATCH = """
@@ -50,7 +50,7 @@ def loops() -> list[tuple[str, int, int, int, int]]:
         for name in ("PLANNED", "PLAN_SEGMENTS", "WRITE_INDEX", "READ_INDEX")
     }
     found = []
-    with EmulatedBoard(trace=False) as board:
+    with EmulatedBoard({"clock_mhz": CLOCK_MHZ}, trace=False) as board:
         session = Session(board)
         client = session.client
         session.repl(_WATCH.format(**names))
@@ -78,7 +78,8 @@ def loops() -> list[tuple[str, int, int, int, int]]:
 def loop_table(rows: list[tuple[str, int, int, int, int]]) -> Table:
     """Return a table of loops()."""
     result = Table(
-        title="passes of the main loop, flash-cache model on, frozen image", title_justify="left"
+        title=f"passes of the main loop at {CLOCK_MHZ} MHz, flash-cache model on, frozen image",
+        title_justify="left",
     )
     for name in ("", "in a second", "mean, µs", "longest, µs", "fewest segments queued"):
         result.add_column(name, justify="right" if name else "left", no_wrap=True)

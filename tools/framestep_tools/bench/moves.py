@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+CLOCK_MHZ = 125  # of measurements at one clock only
 MOTORS = 8
 FPS = 25  # of the moves below, so their steps per frame are whole numbers
 RAMP = 100_000  # steps/s²

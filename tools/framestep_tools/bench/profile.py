@@ -8,14 +8,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from framestep_emulator.profile import CYCLES_PER_US, Profile
+from framestep_emulator.profile import Profile
 
 from ..building import images
 from ..errors import Command
 from ..payloads import MotorStatus, RtGo
 from ..simulator.boards import EmulatedBoard
 from .measure import PULSE_US, upload_rate
-from .moves import MOTORS, STEADY_RATES, mixed_move
+from .moves import CLOCK_MHZ, MOTORS, STEADY_RATES, mixed_move
 from .session import Session
 
 _OURS = "fun_data_framestep_"  # prefix of the symbols of frozen code
@@ -56,13 +56,13 @@ def _interrupts(servos: int, rate_hz: int, args: list[str]) -> tuple[float, floa
     Returns µs in each ms, and interrupts per ms.
     """
     servo = {"servo": {"at_start": "on", "rate_hz": rate_hz}}
-    rig = {"motors": [{}] * (MOTORS - servos) + [servo] * servos}
+    rig = {"clock_mhz": CLOCK_MHZ, "motors": [{}] * (MOTORS - servos) + [servo] * servos}
     with EmulatedBoard(rig, trace=False, args=args) as board:
         board.emulator.advance(1000)
         with board.emulator.measure() as measured:
             board.emulator.advance(2000)
     timer = measured["exceptions"]["irq3"]
-    return timer["cycles"] / CYCLES_PER_US / measured["ms"], timer["count"] / measured["ms"]
+    return timer["cycles"] / CLOCK_MHZ / measured["ms"], timer["count"] / measured["ms"]
 
 
 def servo_table(args: list[str]) -> Table:
@@ -104,7 +104,7 @@ def main(
 ) -> None:
     """Print where the processor's time goes: in an upload, in an upload through a single port, in a
     move, just after GO; or the cost of servos."""
-    rig: dict[str, Any] = {"motors": [{"pulse_us": PULSE_US}] * MOTORS}
+    rig: dict[str, Any] = {"clock_mhz": CLOCK_MHZ, "motors": [{"pulse_us": PULSE_US}] * MOTORS}
     if scenario is Scenario.SINGLE_PORT:
         rig["ports"] = 1
     args = [] if cache else ["--xip-miss", "0"]

@@ -99,7 +99,7 @@ def measure(args: Sequence[str] = ()) -> list[tuple[str, float]]:
 
 def table(rows: Iterable[tuple[str, float, float]]) -> Table:
     """Return a table of (what, with the flash-cache model, without)."""
-    result = Table(title="where the tick's time goes, µs", title_justify="left")
+    result = Table(title="where the tick's time goes, µs at 125 MHz", title_justify="left")
     for name in ("part", "measured", "without cache misses"):
         result.add_column(name, justify="left" if name == "part" else "right", no_wrap=True)
     for name, modelled, ideal in rows:
