@@ -73,6 +73,9 @@ def test_another_byte_is_found(tmp_path):
         ([7000, 7016, 7032], True),
         ([7000, 7000, 7016], True),
         ([7000, 6968, 6984], True),
+        ([7000, 7032, 7032, 7032], False),  # kept at the first use
+        ([7000, 7032, 7032], True),  # perhaps it goes on
+        ([7000, 7016, 7016, 7032, 7032, 7032], True),
     ],
 )
 def test_a_heap_that_grows_is_told(heap, grows):
