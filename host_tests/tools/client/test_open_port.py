@@ -196,6 +196,7 @@ def test_a_stop_of_one_motor_does_not_wait_for_the_others(address, capsys):
     first = begun("move", address, "4", "2000000")
     second = None
     try:
+        until(lambda: (found := shared_port.find(address)) and str(first.pid) in found.who)
         until(lambda: positions(address, capsys).out.count(", moving") == 1)
         second = begun("move", address, "5", "2000000")
         until(lambda: positions(address, capsys).out.count(", moving") == 2)
