@@ -328,14 +328,16 @@ class Axis(Motor):
 
     # ---------------------------------------------------------------- stopping, feeding
 
-    def stop(self, hal, factor=1, smooth=False):
+    def stop(self, hal, factor=1, smooth=False, on_path=False):
         """Ramp down from the next tick on, with `factor` times the set acceleration.
 
         smooth: within the jerk limit, if the motor has one. Such a stop is planned, begins some
-        ticks from now and has to be fed. Coupled motors stop together, whichever is named.
+        ticks from now and has to be fed. on_path: the motor follows an uploaded path, so the ramp
+        may have to be steeper (bounds.stop_rate()). Coupled motors stop together, whichever is
+        named.
         """
         if self.leader:
-            self.leader.stop(hal, factor, smooth)
+            self.leader.stop(hal, factor, smooth, on_path)
             return
         self.block[stepper.PLANNED] &= stepper.PLAN_SEGMENTS
         if smooth and self._stop_smoothly(hal):
@@ -348,6 +350,8 @@ class Axis(Motor):
         rate = kernel_rate(min(self.acceleration * factor, ACCELERATION_LIMIT))
         bits = 3 if self.partner else 1
         irq = hal.irq_off()
+        if on_path:
+            rate = bounds.stop_rate(self.block, self.bounds, rate)
         stepper.halt(self.block, bits, rate, 0)
         hal.irq_on(irq)
 

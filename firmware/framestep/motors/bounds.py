@@ -5,10 +5,11 @@ Positions are words, int32. Nothing allocates.
 
 from array import array
 
-from framestep.base.native import const
+from framestep.base.native import const, micropython, ptr32
 from framestep.motion import reals
 from framestep.motion.reals import add_words, order_words
 from framestep.motors.backlash import BACKLASH
+from framestep.pulse import stepper as sw
 
 # Words of a motor's `bounds`, in steps of the load
 LOWER = const(0)
@@ -20,6 +21,67 @@ SOFT_UPPER = const(4)
 BOUNDS_WORDS = const(5)
 
 ENDS = array("i", [-(1 << 31), (1 << 31) - 1])  # the range of positions
+
+_SLOW = const(sw.ONE // 10)  # Q22 steps per tick, 100 steps/s
+
+
+@micropython.viper
+def stop_rate(m: ptr32, bounds: ptr32, rate: int) -> int:
+    """Return the deceleration at which a motor that follows a path stops within its bounds: `rate`,
+    or more. Q22 steps per tick². m: the motor's block.
+
+    An uploaded path may end on a soft limit. It has whole steps at its frames, so between them it
+    may be faster than the move it stands for, by about a step per frame, and a stop at `rate` would
+    end that much past the limit. At most four times `rate`, as the limit may be new; below 100
+    steps/s whatever is needed, because there each step is a start and a stop of its own.
+    """
+    v = m[sw.VELOCITY] - ((m[sw.ACCEL] - m[sw.JERK]) >> 5)  # see stepper.halt()
+    part = m[sw.FRACTION]
+    if v < 0:
+        v = 0 - v
+        part = 0 - part
+        room = m[sw.POSITION] - bounds[LOWER] + ptr32(m[sw.BACKLASH])[BACKLASH]  # wraps
+    else:
+        room = bounds[UPPER] - m[sw.POSITION]  # wraps
+    if room < 0 or room >= 1 << 24:
+        return rate
+    # A stop takes v² / 2d - v / 2 steps and may end within the step behind the bound. So
+    # d = v / n with n = (2 room + v) / v ticks, and a little more for rounding.
+    shift = 0
+    while room >= 1 << 12:
+        room = room >> 2
+        shift += 1
+    room = room << 9  # Q8 of twice the room
+    if shift == 0:
+        room += 64 - (part >> 13)
+    speed = v >> shift
+    room += (speed >> shift) >> 14
+    if room < 1:
+        room = 1
+    while room < 1 << 20 and speed < 1 << 28:
+        room = room << 2
+        speed = speed << 1
+    part = speed >> 8
+    if part < 1:
+        return rate
+    n = (room << 8) // part
+    if n < 1 << 16:
+        n = (n << 6) + (((room << 8) % part) << 6) // part  # Q8
+        if n < 1 << 8:
+            n = 1 << 8  # a stop in one tick
+    else:
+        speed = speed >> 6
+    while n >= 1 << 22:
+        n = n >> 1
+        speed = speed >> 1
+    d = ((speed // n) << 8) + ((speed % n) << 8) // n
+    d += (d >> 10) + 1
+    most = v
+    if v > _SLOW:
+        most = rate << 2
+    if d > most:
+        d = most
+    return d if d > rate else rate
 
 
 def update(axis):

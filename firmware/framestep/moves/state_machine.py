@@ -317,10 +317,11 @@ class OperationRunner:
         if land and self.state == RUNNING and self.operation.stop_on_frame(everything):
             return self.operation.bits
         self.move_time = self.sample_move_time(False)
-        smooth = (smooth or land) and self.state != RUNNING
+        running = self.state == RUNNING
+        smooth = (smooth or land) and not running
         for motor in range(self.axes.count):
             if (self.operation.bits >> motor) & 1:
-                self.axes[motor].stop(self.axes.hal, factor, smooth)
+                self.axes[motor].stop(self.axes.hal, factor, smooth, running)
         self.operation.ended()
         self.starts_by_itself = False
         self.waiting = 0
