@@ -21,6 +21,9 @@ from host_tests.runtimes import Runtime
 
 _IN_CI = bool(os.environ.get("CI"))
 
+# No axes.toml of whoever runs the tests names a motor.
+os.environ["XDG_CONFIG_HOME"] = str(CACHE / "no-settings")
+
 # Tools wait this much longer for an emulated board, as the computer may be busy.
 os.environ.setdefault("FRAMESTEP_PATIENCE", "8")
 

@@ -7,6 +7,7 @@ import pytest
 
 from framestep.protocol.messages import CONDITION_EXCEEDED
 from framestep_tools import cli
+from framestep_tools.building.board_files import ROOT
 from framestep_tools.client.client import Client, RequestRefused
 from framestep_tools.client.refusals import explain
 from framestep_tools.payloads import (
@@ -14,6 +15,7 @@ from framestep_tools.payloads import (
     GetCondition,
     MotorConfigure,
     MotorMove,
+    MotorResetPosition,
     MotorSetLimits,
     MotorSetSpeed,
     MotorStopAll,
@@ -74,6 +76,49 @@ def test_positions_as_they_are_typed(framestep):
     assert framestep("jog 1 -1300 --speed 5000") == "motor 1: -1300"
     assert framestep("zero 1") == "motor 1: 0"
     assert framestep("buzz 1 --steps 30 --times 2 --speed 5000") == "motor 1: 0"
+
+
+@pytest.fixture
+def axes(tmp_path):
+    """Return the option with the axes.toml of docs/use/axes.md, and that page."""
+    page = (ROOT / "docs/use/axes.md").read_text(encoding="utf-8")
+    example = page.split("## The file")[1].split("| key |")[0]
+    (tmp_path / "axes.toml").write_text("\n".join(map(str.strip, example.splitlines())))
+    return f" --axes {tmp_path / 'axes.toml'}", page
+
+
+def test_names_and_units_as_the_page_shows_them(framestep, axes):
+    option, page = axes
+    shown = [line.strip() for line in page.splitlines() if line.startswith("    ")]
+    assert framestep(f"zero track 12.55cm{option}") == "track: 125.5 mm (10040)"
+    assert framestep(f"zero pan 9.6°{option}") == "pan: 9.6° (-22410)"
+    moved = framestep(f"move pan 10deg{option}")
+    at = shown.index("$ framestep move pan 10deg")
+    assert moved == shown[at + 1]
+    found = framestep(f"status{option}").splitlines()
+    assert found[1:3] == shown[at + 3 : at + 5]
+    assert found[3].startswith("motor 3: ")
+    assert json.loads(framestep(f"status --json{option}"))["motors"][1] == {
+        "motor": 2, "position": -22_500, "moving": False, "axis": "pan", "unit": "deg",
+        "value": 10.0, "trust": "known", "reason": "set by the host",
+    }  # fmt: skip
+    said = framestep(f"move pan 9.92deg --velocity 20deg/s --acceleration 40deg/s2{option}")
+    assert said == "pan: 9.92° (-22482)"
+    assert framestep(f"jog PAN -22455 --speed 5000{option}") == "pan: 9.8° (-22455)"
+    assert framestep(f"buzz pan --steps 0.2deg --times 1{option}") == "pan: 9.8° (-22455)"
+    assert framestep(f"stop pan{option}") == "nothing was moving"
+    assert framestep(f"zero pan{option}") == "pan: -90° (0)"
+
+
+def test_a_mistake_in_axes_toml_stops_nobody_from_stopping(framestep, tmp_path):
+    wrong = tmp_path / "axes.toml"
+    wrong.write_text("[[axis]\n")
+    assert "not valid TOML" in framestep(f"move 1 5 --axes {wrong}", status=1)
+    for line in ("stop", "stop 1", "stop --hard"):
+        assert framestep(f"{line} --axes {wrong}") == "nothing was moving"
+    assert framestep(f"stop pan --axes {wrong}", status=1).startswith(
+        f"framestep: NOT STOPPED: {wrong}: not valid TOML"
+    )
 
 
 def test_for_programs(framestep, board):
@@ -296,3 +341,23 @@ def test_a_short_e_stop_ends_what_is_repeated(framestep, board, monkeypatch):
     assert said.startswith("framestep: motor 7 stopped at ")
     assert framestep("zero 7") == "motor 7: 0"
     assert framestep("jog 7 -1000 --speed 10000 --seconds 60") == "motor 7: -1000"
+
+
+def test_names_and_units_in_refusals(framestep, board, axes):
+    option, _ = axes
+    tell(
+        board, MotorResetPosition(2, 0), MotorSetLimits(2, 1, -2250, 1, 0, 0),
+        MotorResetPosition(1, 0), MotorSetSpeed(1, 800, 8000),
+    )  # fmt: skip
+    for line, words in (
+        ("move pan -79deg",
+         "-79° (-2475) is past the lower soft limit of pan, -80° (-2250) (set by"),
+        ("play camera_move.csv",
+         "track at frame 48 would need 145.8 mm/s (11664 steps/s) at 24 frames/s, its velocity is "
+         "10 mm/s (800 steps/s) (set by SET_SPEED"),
+        ("home pan", "no motor has `home` in the rig file"),
+    ):  # fmt: skip
+        assert words in framestep(line + option, status=7)
+    assert framestep(f"move track 2m{option}", status=2) == (
+        f"framestep: track: 2000 mm is beyond its limits of 0 to 1450 mm ({option.split()[1]})"
+    )

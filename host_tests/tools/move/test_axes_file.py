@@ -65,23 +65,27 @@ def test_there_is_no_axes_toml(tmp_path, capsys):
     for name, axes in (("shot.arcm", "track in cm, pan in deg"), ("raw", "column 1, column 2")):
         assert run(tmp_path, "import", str(tmp_path / name), "-o", str(tmp_path / "out")) == 1
         error = capsys.readouterr().err
-        assert f"({axes}) to motors; docs/use/formats.md shows one" in error
+        assert f"({axes}) to motors; docs/use/axes.md shows one" in error
         assert len(error.splitlines()) == 1
     with pytest.raises(ToolError, match=r"cannot read the axes .*axes.toml: No such file"):
         read_axes(tmp_path / "axes.toml")
 
 
-def test_the_page_has_every_key_unit_and_format(tmp_path):
-    page = (ROOT / "docs/use/formats.md").read_text(encoding="utf-8")
+def test_the_page_has_every_key_and_unit(tmp_path):
+    page = (ROOT / "docs/use/axes.md").read_text(encoding="utf-8")
     for key in KEYS:
         assert f"\n| `{key}` |" in page
     for unit in UNITS:
         assert f"`{unit}`" in page
-    for name, module in FORMATS.items():
-        assert f"\n| `{name}` |" in page
-        assert " ".join(module.ENDINGS) in page
-    example_file = page.split("## axes.toml")[1].split("| key |")[0]
+    example_file = page.split("## The file")[1].split("| key |")[0]
     (tmp_path / "axes.toml").write_text(
         "\n".join(line.strip() for line in example_file.splitlines() if line.startswith("    "))
     )
     assert [axis.name for axis in read_axes(tmp_path / "axes.toml")] == ["track", "pan"]
+
+
+def test_the_page_has_every_format():
+    page = (ROOT / "docs/use/formats.md").read_text(encoding="utf-8")
+    for name, module in FORMATS.items():
+        assert f"\n| `{name}` |" in page
+        assert " ".join(module.ENDINGS) in page

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 from framestep.protocol import messages
 
 from ..errors import BROKEN_OFF, NO_CONTROLLER, REFUSED, USAGE, ToolError
+from ..move.rig_axes import Axes
 from ..payloads import (
     LAST_SECTION,
     REPORTS,
@@ -135,6 +136,7 @@ class Client:
         self.on_event: Callable[[Event], None] | None = None
         self.stray = 0
         self.info: DeviceInfo | None = None  # the device's HI, after greet()
+        self.axes = Axes()  # names and units for texts
         self.shared_port: SharedPort | None = None  # for other programs
         self.stopped = False  # another program has requested a stop
         self._heard = False  # a message has come

@@ -137,17 +137,12 @@ def _motors(request: Payload) -> list[int]:
     return [each if isinstance(each, int) else each.motor for each in listed]
 
 
-def _named(motors: list[int]) -> str:
-    """Return text such as "motor 3" or "motors 1, 3"."""
-    return f"motor{'s' * (len(motors) > 1)} {', '.join(map(str, motors))}"
-
-
 def _moving(client: Client, named: list[int]) -> str:
     moving = client.request(MotorStatus()).moving
     if not moving:
         return "a run waits for GO or has not ended yet: framestep stop ends it"
     which = [motor for motor in moving if motor in named] or moving
-    return f"{_named(which)} move{'s' * (len(which) == 1)}; wait, or framestep stop"
+    return f"{client.axes.names(which)} move{'s' * (len(which) == 1)}; wait, or framestep stop"
 
 
 def what_stops(client: Client) -> str | None:
@@ -166,16 +161,14 @@ def _general(client: Client, request: Payload) -> str | None:
         return _NO_UPLOAD
     for motor in _motors(request):
         bits = client.request(GetExceeded(motor)).bits or 0
+        name = client.axes.name(motor)
         if bits & SET_FOLLOWS:
-            return (
-                f"motor {motor} does what motor {motor - 1} does (they are coupled): move that one"
-            )
+            leader = client.axes.name(motor - 1)
+            return f"{name} does what {leader} does (they are coupled): move that one"
         if not bits & SET_ENABLED:
-            return (
-                f"motor {motor} is switched off by MOTOR_CONFIGURE: enable its axis in Dragonframe"
-            )
+            return f"{name} is switched off by MOTOR_CONFIGURE: enable its axis in Dragonframe"
         return (
-            f"motor {motor} is coupled to one that is switched off, "
+            f"{name} is coupled to one that is switched off, "
             "or something else has taken a pin of it"
         )
     return None
@@ -190,7 +183,7 @@ def _at_switch(client: Client, motors: Any, code: Ack) -> str | None:
         return None
     where = "is at its" if len(found) == 1 else "are at their"
     return (
-        f"{_named(found)} {where} {'upper' if up else 'lower'} limit switch, "
+        f"{client.axes.names(found)} {where} {'upper' if up else 'lower'} limit switch, "
         f"and may move {'down' if up else 'up'} only"
     )
 
@@ -199,42 +192,46 @@ def _at_switch(client: Client, motors: Any, code: Ack) -> str | None:
 
 
 def _motor(client: Client, request: Payload, code: Ack, exceeded: Exceeded) -> str | None:
-    motor, at = exceeded.of, None
-    if isinstance(request, (MotorMove, MotorJog)):
+    motor, axes = exceeded.of or 0, client.axes
+    name = axes.name(motor)
+    if isinstance(request, (MotorMove, MotorJog)) and code in (Ack.ERR_SOFT_UP, Ack.ERR_SOFT_LOW):
         at = request.position if isinstance(request, MotorMove) else request.destination
-    if code == Ack.ERR_SOFT_UP:
-        return f"{at} is past the upper soft limit of motor {motor}, {exceeded.upper} ({_LIMITS})"
-    if code == Ack.ERR_SOFT_LOW:
-        return f"{at} is past the lower soft limit of motor {motor}, {exceeded.lower} ({_LIMITS})"
+        up = code == Ack.ERR_SOFT_UP
+        limit = (exceeded.upper if up else exceeded.lower) or 0
+        return (
+            f"{axes.position(motor, at)} is past the {'upper' if up else 'lower'} soft limit of "
+            f"{name}, {axes.position(motor, limit)} ({_LIMITS})"
+        )
     if code != Ack.ERR_RANGE:
         return None
     if isinstance(request, MotorJog) and not 1 <= request.speed <= FULL_SPEED:
-        return f"motor {motor} jogs at a speed of 1 to {FULL_SPEED}, not {request.speed}"
+        return f"{name} jogs at a speed of 1 to {FULL_SPEED}, not {request.speed}"
     if isinstance(request, MotorSetSpeed):
         if not request.velocity or not request.acceleration:
-            return f"motor {motor} needs a velocity and an acceleration of at least 1"
+            return f"{name} needs a velocity and an acceleration of at least 1"
         return (
-            f"motor {motor} cannot do {request.velocity} steps/s "
+            f"{name} cannot do {axes.length(motor, request.velocity, 's')} "
             "with the pulses of its rig file (pulse_us)"
         )
     if isinstance(request, MotorSetLimits):
         return _set_limits(client, request)
     if isinstance(request, MotorResetPosition):
-        return f"{request.position} leaves no room for the backlash of motor {motor}"
+        return f"{axes.position(motor, request.position)} leaves no room for the backlash of {name}"
     return None
 
 
 def _set_limits(client: Client, request: MotorSetLimits) -> str:
     both = request.lower_enable and request.upper_enable
+    motor, axes = request.motor, client.axes
     if both and request.lower > request.upper:
         return (
-            f"the lower limit of motor {request.motor}, {request.lower}, "
-            f"is above the upper one, {request.upper}"
+            f"the lower limit of {axes.name(motor)}, {axes.position(motor, request.lower)}, "
+            f"is above the upper one, {axes.position(motor, request.upper)}"
         )
     sets = client.info.limit_sets if client.info else 0
     there = f"has sets 1 to {sets}" if sets else "has none"
     return (
-        f"motor {request.motor} cannot have limit switch set {request.limit_set & 0x7F}: "
+        f"{axes.name(motor)} cannot have limit switch set {request.limit_set & 0x7F}: "
         f"the rig file {there} (limits)"
     )
 
@@ -242,7 +239,7 @@ def _set_limits(client: Client, request: MotorSetLimits) -> str:
 def _home(client: Client, request: Home, code: Ack) -> str | None:
     if code == Ack.ERR_RANGE:
         motors = _motors(request)
-        which = ("one of " if len(motors) > 1 else "") + _named(motors)
+        which = ("one of " if len(motors) > 1 else "") + client.axes.names(motors)
         return f"the rig file has no `home` for {which} (docs/use/homing.md)"
     side = {Ack.ERR_SOFT_UP: "upper", Ack.ERR_SOFT_LOW: "lower"}.get(code)
     return side and (
@@ -270,17 +267,18 @@ def _section(client: Client, request: Payload, code: Ack) -> str | None:
         return None
     exceeded = client.request(GetExceeded())
     if exceeded.what != EXCEEDED_MEMORY:
-        return _outside(request)
+        return _outside(client, request)
     return (
-        f"{_part(request)}: the board's memory is full; this section needs {exceeded.by} bytes, "
-        f"{exceeded.room} are free: fewer frames, motors or channels, or calmer motion and light"
+        f"{_part(client, request)}: the board's memory is full; "
+        f"this section needs {exceeded.by} bytes, {exceeded.room} are free: "
+        "fewer frames, motors or channels, or calmer motion and light"
     )
 
 
-def _part(request: Payload) -> str:
+def _part(client: Client, request: Payload) -> str:
     """Name the content of a request of an upload."""
     if isinstance(request, RtUploadMoveAxis):
-        return f"the positions of motor {request.motor} from {_index(request)} on"
+        return f"the positions of {client.axes.name(request.motor)} from {_index(request)} on"
     if isinstance(request, RtUploadMoveDmx):
         return f"the levels of channel {request.channel} from {_index(request)} on"
     if isinstance(request, RtUploadMoveTriggers):
@@ -292,14 +290,14 @@ def _index(request: RtUploadMoveAxis | RtUploadMoveDmx) -> str:
     return f"the upload's frame {(request.start_index & 0x7FFF_FFFF) + 1}"
 
 
-def _outside(request: Payload) -> str | None:
+def _outside(client: Client, request: Payload) -> str | None:
     """Say what is wrong with a section that would have fitted into the memory."""
     if isinstance(request, RtUploadMoveAxis) and _UNSENT in request.positions:
-        return f"{_part(request)} have one of {_UNSENT}, which no motor can take"
+        return f"{_part(client, request)} have one of {_UNSENT}, which no motor can take"
     if isinstance(request, RtUploadMoveDmx) and not 1 <= request.channel <= 512:
         return f"there is no channel {request.channel}, there are channels 1 to 512"
     if isinstance(request, (RtUploadMoveAxis, RtUploadMoveDmx)):
-        return f"{_part(request)} begin past its last frame"
+        return f"{_part(client, request)} begin past its last frame"
     return None
 
 
@@ -315,14 +313,14 @@ def _play(client: Client, request: Payload, code: Ack) -> str | None:
             return f"frame {request.frame} is not in the upload"
         return None
     exceeded = client.request(GetExceeded())
-    motor, frame = exceeded.motor, exceeded.frame
+    motor, frame, axes = exceeded.motor, exceeded.frame, client.axes
     rate = getattr(request, "fps_milli", None)
     rate = "" if rate is None else f" at {rate / 1000:g} frames/s"
-    where = f"motor {motor} at frame {frame}"
+    where = f"{axes.name(motor)} at frame {frame}"
     if exceeded.what == EXCEEDED_VELOCITY and exceeded.velocity is not None:
         return (
-            f"{where} would need {exceeded.velocity + exceeded.by} steps/s{rate}, "
-            f"its velocity is {exceeded.velocity} steps/s ({_SPEED})"
+            f"{where} would need {axes.length(motor, exceeded.velocity + exceeded.by, 's')}{rate}, "
+            f"its velocity is {axes.length(motor, exceeded.velocity, 's')} ({_SPEED})"
         )
     if (
         exceeded.what == EXCEEDED_ACCELERATION
@@ -331,8 +329,9 @@ def _play(client: Client, request: Payload, code: Ack) -> str | None:
         and not isinstance(request, _SHOTS)
     ):
         return (
-            f"{where} would need {exceeded.acceleration + exceeded.by} steps/s²{rate}, "
-            f"its acceleration is {exceeded.acceleration} steps/s² ({_SPEED}), "
+            f"{where} would need "
+            f"{axes.length(motor, exceeded.acceleration + exceeded.by, 's²')}{rate}, "
+            f"its acceleration is {axes.length(motor, exceeded.acceleration, 's²')} ({_SPEED}), "
             "and strict_moves is set in the rig file"
         )
     if exceeded.what == EXCEEDED_BOARD:
@@ -343,15 +342,15 @@ def _play(client: Client, request: Payload, code: Ack) -> str | None:
     if exceeded.what == EXCEEDED_UPPER:
         return (
             f"{where} would be past its upper soft limit, "
-            f"{_limit(exceeded.upper, exceeded.bits, SET_UPPER)}"
+            f"{_limit(client, exceeded, exceeded.upper, SET_UPPER)}"
         )
     if exceeded.what == EXCEEDED_LOWER:
         return (
             f"{where} would be past its lower soft limit, "
-            f"{_limit(exceeded.lower, exceeded.bits, SET_LOWER)}"
+            f"{_limit(client, exceeded, exceeded.lower, SET_LOWER)}"
         )
     if exceeded.what in (EXCEEDED_PREROLL, EXCEEDED_POSTROLL):
-        return _ramp(request, exceeded)
+        return _ramp(client, request, exceeded)
     if code == Ack.ERR_NOT_IN_POSITION:
         return (
             "the motors are not on a frame of the upload: send them to one"
@@ -360,7 +359,7 @@ def _play(client: Client, request: Payload, code: Ack) -> str | None:
         )
     if code == Ack.ERR_RANGE:
         return _where(request, rate)
-    return "; ".join(texts.exceeded(exceeded.what, motor, frame, exceeded.by)) or None
+    return axes.named("; ".join(texts.exceeded(exceeded.what, motor, frame, exceeded.by))) or None
 
 
 def _wrong_value(request: Payload) -> str | None:
@@ -402,20 +401,21 @@ def _where(request: Payload, rate: str) -> str:
     return "the prepared run does not fit the settings made since"
 
 
-def _ramp(request: Payload, exceeded: Exceeded) -> str:
+def _ramp(client: Client, request: Payload, exceeded: Exceeded) -> str:
     """Say what a motor would exceed before or after the frames."""
     pre = exceeded.what == EXCEEDED_PREROLL
-    motor, bits = exceeded.motor, exceeded.bits or 0
+    motor, bits, axes = exceeded.motor, exceeded.bits or 0, client.axes
+    name = axes.name(motor)
     if exceeded.by and exceeded.acceleration is not None:
         needs = (
-            f"motor {motor} would need {exceeded.acceleration + exceeded.by} steps/s², "
-            f"its acceleration is {exceeded.acceleration} steps/s² ({_SPEED})"
+            f"{name} would need {axes.length(motor, exceeded.acceleration + exceeded.by, 's²')}, "
+            f"its acceleration is {axes.length(motor, exceeded.acceleration, 's²')} ({_SPEED})"
         )
     else:
-        limits = [str(exceeded.lower)] * bool(bits & SET_LOWER)
-        limits += [str(exceeded.upper)] * bool(bits & SET_UPPER)
+        limits = [axes.position(motor, exceeded.lower or 0)] * bool(bits & SET_LOWER)
+        limits += [axes.position(motor, exceeded.upper or 0)] * bool(bits & SET_UPPER)
         past = f"pass its soft limit, {' or '.join(limits)} ({_LIMITS})"
-        needs = f"motor {motor} would {past if limits else 'leave the range of positions'}"
+        needs = f"{name} would {past if limits else 'leave the range of positions'}"
     if isinstance(request, RtShootFrame):
         when = f"second {'before' if pre else 'after'} the exposure"
         return f"in the {when} of frame {exceeded.frame} {needs}: expose longer, or move less"
@@ -430,8 +430,10 @@ def _ramp(request: Payload, exceeded: Exceeded) -> str:
     )
 
 
-def _limit(value: int | None, bits: int | None, which: int) -> str:
-    return f"{value} ({_LIMITS})" if (bits or 0) & which else "which is the coupled motor's"
+def _limit(client: Client, exceeded: Exceeded, value: int | None, which: int) -> str:
+    if not (exceeded.bits or 0) & which:
+        return "which is the coupled motor's"
+    return f"{client.axes.position(exceeded.motor, value or 0)} ({_LIMITS})"
 
 
 # ---- virtual axes
@@ -469,6 +471,7 @@ def _past_limits(client: Client, code: Ack) -> str:
     for motor in range(1, (client.info or client.greet()).motors + 1):
         exceeded = client.request(GetExceeded(motor))
         if (exceeded.bits or 0) & (SET_UPPER if up else SET_LOWER):
-            limits.append(f"motor {motor} {exceeded.upper if up else exceeded.lower}")
+            limit = (exceeded.upper if up else exceeded.lower) or 0
+            limits.append(f"{client.axes.name(motor)} {client.axes.position(motor, limit)}")
     which = "upper" if up else "lower"
     return f"a motor would pass its {which} soft limit ({', '.join(limits)}; {_LIMITS})"

@@ -14,6 +14,7 @@ from framestep.protocol.messages import (
 )
 
 from ..errors import REFUSED
+from ..move.rig_axes import Axes
 from ..payloads import (
     Condition,
     DeviceInfo,
@@ -29,8 +30,8 @@ from .client import Client, ClientError, RequestRefused
 _NOT_TOLD = "this device does not report how far its positions can be trusted"
 _STOPS = {
     HARD_STOP_GENERAL: "the E-stop was pressed",
-    HARD_STOP_UPPER: "motor {} ran into its upper limit switch",
-    HARD_STOP_LOWER: "motor {} ran into its lower limit switch",
+    HARD_STOP_UPPER: "{} ran into its upper limit switch",
+    HARD_STOP_LOWER: "{} ran into its lower limit switch",
     HARD_STOP_FAULT: (
         "a fault in the firmware or a driver (framestep status and the REPL say more)"
     ),
@@ -52,6 +53,7 @@ class State(NamedTuple):
     positions: list[int]
     condition: Condition | None
     exceeded: Exceeded | None
+    axes: Axes
 
 
 def ask(client: Client) -> State:
@@ -67,7 +69,7 @@ def ask(client: Client) -> State:
             exceeded = client.request(GetExceeded())
     except RequestRefused:
         pass
-    return State(info, moving, positions, condition, exceeded)
+    return State(info, moving, positions, condition, exceeded, client.axes)
 
 
 def position(client: Client, motor: int) -> int:
@@ -91,9 +93,8 @@ def why_stopped(client: Client) -> str:
     """Say why motors have come to rest before they reached their target."""
     stop = client.take_event(HardStop)
     if stop:
-        return _STOPS.get(stop.reason, f"the device gives the reason {stop.reason}").format(
-            stop.motor
-        )
+        why = _STOPS.get(stop.reason, f"the device gives the reason {stop.reason}")
+        return why.format(client.axes.name(stop.motor or 0))
     if client.stopped:
         return "another program stopped it"
     return "another program or a soft limit stopped it"
@@ -115,10 +116,11 @@ def too_steep(client: Client) -> str | None:
         return None
     if exceeded.what != EXCEEDED_ACCELERATION:
         return None
+    motor, axes, has = exceeded.motor, client.axes, exceeded.acceleration or 0
     return (
-        f"motor {exceeded.motor} at frame {exceeded.frame} would need "
-        f"{(exceeded.acceleration or 0) + exceeded.by} steps/s², its acceleration is "
-        f"{exceeded.acceleration} steps/s²: it is played as uploaded and may lose steps"
+        f"{axes.name(motor)} at frame {exceeded.frame} would need "
+        f"{axes.length(motor, has + exceeded.by, 's²')}, its acceleration is "
+        f"{axes.length(motor, has, 's²')}: it is played as uploaded and may lose steps"
     )
 
 
@@ -133,7 +135,7 @@ def _heading(info: DeviceInfo) -> str:
     return (
         f"{info.name}, firmware {info.major}.{info.minor}.{info.revision}: {info.motors} motors, "
         f"{info.dmx_channels} DMX channels, {info.outputs} outputs, {info.inputs} inputs, "
-        f"{info.upload_frames} frames, capabilities 0x{info.capabilities:04X}"
+        f"{info.upload_frames} frames"
     )
 
 
@@ -152,7 +154,7 @@ def _conditions(state: State) -> list[str]:
         )
     if any(each.state == LOST for each in state.condition.positions):
         found.append(f"{texts.LIMITS_COUNT} (framestep zero)")
-    return found
+    return [state.axes.named(text) for text in found]
 
 
 def lines(state: State) -> list[str]:
@@ -160,10 +162,15 @@ def lines(state: State) -> list[str]:
     found = [_heading(state.info)]
     for motor, (steps, trust) in enumerate(zip(state.positions, _trust(state), strict=True), 1):
         found.append(
-            f"motor {motor}: {steps}{', moving' if motor in state.moving else ''}"
-            f"{trust and f', {trust}'}"
+            f"{_of(state.axes, motor)} {state.axes.position(motor, steps)}"
+            f"{', moving' if motor in state.moving else ''}{trust and f', {trust}'}"
         )
     return found + _conditions(state)
+
+
+def _of(axes: Axes, motor: int) -> str:
+    """Return the beginning of a motor's line: "pan", or "motor 3:"."""
+    return axes.name(motor) + ("" if axes.axis(motor) else ":")
 
 
 def table(state: State) -> Any:
@@ -171,13 +178,18 @@ def table(state: State) -> Any:
     from rich.console import Group
     from rich.table import Table
 
-    shown = Table("motor", title=_heading(state.info), title_justify="left")
-    shown.add_column("position", justify="right", min_width=11)
+    known = any(state.axes.axis(motor) for motor in range(1, len(state.positions) + 1))
+    shown = Table("motor", *["axis"] * known)
+    for title, width in [("position", 11)] * known + [("steps", 11)]:
+        shown.add_column(title, justify="right", min_width=width)
     shown.add_column("", min_width=6)
     shown.add_column("trust")
     for motor, (steps, trust) in enumerate(zip(state.positions, _trust(state), strict=True), 1):
-        shown.add_row(str(motor), str(steps), "moving" if motor in state.moving else "", trust)
-    return Group(shown, *_conditions(state))
+        axis = state.axes.axis(motor)
+        named = [axis.name if axis else "", state.axes.value(motor, steps)] if known else []
+        moving = "moving" if motor in state.moving else ""
+        shown.add_row(str(motor), *named, str(steps), moving, trust)
+    return Group(_heading(state.info), shown, *_conditions(state))
 
 
 def for_programs(state: State) -> dict[str, Any]:
@@ -185,6 +197,7 @@ def for_programs(state: State) -> dict[str, Any]:
     motors = []
     for motor, steps in enumerate(state.positions, 1):
         entry: dict[str, Any] = {"motor": motor, "position": steps, "moving": motor in state.moving}
+        entry |= state.axes.for_programs(motor, steps)
         if state.condition and motor <= len(state.condition.positions):
             trust = state.condition.positions[motor - 1]
             entry["trust"] = texts.STATES.get(trust.state, str(trust.state))

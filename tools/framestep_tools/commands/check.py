@@ -1,20 +1,18 @@
 """`framestep check`: judge a move before anything moves."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import Json, extra, put, say_json, talking
+from .common import AxesFile, Json, extra, load_axes, put, say_json, talking
 from .moves import FirstFrame, Fps, LastFrame, MoveFile, Postroll, Preroll, Reverse, fits, section
 
 if TYPE_CHECKING:
     from ..move.move_check import Device, Setting
+    from ..move.rig_axes import Axes
 
-_LIMITS = re.compile(r"(?P<motor>\d+)=(?P<lower>-?\d+)?:(?P<upper>-?\d+)?")
-_VALUE = re.compile(r"(?:(?P<motor>\d+)=)?(?P<value>\d+)")
 _ENDINGS = (".png", ".svg", ".pdf")
 
 
@@ -41,23 +39,29 @@ def check(
     board: Annotated[str, typer.Option(help="the kind of board", metavar="NAME")] = "pico",
     velocity: Annotated[
         list[str] | None,
-        typer.Option(metavar="[MOTOR=]N", help="steps/s of all motors, or of one: 2=8000"),
+        typer.Option(
+            metavar="[MOTOR=]N", help="steps/s of all motors, or of one: 2=8000, pan=20deg/s"
+        ),
     ] = None,
     acceleration: Annotated[
         list[str] | None,
-        typer.Option(metavar="[MOTOR=]N", help="steps/s² of all motors, or of one: 2=40000"),
+        typer.Option(
+            metavar="[MOTOR=]N", help="steps/s² of all motors, or of one: 2=40000, pan=40deg/s²"
+        ),
     ] = None,
     limits: Annotated[
         list[str] | None,
         typer.Option(
             metavar="MOTOR=LOWER:UPPER",
-            help="soft limits of a motor in steps; either may be left out",
+            help="soft limits of a motor in steps, or with a unit: pan=-90deg:90deg; either may "
+            "be left out",
         ),
     ] = None,
     plot: Annotated[
         Path | None, typer.Option(help="draw the path: a png, svg or pdf", metavar="FILE")
     ] = None,
     json: Json = False,
+    axes: AxesFile = None,
 ) -> int:  # fmt: skip
     """Judge a move before anything moves.
 
@@ -92,14 +96,15 @@ def check(
     )  # fmt: skip
     fits(run)
     board_data(board)
-    asked = move_check.Device(read_rig(rig), board)
+    known = load_axes(axes)
+    asked = move_check.Device(read_rig(rig), board, axes=known)
     motors = list(content.positions)
     settings = {motor: move_check.Setting() for motor in motors}
     if device:
         settings, asked = _of_device(device, motors, settings, asked)
-    _take(settings, "velocity", velocity)
-    _take(settings, "acceleration", acceleration)
-    _take_limits(settings, limits)
+    _take(settings, "velocity", velocity, known)
+    _take(settings, "acceleration", acceleration, known)
+    _take_limits(settings, limits, known)
     try:
         found = move_check.check(content, run, settings, asked)
     except RigError as error:
@@ -107,7 +112,7 @@ def check(
     if json:
         say_json(move_check.for_programs(found))
     else:
-        print(*move_check.lines(found), sep="\n")
+        print(*move_check.lines(found, known), sep="\n")
     if plot:
         try:
             check_plot.plot(found, plot)
@@ -128,39 +133,30 @@ def _of_device(
     return settings | found, replace(asked, motors=info.motors, frames=info.upload_frames)
 
 
-def _take(settings: "dict[int, Setting]", name: str, given: list[str] | None) -> None:
+def _take(settings: "dict[int, Setting]", name: str, given: list[str] | None, axes: "Axes") -> None:
     """Put velocities or accelerations from the command line into the settings: first values for all
     motors, then values for single ones."""
+    per = "s" if name == "velocity" else "s²"
     for text in sorted(given or [], key=lambda text: "=" in text):
-        found = _VALUE.fullmatch(text)
-        if not found or not 0 < int(found["value"]) < 2**30:
-            raise typer.BadParameter(
-                f"--{name}: expected a whole number above 0, or a motor's such as 2=8000, "
-                f"found {text!r}"
-            )
-        for motor in [int(found["motor"])] if found["motor"] else list(settings):
+        one, _, value = text.rpartition("=")
+        for motor in [axes.motor(one)] if one else list(settings):
             _has(settings, motor, name)
-            settings[motor] = replace(settings[motor], **{name: int(found["value"])})
+            settings[motor] = replace(settings[motor], **{name: axes.rate(motor, value, per)})
 
 
-def _take_limits(settings: "dict[int, Setting]", given: list[str] | None) -> None:
+def _take_limits(settings: "dict[int, Setting]", given: list[str] | None, axes: "Axes") -> None:
     for text in given or []:
-        found = _LIMITS.fullmatch(text)
-        if not found:
+        one, _, ends = text.partition("=")
+        if ends.count(":") != 1 or not one:
             raise typer.BadParameter(
-                "--limits: expected MOTOR=LOWER:UPPER in steps such as 2=-500:9000, or "
-                f"2=:9000 for no lower one, found {text!r}"
+                "--limits: expected MOTOR=LOWER:UPPER such as 2=-500:9000, or 2=:9000 for no lower "
+                f"one, found {text!r}"
             )
-        motor = int(found["motor"])
+        motor = axes.motor(one)
         _has(settings, motor, "limits")
-        lower, upper = (
-            None if found[end] is None else int(found[end]) for end in ("lower", "upper")
-        )
+        lower, upper = axes.limits(motor, *ends.split(":"))
         if lower is not None and upper is not None and lower > upper:
             raise typer.BadParameter(f"--limits: {lower} is above {upper}, found {text!r}")
-        for limit in (lower, upper):
-            if limit is not None and not -(2**31) <= limit < 2**31:
-                raise typer.BadParameter(f"--limits: positions fit 32 bits signed, found {text!r}")
         settings[motor] = replace(settings[motor], lower=lower, upper=upper)
 
 

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -14,6 +15,7 @@ from typer.core import TyperCommand
 
 if TYPE_CHECKING:
     from ..client.client import Client
+    from ..move.rig_axes import Axes
 
 STOP_TIME_S = 60.0
 _OFFER_S = 0.5  # time for a program that has just opened the port to offer it to others
@@ -29,11 +31,22 @@ Url = Annotated[
     ),
 ]  # fmt: skip
 Motor = Annotated[
-    int, typer.Argument(help="motor number, from 1", min=1, max=32, show_default=False)
+    str, typer.Argument(help="motor number, from 1, or name in axes.toml", show_default=False)
 ]
-Steps = Annotated[
-    int, typer.Argument(help="position in steps", min=-(2**31), max=2**31 - 1, show_default=False)
+Position = Annotated[
+    str,
+    typer.Argument(help="in steps, or with a unit if axes.toml has one: 10deg", show_default=False),
 ]
+AxesFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--axes", envvar="FRAMESTEP_AXES", metavar="FILE", show_default=False,
+        help=(
+            "names, units and limits of the motors, as TOML. Without it: axes.toml in this folder, "
+            "else the user's"
+        ),
+    ),
+]  # fmt: skip
 Json = Annotated[bool, typer.Option("--json", help="as JSON, for programs")]
 
 _NUMBER = re.compile(r"-(\d|\.\d)")
@@ -111,9 +124,16 @@ def say_json(found: Any) -> None:
     print(json.dumps(found, ensure_ascii=False), flush=True)
 
 
+def load_axes(given: Path | None) -> "Axes":
+    """Read the names and units of the motors. Raises AxesFileError if the file has a mistake."""
+    from ..move import rig_axes
+
+    return rig_axes.load(given)
+
+
 @contextmanager
-def talking(device: str | None) -> "Iterator[Client]":
-    """Yield a client that has greeted the device, or the only board."""
+def talking(device: str | None, axes: "Axes | None" = None) -> "Iterator[Client]":
+    """Yield a client that has greeted the device, or the only board. axes: for its texts."""
     from ..client import port_finder
     from ..client.client import RequestRefused, WrongPort
     from ..client.open_port import is_socket
@@ -126,6 +146,7 @@ def talking(device: str | None) -> "Iterator[Client]":
             f"the protocol's port is {right}: name that one, or none"
         )
     with _greeted(url) as client:
+        client.axes = axes or client.axes
         try:
             yield client
         except RequestRefused as error:
@@ -189,15 +210,18 @@ def stopped(client: "Client", moved: Iterable[int]) -> str:
     """Return a sentence with the positions of the motors that have moved."""
     from ..payloads import MotorGetPosition
 
-    steps = client.request(MotorGetPosition()).steps
-    found = ", ".join(f"motor {motor} is at {steps[motor - 1]}" for motor in sorted(moved))
+    steps, axes = client.request(MotorGetPosition()).steps, client.axes
+    found = ", ".join(
+        f"{axes.name(motor)} is at {axes.position(motor, steps[motor - 1])}"
+        for motor in sorted(moved)
+    )
     return f"stopped: {found}" if found else "nothing was moving"
 
 
 @contextmanager
-def moving(device: str | None) -> "Iterator[Client]":
+def moving(device: str | None, axes: "Axes | None" = None) -> "Iterator[Client]":
     """Yield a client for a command that moves motors. Ctrl-C stops them before the command ends."""
-    with talking(device) as client:
+    with talking(device, axes) as client:
         try:
             yield client
         except KeyboardInterrupt:

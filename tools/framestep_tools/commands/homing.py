@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import Url, moving
+from .common import AxesFile, Url, load_axes, moving
 
 if TYPE_CHECKING:
     from ..client.client import Client
@@ -12,15 +12,14 @@ if TYPE_CHECKING:
 
 def home(
     motors: Annotated[
-        list[int] | None,
+        list[str] | None,
         typer.Argument(
             metavar="[MOTOR]...",
-            help="motor numbers; without any, all that have `home` in the rig file",
-            min=1,
-            max=32,
+            help="numbers, or names in axes.toml; none: all that have `home` in the rig file",
         ),
     ] = None,
     device: Url = None,
+    axes: AxesFile = None,
 ) -> None:
     """Home motors, one after the other.
 
@@ -28,11 +27,13 @@ def home(
     """
     from ..payloads import Home, MotorStatus
 
-    with moving(device) as client:
+    known = load_axes(axes)
+    numbers = [known.motor(motor) for motor in motors or ()]
+    with moving(device, known) as client:
         client.request(MotorStatus())
         client.events.clear()
-        client.request(Home(bytes(motors or ())))
-        chosen = motors or client.request(MotorStatus()).moving
+        client.request(Home(bytes(numbers)))
+        chosen = numbers or client.request(MotorStatus()).moving
         client.wait_idle(timeout_s=float("inf"))
         _tell(client, sorted(set(chosen)))
 
@@ -45,13 +46,13 @@ def _tell(client: "Client", motors: list[int]) -> None:
     from ..client import state
     from ..payloads import GetCondition, MotorGetPosition
 
-    steps = client.request(MotorGetPosition()).steps
+    steps, axes = client.request(MotorGetPosition()).steps, client.axes
     trusts = client.request(GetCondition()).positions
     failed = []
     for motor in motors:
         trust = trusts[motor - 1]
         if trust.reason == HOMED:
-            print(f"motor {motor}: {steps[motor - 1]}, homed")
+            print(f"{axes.name(motor)}: {axes.position(motor, steps[motor - 1])}, homed")
         else:
             failed.append((motor, trust))
     if not failed:
@@ -62,6 +63,6 @@ def _tell(client: "Client", motors: list[int]) -> None:
     if trust.reason == HOMING:
         why += f" ({state.why_stopped(client)})"
     raise state.Stopped(
-        f"motor {motor} is not homed; its position is {why}"
-        + "".join(f"; motor {other} is not homed" for other, _ in failed if other != motor)
+        f"{axes.name(motor)} is not homed; its position is {why}"
+        + "".join(f"; {axes.name(other)} is not homed" for other, _ in failed if other != motor)
     )

@@ -3,6 +3,7 @@ rig."""
 
 import sys
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -10,10 +11,12 @@ import typer
 from ..errors import ToolError
 from .common import (
     STOP_TIME_S,
+    AxesFile,
     Json,
     Motor,
-    Steps,
+    Position,
     Url,
+    load_axes,
     moving,
     put,
     say_json,
@@ -24,10 +27,12 @@ from .homing import home
 
 if TYPE_CHECKING:
     from ..client.client import Client
+    from ..move.rig_axes import Axes
 
 JOG_REPEAT_S = 0.2  # a jog ends by itself when it is not repeated (field note 4.2)
 WATCH_S = 0.2  # from one update to the next
 LEAVE_S = 10.0  # time for another program to close the port
+_BUZZ = 100_000  # steps: the farthest
 
 
 def status(
@@ -36,11 +41,12 @@ def status(
     watch: Annotated[
         bool, typer.Option("--watch", "-w", help="go on as a live table, until Ctrl-C")
     ] = False,
+    axes: AxesFile = None,
 ) -> None:
     """Show the device, the positions of its motors, and what moves."""
     from ..client import state
 
-    with talking(device) as client:
+    with talking(device, load_axes(axes)) as client:
         _show(client, json, watch, state.ask, state.for_programs, state.lines, state.table)
 
 
@@ -94,58 +100,74 @@ def _live(render: Any, client: "Client") -> None:
 
 def move(
     motor: Motor,
-    position: Steps,
+    position: Position,
     device: Url = None,
     velocity: Annotated[
-        int | None, typer.Option(help="steps/s, with --acceleration", min=1)
+        str | None,
+        typer.Option(help="steps/s, or with a unit: 20deg/s; with --acceleration", metavar="N"),
     ] = None,
     acceleration: Annotated[
-        int | None, typer.Option(help="steps/s², with --velocity", min=1)
+        str | None,
+        typer.Option(help="steps/s², or with a unit: 40deg/s²; with --velocity", metavar="N"),
     ] = None,
+    axes: AxesFile = None,
 ) -> None:
     """Move a motor to a position and wait until it is there."""
     from ..payloads import MotorMove, MotorSetSpeed
 
     if (velocity is None) != (acceleration is None):
         raise typer.BadParameter("--velocity and --acceleration go together, give both or neither")
-    with moving(device) as client:
-        if velocity is not None and acceleration is not None:
-            client.request(MotorSetSpeed(motor, velocity, acceleration))
-        client.request(MotorMove(motor, position))
+    known = load_axes(axes)
+    number = known.motor(motor)
+    target = known.steps(number, position)
+    speed = None
+    if velocity is not None and acceleration is not None:
+        speed = MotorSetSpeed(
+            number, known.rate(number, velocity, "s"), known.rate(number, acceleration, "s²")
+        )
+    with moving(device, known) as client:
+        if speed:
+            client.request(speed)
+        client.request(MotorMove(number, target))
         client.wait_idle(timeout_s=float("inf"))
-        _arrived(client, motor, position)
+        _arrived(client, number, target)
 
 
 def _arrived(client: "Client", motor: int, position: int | None = None) -> None:
     """Print a motor's position. Raises Stopped, with the reason, if it is not at `position`."""
     from ..client import state
 
-    found = state.position(client, motor)
+    found, axes = state.position(client, motor), client.axes
     if position is not None and found != position:
         raise state.Stopped(
-            f"motor {motor} stopped at {found}, short of {position}: {state.why_stopped(client)}"
+            f"{axes.name(motor)} stopped at {axes.position(motor, found)}, short of "
+            f"{axes.position(motor, position)}: {state.why_stopped(client)}"
         )
-    print(f"motor {motor}: {found}")
+    print(f"{axes.name(motor)}: {axes.position(motor, found)}")
 
 
 def jog(
     motor: Motor,
-    destination: Steps,
+    destination: Position,
     device: Url = None,
     speed: Annotated[
         int, typer.Option(help="1 (inching) to 10000 (the motor's maximum)", min=1, max=10_000)
     ] = 1000,
     seconds: Annotated[float, typer.Option(help="how long", min=0)] = 1.0,
+    axes: AxesFile = None,
 ) -> None:
     """Jog a motor toward a position for a time, as a held key does."""
     from ..payloads import MotorStop
 
-    with moving(device) as client:
-        _stands(client, motor)
-        _jog(client, motor, destination, speed, seconds)
-        client.request(MotorStop(motor))
+    known = load_axes(axes)
+    number = known.motor(motor)
+    target = known.steps(number, destination)
+    with moving(device, known) as client:
+        _stands(client, number)
+        _jog(client, number, target, speed, seconds)
+        client.request(MotorStop(number))
         client.wait_idle(STOP_TIME_S)
-        _arrived(client, motor)
+        _arrived(client, number)
 
 
 def _stands(client: "Client", motor: int) -> int:
@@ -170,43 +192,62 @@ def _jog(client: "Client", motor: int, destination: int, speed: int, seconds: fl
         if state.is_stopped(client):
             client.request(MotorStop(motor))  # the last jog may have come after the stop
             client.wait_idle(STOP_TIME_S)
+            at = client.axes.position(motor, state.position(client, motor))
             raise state.Stopped(
-                f"motor {motor} stopped at {state.position(client, motor)}: "
-                f"{state.why_stopped(client)}"
+                f"{client.axes.name(motor)} stopped at {at}: {state.why_stopped(client)}"
             )
 
 
 def zero(
     motor: Motor,
     position: Annotated[
-        int, typer.Argument(help="its position from now on", min=-(2**31), max=2**31 - 1)
-    ] = 0,
+        str, typer.Argument(help="its position from now on, in steps or with a unit")
+    ] = "0",
     device: Url = None,
+    axes: AxesFile = None,
 ) -> None:
-    """Set a motor's position to 0, or to another value. Nothing moves."""
+    """Set a motor's position to step 0, or to another value. Nothing moves."""
     from ..payloads import MotorResetPosition
 
-    with talking(device) as client:
-        client.request(MotorResetPosition(motor, position))
-        _arrived(client, motor)
+    known = load_axes(axes)
+    number = known.motor(motor)
+    steps = known.steps(number, position)
+    with talking(device, known) as client:
+        client.request(MotorResetPosition(number, steps))
+        _arrived(client, number)
 
 
 def stop(
     motor: Annotated[
-        int | None, typer.Argument(help="motor number, all if not given", min=1, max=32)
+        str | None,
+        typer.Argument(help="motor number, or name in axes.toml; all if not given"),
     ] = None,
     device: Url = None,
     hard: Annotated[
         bool, typer.Option("--hard", help="all motors with the hard stop's deceleration")
     ] = False,
+    axes: AxesFile = None,
 ) -> None:
     """Stop one motor or all, also while another command moves them."""
     if hard and motor is not None:
-        raise typer.BadParameter("--hard stops all motors, leave the motor number out")
+        raise typer.BadParameter("--hard stops all motors, leave the motor out")
     try:
-        print(_stop(device, motor, hard))
+        known = _axes_if_any(axes, needed=motor is not None and not motor.isdecimal())
+        print(_stop(device, None if motor is None else known.motor(motor), hard, known))
     except ToolError as error:
         raise NotStopped(error) from error
+
+
+def _axes_if_any(given: Path | None, needed: bool) -> "Axes":
+    """Read the names of motors. A mistake in the file does not keep motors from being stopped."""
+    from ..move.rig_axes import Axes
+
+    try:
+        return load_axes(given)
+    except ToolError:
+        if needed:
+            raise
+        return Axes()
 
 
 class NotStopped(ToolError):
@@ -219,7 +260,7 @@ class NotStopped(ToolError):
         self.status = error.status
 
 
-def _stop(device: str | None, motor: int | None, hard: bool) -> str:
+def _stop(device: str | None, motor: int | None, hard: bool, axes: "Axes") -> str:
     """Stop one motor or all and wait until they are at rest. Return their positions as text."""
     from ..client.client import BrokenOff
     from ..payloads import MotorStatus, MotorStop, MotorStopAll
@@ -227,7 +268,7 @@ def _stop(device: str | None, motor: int | None, hard: bool) -> str:
     moved: set[int] = set()
     asked = False
     try:
-        with talking(device) as client:
+        with talking(device, axes) as client:
             before = client.send(
                 MotorStatus()
             )  # does not delay the stop: nobody waits for the answer
@@ -243,10 +284,10 @@ def _stop(device: str | None, motor: int | None, hard: bool) -> str:
     except BrokenOff:
         if not asked:
             raise
-    return _stopped_after_the_other(device, moved)
+    return _stopped_after_the_other(device, moved, axes)
 
 
-def _stopped_after_the_other(device: str | None, moved: set[int]) -> str:
+def _stopped_after_the_other(device: str | None, moved: set[int], axes: "Axes") -> str:
     """Return the positions once the program that had the port has ended.
 
     It ends when its motors have stopped, and may take a moment to close the port.
@@ -257,7 +298,7 @@ def _stopped_after_the_other(device: str | None, moved: set[int]) -> str:
     end = time.monotonic() + LEAVE_S
     while True:
         try:
-            with talking(device) as client:
+            with talking(device, axes) as client:
                 client.wait_idle(STOP_TIME_S)
                 return stopped(client, moved)
         except (BrokenOff, PortBusy):
@@ -269,20 +310,26 @@ def _stopped_after_the_other(device: str | None, moved: set[int]) -> str:
 def buzz(
     motor: Motor,
     device: Url = None,
-    steps: Annotated[int, typer.Option(help="distance to each side", min=1, max=100_000)] = 200,
+    steps: Annotated[
+        str, typer.Option(help="distance to each side, in steps or with a unit", metavar="N")
+    ] = "200",
     times: Annotated[int, typer.Option(help="how often", min=1, max=1000)] = 5,
     speed: Annotated[
         int, typer.Option(help="1 (inching) to 10000 (the motor's maximum)", min=1, max=10_000)
     ] = 1000,
+    axes: AxesFile = None,
 ) -> None:
     """Move a motor a few steps to and fro, to see whether it turns."""
-    with moving(device) as client:
-        home = _stands(client, motor)
+    known = load_axes(axes)
+    number = known.motor(motor)
+    far = known.distance(number, steps, _BUZZ)
+    with moving(device, known) as client:
+        home = _stands(client, number)
         for k in range(2 * times + 1):
-            target = home if k == 2 * times else home + (steps if k % 2 == 0 else -steps)
-            _jog(client, motor, target, speed, STOP_TIME_S)
+            target = home if k == 2 * times else home + (far if k % 2 == 0 else -far)
+            _jog(client, number, target, speed, STOP_TIME_S)
             client.wait_idle(STOP_TIME_S)
-        _arrived(client, motor, home)
+        _arrived(client, number, home)
 
 
 def add(app: typer.Typer) -> None:

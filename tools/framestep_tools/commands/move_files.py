@@ -6,13 +6,9 @@ from typing import Annotated
 
 import typer
 
-from .common import SpokenCommand
+from .common import AxesFile, SpokenCommand
 
 _FORMATS = "arc, anim, kuper, csv, raw"  # spelled out, so that --help loads none of them
-
-Axes = Annotated[
-    Path, typer.Option("--axes", help="TOML: motor, steps per unit and limits of each axis")
-]
 
 
 def _format(name: str | None) -> str | None:
@@ -34,7 +30,7 @@ def import_move(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="CSV in steps, for upload", show_default=False)
     ],
-    axes: Axes = Path("axes.toml"),
+    axes: AxesFile = None,
     file_format: Format = None,
     fps: Annotated[
         float | None,
@@ -46,6 +42,7 @@ def import_move(
 ) -> None:
     """Convert another program's file to a move in steps."""
     from ..errors import ToolError
+    from ..move import rig_axes
     from ..move.axes_file import read_axes
     from ..move.move_conversion import to_move
     from ..move.move_file import text_of, write_move
@@ -55,12 +52,13 @@ def import_move(
     text = text_of(file)
     chosen = FORMATS[file_format] if file_format else of_content(text, str(file))
     recording = chosen.read(text, str(file))
-    if not axes.exists():
+    found = rig_axes.find(axes)
+    if not found or not found.exists():
         raise ToolError(
-            f"there is no {axes}, which assigns the axes of {file} "
-            f"({', '.join(recording.names)}) to motors; docs/use/formats.md shows one"
+            f"there is no {found or rig_axes.FILE}, which assigns the axes of {file} "
+            f"({', '.join(recording.names)}) to motors; docs/use/axes.md shows one"
         )
-    known = read_axes(axes)
+    known = read_axes(found, every_motor=True)
     move, left = to_move(recording, known, str(file), fps, start)
     write_move(output, move)
     if left:
@@ -78,7 +76,7 @@ def export_move(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="the file to write", show_default=False)
     ],
-    axes: Axes = Path("axes.toml"),
+    axes: AxesFile = None,
     file_format: Format = None,
     fps: Annotated[
         float | None,
@@ -90,6 +88,7 @@ def export_move(
     ] = None,
 ) -> None:
     """Write a move in steps as another program's file."""
+    from ..move import rig_axes
     from ..move.axes_file import read_axes
     from ..move.move_conversion import to_table
     from ..move.move_file import or_example, read_move, write_text
@@ -99,7 +98,8 @@ def export_move(
     chosen = FORMATS[file_format] if file_format else of_name(output)
     if fps is not None and chosen.NAME not in ("csv", "anim"):
         raise typer.BadParameter(f"--fps is for csv and anim; {chosen.NAME} has frames")
-    table = to_table(read_move(or_example(move)), read_axes(axes))
+    found = rig_axes.find(axes) or rig_axes.FILE
+    table = to_table(read_move(or_example(move)), read_axes(found, every_motor=True))
     write_text(output, chosen.write(table, fps))
     print(
         f"{output}: frames {table.frames[0]} to {table.frames[-1]} of {len(table.columns)} axes, "

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import Url, moving, put, talking
+from .common import AxesFile, Url, load_axes, moving, put, talking
 
 if TYPE_CHECKING:
     from ..client.client import Client
     from ..move.light_file import Lights
     from ..move.move_file import Move
+    from ..move.rig_axes import Axes
     from ..move.shoot import Shots
-    from ..payloads import Request, RtRunMove
+    from ..payloads import MotorSetSpeed, Request, RtRunMove
 
 UPLOAD_WINDOW = 4
 
@@ -51,11 +52,12 @@ Postroll = Annotated[
     float, typer.Option(help="seconds to slow down; 0: the shortest that each motor can", min=0)
 ]
 Velocity = Annotated[
-    int | None,
-    typer.Option(help="steps/s for all motors of the move, with --acceleration", min=1),
+    str | None,
+    typer.Option(help="steps/s for all motors of the move, with --acceleration", metavar="N"),
 ]
 Acceleration = Annotated[
-    int | None, typer.Option(help="steps/s² for all motors of the move, with --velocity", min=1)
+    str | None,
+    typer.Option(help="steps/s² for all motors of the move, with --velocity", metavar="N"),
 ]
 
 
@@ -66,10 +68,12 @@ class Camera(str, Enum):
     STILLS = "stills"
 
 
-def upload(file: MoveFile, device: Url = None, dmx: LightFile = None) -> None:
+def upload(
+    file: MoveFile, device: Url = None, dmx: LightFile = None, axes: AxesFile = None
+) -> None:
     """Upload a move, for `framestep shoot` or another program to use."""
     content, lights = read_files(file, dmx)
-    with talking(device) as client:
+    with talking(device, load_axes(axes)) as client:
         send(client, content, lights)
     print(
         f"frames {content.start_frame} to {content.end_frame} for {len(content.positions)} motors"
@@ -94,18 +98,21 @@ def send(client: "Client", content: "Move", lights: "Lights | None") -> None:
     )
 
 
-def set_speeds(
-    client: "Client", content: "Move", velocity: int | None, acceleration: int | None
-) -> None:
-    """Set the velocity and acceleration of all motors of a move, if given."""
+def speeds(
+    axes: "Axes", content: "Move | None", velocity: str | None, acceleration: str | None
+) -> "list[MotorSetSpeed]":
+    """Return requests that set the speed of all motors of a move, if given. Raises AxesError."""
     from ..payloads import MotorSetSpeed
 
-    if velocity is not None and acceleration is not None:
-        for motor in content.positions:
-            client.request(MotorSetSpeed(motor, velocity, acceleration))
+    if content is None or velocity is None or acceleration is None:
+        return []
+    return [
+        MotorSetSpeed(motor, axes.rate(motor, velocity, "s"), axes.rate(motor, acceleration, "s²"))
+        for motor in content.positions
+    ]
 
 
-def both_or_neither(velocity: int | None, acceleration: int | None) -> None:
+def both_or_neither(velocity: str | None, acceleration: str | None) -> None:
     """Raise BadParameter for one without the other."""
     if (velocity is None) != (acceleration is None):
         raise typer.BadParameter("--velocity and --acceleration go together, give both or neither")
@@ -177,6 +184,7 @@ def play(
     bloop_ms: Annotated[
         int, typer.Option(help="how long that moment lasts", min=1, max=65535)
     ] = 100,
+    axes: AxesFile = None,
 ) -> None:
     """Upload a move and play it.
 
@@ -214,9 +222,11 @@ def play(
         close_angle=shutter_angle or 0,
     )
     fits(run)
-    with moving(device) as client:
+    known = load_axes(axes)
+    set_speeds = speeds(known, content, velocity, acceleration)
+    with moving(device, known) as client:
         _has_output(client, bloop)
-        set_speeds(client, content, velocity, acceleration)
+        client.stream(set_speeds)
         send(client, content, lights)
         _run(client, content, run)
     print(f"frames {begin} to {end} played")
@@ -239,7 +249,8 @@ def _run(client: "Client", content: "Move", run: "RtRunMove") -> None:
     from ..move.play import play
 
     console = Console(highlight=False)
-    display = MoveDisplay(content.names, run.start_frame, run.end_frame, console, quiet=True)
+    names, axes = content.names, client.axes
+    display = MoveDisplay(names, run.start_frame, run.end_frame, console, quiet=True, axes=axes)
     with display.running():
         play(client, run, display)
 
@@ -265,8 +276,8 @@ def shoot(
     motors: Annotated[
         str | None,
         typer.Option(
-            help="motors that move while the shutter is open, such as 1,3; default: all of the "
-            "move; none: all rest. Needs --move",
+            help="motors that move while the shutter is open, such as 1,3 or pan,tilt; default: "
+            "all of the move; none: all rest. Needs --move",
             metavar="MOTORS",
         ),
     ] = None,
@@ -290,6 +301,7 @@ def shoot(
     velocity: Velocity = None,
     acceleration: Acceleration = None,
     dmx: LightFile = None,
+    axes: AxesFile = None,
 ) -> None:
     """Shoot frames one by one, in motion (go-motion).
 
@@ -308,16 +320,18 @@ def shoot(
             raise typer.BadParameter(f"{option} needs --move")
     wanted = frames_of(frames)
     content, lights = read_files(move, dmx) if move else (None, None)
+    known = load_axes(axes)
+    set_speeds = speeds(known, content, velocity, acceleration)
     blurred: list[int] = []
     if content:
         section(content, min(wanted), max(wanted), False)
-        blurred = _motors(content, motors)
+        blurred = _motors(content, motors, known)
     shots = Shots(round(exposure * 1000), shutter_angle, content, blurred, settle, pause)
     done: list[int] = []
     try:
-        with moving(device) as client:
+        with moving(device, known) as client:
             if content:
-                set_speeds(client, content, velocity, acceleration)
+                client.stream(set_speeds)
                 send(client, content, lights)
             _shoot(client, wanted, shots, done)
     except BaseException:
@@ -328,7 +342,7 @@ def shoot(
     print(f"{len(done)} frames shot: {spans(done)}")
 
 
-def _motors(content: "Move", text: str | None) -> list[int]:
+def _motors(content: "Move", text: str | None, axes: "Axes") -> list[int]:
     """Parse --motors. Raises BadParameter for motors that the move does not have."""
     if text is None:
         return list(content.positions)
@@ -336,12 +350,12 @@ def _motors(content: "Move", text: str | None) -> list[int]:
         return []
     found = []
     for word in text.split(","):
-        if not word.strip().isdecimal() or int(word) not in content.positions:
+        found.append(axes.motor(word.strip()))
+        if found[-1] not in content.positions:
             raise typer.BadParameter(
                 f"--motors: expected motors of the move, 1 to {max(content.positions)}, "
                 f"such as 1,3, or none, found {text[:40]!r}"
             )
-        found.append(int(word))
     return found
 
 
@@ -353,7 +367,7 @@ def _shoot(client: "Client", wanted: list[int], shots: "Shots", done: list[int])
 
     info = client.info or client.greet()
     names = shots.move.names if shots.move else {i: "" for i in range(1, info.motors + 1)}
-    display = ShotDisplay(names, len(wanted), Console(highlight=False))
+    display = ShotDisplay(names, len(wanted), Console(highlight=False), client.axes)
     with display.running():
         shoot(client, wanted, shots, display, done.append)
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from .common import Json, Url, moving, put, say_json
+from .common import AxesFile, Json, Url, load_axes, moving, put, say_json
 
 
 class VirtualAxisName(str, Enum):
@@ -28,6 +28,7 @@ def virtual(
     ] = None,
     device: Url = None,
     json: Json = False,
+    axes: AxesFile = None,
 ) -> None:
     """Show the positions of the virtual axes, or move one of them.
 
@@ -38,7 +39,7 @@ def virtual(
 
     if axis is not None and position is None:
         raise typer.BadParameter("an axis needs a position as well")
-    with moving(device) as client:
+    with moving(device, load_axes(axes)) as client:
         client.events.clear()
         if axis is not None and position is not None:
             number = list(VirtualAxisName).index(axis) + 1

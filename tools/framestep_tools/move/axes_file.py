@@ -1,12 +1,12 @@
-"""axes.toml: the motors and units of the axes in another program's file.
+"""axes.toml: names, units and limits of a rig's motors.
 
     [[axis]]
     name = "pan"                  # heads its column in move.csv
     motor = 1
-    steps_per_unit = 222.2222
+    steps_per_unit = 225
     unit = "deg"
 
-docs/use/formats.md lists all keys.
+docs/use/axes.md lists all keys.
 """
 
 import os
@@ -72,23 +72,26 @@ class Axis:
     def _steps_per_unit(self) -> float:
         return -self.steps_per_unit if self.invert else self.steps_per_unit
 
+    def beyond(self, steps: int) -> str:
+        """Say that a step is beyond the limits; empty if it is not."""
+        if not self.limits:
+            return ""
+        low, high = self.limits
+        ends = sorted((self.steps(low), self.steps(high)))
+        if ends[0] <= steps <= ends[1]:
+            return ""
+        return f"{self._at(steps)} is beyond its limits of {low:g} to {high:g} {self.unit}"
+
     def check(self, steps: int, frame: int) -> None:
         """Raise ToolError, with frame and axis, for a step beyond the limits or beyond 32 bits."""
-        if self.limits:
-            low, high = self.limits
-            ends = sorted((self.steps(low), self.steps(high)))
-            if not ends[0] <= steps <= ends[1]:
-                raise ToolError(
-                    f"{self._at(steps, frame)} is beyond its limits of {low:g} to {high:g} "
-                    f"{self.unit}"
-                )
-        if not -(2**31) <= steps < 2**31:
-            raise ToolError(
-                f"{self._at(steps, frame)} is step {steps}, which does not fit 32 bits signed"
-            )
+        wrong = self.beyond(steps)
+        if not wrong and not -(2**31) <= steps < 2**31:
+            wrong = f"{self._at(steps)} is step {steps}, which does not fit 32 bits signed"
+        if wrong:
+            raise ToolError(f"frame {frame}, axis {self.name}: {wrong}")
 
-    def _at(self, steps: int, frame: int) -> str:
-        return f"frame {frame}, axis {self.name}: {self.position(steps):.10g} {self.unit}"
+    def _at(self, steps: int) -> str:
+        return f"{self.position(steps):.10g} {self.unit}"
 
 
 def _number(value: Any) -> bool:
@@ -135,11 +138,11 @@ KEYS: dict[str, tuple[str, Callable[[Any], bool]]] = {
 _NEEDED = [field.name for field in fields(Axis)][:3]
 
 
-def read_axes(path: str | os.PathLike) -> list[Axis]:
+def read_axes(path: str | os.PathLike, every_motor: bool = False) -> list[Axis]:
     """Read the axes, in the order of their motors.
 
-    Raises AxesFileError, with the key and what is allowed, if the file is missing or not as
-    described in docs/use/formats.md.
+    every_motor: each motor from 1 on needs an axis. Raises AxesFileError, with the key and what is
+    allowed, if the file is missing or not as described in docs/use/axes.md.
     """
     try:
         with open(path, "rb") as file:
@@ -166,7 +169,7 @@ def read_axes(path: str | os.PathLike) -> list[Axis]:
             if values.count(value) > 1:
                 raise AxesFileError(f'{path}: "{what}": {value!r} occurs twice')
     for number, axis in enumerate(axes, 1):
-        if axis.motor != number:
+        if every_motor and axis.motor != number:
             raise AxesFileError(
                 f"{path}: there is no axis for motor {number}, but one for motor {axis.motor}; "
                 'a move has a column for each motor from 1 on; a motor at rest has "hold"'

@@ -6,7 +6,7 @@ come from the same path in floating point (reference.py).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from ..payloads import GetExceeded, MotorResetPosition, MotorSetLimits, MotorSet
 from ..simulator.boards import LockstepPort, SimulatedBoard
 from .move_file import Move
 from .move_peaks import FRAMES, POST_ROLL, PRE_ROLL, Peak, Peaks, peaks
+from .rig_axes import Axes
 
 FITS, STEEP, REFUSED = "fits", "too steep", "refused"
 _SHORTEST_ROLL_S = 0.002  # for a motor that moves (framestep.moves.run_plan)
@@ -42,12 +43,13 @@ class Setting:
 @dataclass(frozen=True)
 class Device:
     """The board that will play the move: its rig file, its kind, its number of motors (None: as
-    that kind) and of frames of eight motors (None: as a simulated one)."""
+    that kind) and of frames of eight motors (None: as a simulated one), the names of its motors."""
 
     rig: Mapping[str, Any]
     board: str = "pico"
     motors: int | None = None
     frames: int | None = None
+    axes: Axes = field(default_factory=Axes)
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,7 @@ def _ask(
     """Return verdict and reason for these motors, from a separate simulated board."""
     with _board(device) as board, Client(LockstepPort(board)) as client:
         client.greet()
+        client.axes = device.axes
         try:
             for motor, steps in move.positions.items():
                 setting = settings.get(motor, Setting())
@@ -211,42 +214,43 @@ def settings_of(client: Client, motors: list[int]) -> dict[int, Setting]:
 # ---- output
 
 
-def lines(found: MoveVerdict) -> list[str]:
+def lines(found: MoveVerdict, axes: Axes) -> list[str]:
     """Return the verdict as text, a few lines per motor."""
     said = []
     for each in found.motors:
-        top, limits = each.peaks, each.setting
+        top, limits, motor = each.peaks, each.setting, each.motor
+
+        def peak(top: Peak, per: str, motor: int = motor) -> str:
+            return axes.length(motor, round(top.value), per) + _place(found, top)
+
+        def limit(steps: int | None, motor: int = motor) -> str:
+            return "none" if steps is None else axes.position(motor, steps)
+
         said += [
             f"motor {each.motor}, {each.name}: {each.verdict}"
             + (f": {each.reason}" if each.reason else ""),
-            f"  velocity      {_at(found, top.velocity, 'steps/s')}"
-            + _beside(top.velocity, limits.velocity),
-            f"  acceleration  {_at(found, top.acceleration, 'steps/s²')}"
-            + _beside(top.acceleration, limits.acceleration),
-            f"  jerk          {_at(found, top.jerk, 'steps/s³')}",
-            f"  positions     {top.lowest.value:.0f} to {top.highest.value:.0f}, "
-            f"soft limits {_or(limits.lower)} and {_or(limits.upper)}",
+            f"  velocity      {peak(top.velocity, 's')}" + _setting(top.velocity, limits.velocity),
+            f"  acceleration  {peak(top.acceleration, 's²')}"
+            + _setting(top.acceleration, limits.acceleration),
+            f"  jerk          {peak(top.jerk, 's³')}",
+            f"  positions     {axes.position(motor, round(top.lowest.value))} to "
+            f"{axes.position(motor, round(top.highest.value))}, "
+            f"soft limits {limit(limits.lower)} and {limit(limits.upper)}",
         ]
     if found.reason:
         said.append(f"the move as a whole: refused: {found.reason}")
     return said
 
 
-def _at(found: MoveVerdict, peak: Peak, unit: str) -> str:
+def _place(found: MoveVerdict, peak: Peak) -> str:
     if round(peak.value) == 0:
-        return f"0 {unit}"
+        return ""
     part, frame = found.place(peak)
-    return f"{peak.value:.0f} {unit} " + (
-        f"at frame {frame:g}" if part == FRAMES else f"in the {part}"
-    )
+    return f" at frame {frame:g}" if part == FRAMES else f" in the {part}"
 
 
-def _beside(peak: Peak, setting: int) -> str:
+def _setting(peak: Peak, setting: int) -> str:
     return f", set {setting}" + ("; above it" if peak.value > setting * (1 + _ROUNDED) else "")
-
-
-def _or(limit: int | None) -> str:
-    return "none" if limit is None else str(limit)
 
 
 def for_programs(found: MoveVerdict) -> dict[str, Any]:

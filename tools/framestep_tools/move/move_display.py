@@ -12,6 +12,7 @@ from rich.table import Table
 
 from ..client.client import Event
 from ..payloads import Positions
+from .rig_axes import Axes
 
 LINE_EVERY_S = 1.0  # of the device's time, if the output is not a terminal
 
@@ -20,7 +21,7 @@ class MoveDisplay:
     """The play head between frame `first` and frame `last`, and a line per motor.
 
     names: names of the motors to show; quiet: without a terminal print nothing, instead of a line
-    now and then.
+    now and then; axes: units of the motors' positions.
     """
 
     def __init__(
@@ -30,8 +31,10 @@ class MoveDisplay:
         last: int,
         console: Console,
         quiet: bool = False,
+        axes: Axes | None = None,
     ):
         self.names, self.first, self.last = names, first, last
+        self.axes = axes or Axes()
         self.console = console
         self.quiet = quiet
         self.live: Live | None = None
@@ -95,15 +98,17 @@ class MoveDisplay:
     def _table(self, report: Positions) -> Any:
         table = Table.grid(padding=(0, 2))
         table.add_row(self.progress)
-        table.add_row(motor_table(self.names, report))
+        table.add_row(motor_table(self.names, report, self.axes))
         return table
 
 
 class ShotDisplay(MoveDisplay):
-    """Frames that are shot one by one, and how many of `count` are done. names: as above."""
+    """Frames that are shot one by one, and how many of `count` are done. names, axes: as above."""
 
-    def __init__(self, names: Mapping[int, str], count: int, console: Console):
-        super().__init__(names, 0, count, console, quiet=True)
+    def __init__(
+        self, names: Mapping[int, str], count: int, console: Console, axes: Axes | None = None
+    ):
+        super().__init__(names, 0, count, console, quiet=True, axes=axes)
         self.progress.update(self.task, text=f"0 of {count} frames")
 
     def shot(self, done: int, frame: int) -> None:
@@ -119,12 +124,13 @@ class ShotDisplay(MoveDisplay):
         """Ignore the play head: it does not show how many frames are shot."""
 
 
-def motor_table(names: Mapping[int, str], report: Positions) -> Table:
+def motor_table(names: Mapping[int, str], report: Positions, axes: Axes) -> Table:
     """Return a table of positions, without motors that the device does not have."""
     motors = Table(box=None)
-    for title in ("motor", "axis", "steps"):
+    for title in ("motor", "axis", "steps", ""):
         motors.add_column(title, justify="right")
     for motor, name in names.items():
         if motor <= len(report.steps):
-            motors.add_row(str(motor), name, str(report.steps[motor - 1]))
+            steps = report.steps[motor - 1]
+            motors.add_row(str(motor), name, str(steps), axes.value(motor, steps))
     return motors
