@@ -86,7 +86,7 @@ class Stops:
 
     def allow_motion(self):
         """Return whether any motor may be moved."""
-        return not self.broken and not self.safety.tripped and self.check_pins()
+        return not self.broken and not self.safety.estop_held and self.check_pins()
 
     def stop_everything(self):
         """Ramp all motors down and set all outputs to their safe levels."""

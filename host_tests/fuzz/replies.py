@@ -268,9 +268,11 @@ class Replies(Part):
             motor.at_rest(self.ms)
 
     def _set_limits(self, request, payload):
-        i, lower_on, lower, upper_on, upper, _ = request.words("BBiBiB")
+        i, lower_on, lower, upper_on, upper, switches = request.words("BBiBiB")
         motor = self.motors[i - 1]
         motor.limits = (lower if lower_on else None, upper if upper_on else None)
+        if switches:
+            self.trial.stops.hard()  # one of them may be active
         if motor.quiet is not None:
             if motor.edges:
                 self.trial.edges.judge(motor)

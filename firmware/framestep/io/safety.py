@@ -292,6 +292,11 @@ class Safety:
             news = True
         return news
 
+    @property
+    def estop_held(self):
+        """Whether the E-stop is held, even if no pass has seen it yet."""
+        return self.tripped or self.words[CAUGHT] & self._estop != 0
+
     def motors_at_limit(self):
         """Return the motors to be stopped at a limit, a bit each; of coupled motors the leader."""
         bits = self.at_limit | (self.at_limit >> LOWER)
