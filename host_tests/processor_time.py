@@ -1,5 +1,6 @@
 """Processor time of the tests: of this process, and of its child processes, ended or running.
-Printed at the end of a run; not a verdict, as computers differ by half."""
+Printed at the end of a run, all of it in build/processor_time.txt; not a verdict, as computers
+differ by half."""
 
 import contextlib
 import os
@@ -7,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from framestep_tools.building.board_files import ROOT
+
+_LIST = ROOT / "build" / "processor_time.txt"
 _SLOWEST = 10
 _LARGE_SHARE = 0.03  # of the sum: such files are named
 
@@ -58,9 +62,13 @@ class ProcessorTime:
         write = terminalreporter.write_line
         terminalreporter.section("processor time")
         write(f"{total:.0f} s in all; the {_SLOWEST} tests that take most:")
-        for test in sorted(self.taken, key=self.taken.get, reverse=True)[:_SLOWEST]:
+        tests = sorted(self.taken, key=self.taken.get, reverse=True)
+        for test in tests[:_SLOWEST]:
             write(f"{self.taken[test]:7.1f} s  {test}")
         write(f"files that take more than {_LARGE_SHARE:.0%}:")
         for name in sorted(files, key=files.get, reverse=True):
             if files[name] > _LARGE_SHARE * total:
                 write(f"{files[name]:7.1f} s  {name}")
+        _LIST.parent.mkdir(exist_ok=True)
+        _LIST.write_text("".join(f"{self.taken[test]:.2f} {test}\n" for test in tests))
+        write(f"each test: {_LIST.relative_to(ROOT)}")
