@@ -81,3 +81,16 @@ def test_double_buffered_endpoints(paths):
     result = subprocess.run(["node", script], capture_output=True, text=True)
     assert result.returncode == 0, result.stdout + result.stderr
     assert int(result.stdout.split()[0]) >= 8
+
+
+def test_waiting_takes_the_boards_time(emulator):
+    """A read ends at its timeout, however little it is; a client counts in the
+    same time."""
+    emu = emulator()
+    port = emu.serial()
+    emu.advance(100)
+    port.reset_input_buffer()
+    for timeout in (0.25, 1 / 3, 1e-6 / 7, 0):
+        begun, port.timeout = port.clock(), timeout
+        assert port.read(1) == b""
+        assert abs(port.clock() - begun - timeout) < 1e-6

@@ -202,8 +202,9 @@ class Emulator:
         """Let virtual time pass; stop early with until_rx=port or until_event=type."""
         return self.cmd("advance", ms=ms, **until)
 
-    def run_until_ns(self, ns):
-        return self.cmd("run_until_ns", ns=ns)
+    def run_until_ns(self, ns, **until):
+        """The same, to this moment."""
+        return self.cmd("run_until_ns", ns=ns, **until)
 
     def wait_event(self, kind, ms):
         """Run until an event of this kind happens (reset, usb-configured, halt, ...); only in

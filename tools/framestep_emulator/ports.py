@@ -52,6 +52,10 @@ class Serial:
     def dtr(self, value):
         self.emu.cmd("open", port=self.port, on=bool(value))
 
+    def clock(self):
+        """Return the board's time in seconds, in which a Client then counts."""
+        return self.emu.ns * 1e-9
+
     def _fetch(self):
         self._buffer += base64.b64decode(self.emu.cmd("read", port=self.port)["data"])
 
@@ -70,15 +74,21 @@ class Serial:
         if now >= deadline:
             return False
         if self.emu.lockstep:
-            self.emu.advance(
-                min((deadline - now) / 1e6, 10_000), until_rx=self.port, min_bytes=missing
+            self.emu.run_until_ns(
+                min(deadline, now + 10**10), until_rx=self.port, min_bytes=missing
             )
         else:
             time.sleep(self.POLL_SECONDS)
         return True
 
+    def _deadline(self):
+        """Return when a read that begins now has waited long enough, ns."""
+        if self.timeout is None:
+            return float("inf")
+        return self.emu.ns + round(self.timeout * 1e9)
+
     def read(self, size=1):
-        deadline = self.emu.ns + (float("inf") if self.timeout is None else self.timeout * 1e9)
+        deadline = self._deadline()
         self._fetch()
         while len(self._buffer) < size and self._wait(size - len(self._buffer), deadline):
             self._fetch()
@@ -90,7 +100,7 @@ class Serial:
         return self.read(self.in_waiting)
 
     def read_until(self, expected=b"\n", size=None):
-        deadline = self.emu.ns + (float("inf") if self.timeout is None else self.timeout * 1e9)
+        deadline = self._deadline()
         self._fetch()
         while expected not in self._buffer and (size is None or len(self._buffer) < size):
             if not self._wait(1, deadline):
