@@ -23,8 +23,13 @@ RIG = {
     "outputs": [{"pin": 22}],
 }
 MOTORS = 6
-# The camera move's axis, motor, steps per unit
-AXES = [("boom", 2, 800), ("swing", 3, 200), ("track", 1, 50), ("pan", 4, 400)]
+# The camera move's axis, motor, steps per unit, unit, limits
+AXES = [
+    ("boom", 2, 800, "deg", (-45, 45)),
+    ("swing", 3, 200, "deg", (-90, 90)),
+    ("track", 1, 50, "mm", (-100, 1000)),
+    ("pan", 4, 400, "deg", (-180, 180)),
+]
 SPEED = 8.0  # times real time
 DEVICE = "/dev/ttyACM1"  # its name on the page: the same each time
 FRAME = 120  # of the camera move, for the pictures
@@ -34,7 +39,15 @@ LOOKS = {
     "dark": {"viewport": {"width": WIDTH, "height": 900}, "color_scheme": "dark"},
     "phone": {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True},
 }
-VIEWS = ["Motors", "Moves", "Shoot", "Inputs, outputs, lights", "Virtual axes", "Rig file, load"]
+VIEWS = [
+    "Motors",
+    "Moves",
+    "Shoot",
+    "Inputs, outputs, lights",
+    "Virtual axes",
+    "Names, units",
+    "Rig file, load",
+]
 # Views that are also drawn dark, because they contain drawings
 DARK = ["Moves", "Virtual axes"]
 # What the pictures are of: (view, look)
@@ -54,9 +67,9 @@ def prepare(page):
     page.get_by_role("button", name="Upload").click()
     expect(log(page)).to_contain_text("are uploaded")
     go_to(page, "Virtual axes")
-    for name, motor, per_unit in AXES:
+    for name, motor, per_unit, _, _ in AXES:
         axis = page.get_by_role("group", name=name, exact=True)
-        axis.get_by_label("Motor").select_option(f"motor {motor}")
+        axis.get_by_label("Motor").select_option(f"{name} (motor {motor})")
         axis.get_by_label("Steps per unit").fill(str(per_unit))
     page.get_by_label("Arm").fill("800")
     page.get_by_role("button", name="Configure").click()
@@ -89,12 +102,25 @@ def parts(picture):
     return re.search("<desc>(.*)</desc>", picture)[1].split("; ")
 
 
+class Names:
+    """The crane's axes.toml, as the page's server has it."""
+
+    def read(self):
+        axes = (
+            f'[[axis]]\nname = "{name}"\nmotor = {motor}\nsteps_per_unit = {per_unit}\n'
+            f'unit = "{unit}"\nlimits = {list(limits)}\n'
+            for name, motor, per_unit, unit, limits in AXES
+        )
+        return {"path": "axes.toml", "text": "\n".join(axes)}
+
+
 def crane(stage, speed=1.0):
     """Start a console for the rig of the pictures."""
     device = stage.simulated(RIG, MOTORS, speed)
     device.at_board(lambda board: board.wire_switches())
     served = stage.console(device.url)
     served.server.name = DEVICE
+    served.server.axes = Names()
     return served
 
 

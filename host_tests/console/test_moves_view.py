@@ -240,7 +240,7 @@ def test_a_shot(page):
     motor = card(page, "Motor 1")
     motor.locator("summary").click()
     motor.get_by_label("Moves in a shot").check()
-    motor.get_by_role("button", name="Set", exact=True).click()
+    motor.get_by_role("button", name="Set these", exact=True).click()
     expect(log(page).locator("p").first).to_have_text("Motor 1: on.")
     go_to(page, "Shoot")
     shot = get_ready(page, "Shoot a frame", Frame=10)

@@ -83,13 +83,13 @@ def test_by_keyboard_alone(served, stage):
     page = stage.page(served.url)
     wait_connected(page)
     before = steps(page)
-    page.get_by_role("button", name="Jog motor 1 up").focus()
+    page.get_by_role("button", name="Jog track up").focus()
     page.keyboard.down(" ")
     wait_far(page, 1, before, 50)
     page.keyboard.press("Tab")  # leaves the button while it is held
     wait_rest(page)
     page.keyboard.up(" ")
-    page.get_by_label("Move to step").first.focus()
+    page.get_by_label("Move to, mm").first.focus()
     page.keyboard.press("ArrowUp")  # goes into the field, and is no jog
     expect(page.locator("#moving")).to_contain_text("Nothing moves")
 
@@ -97,14 +97,14 @@ def test_by_keyboard_alone(served, stage):
 def test_the_stop_key_works_while_one_types(served, stage):
     page = stage.page(served.url)
     wait_connected(page)
-    card = page.get_by_role("article", name="Motor 1", exact=True)
-    target = steps(page) + 1_000_000
-    card.get_by_label("Move to step").fill(str(target))
-    card.get_by_label("Move to step").press("Enter")
-    wait_far(page, 1, target - 1_000_000, 100)
-    card.get_by_label("Move to step").press("Escape")
+    card = page.get_by_role("article", name="track", exact=True)
+    before = steps(page)
+    card.get_by_label("Move to, mm").fill("990")
+    card.get_by_label("Move to, mm").press("Enter")
+    wait_far(page, 1, before, 100)
+    card.get_by_label("Move to, mm").press("Escape")
     wait_rest(page)
-    assert steps(page) < target
+    assert steps(page) < 990 * 50
 
 
 def test_nothing_is_claimed_of_a_device_that_has_gone(stage):

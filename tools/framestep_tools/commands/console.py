@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from .common import Url, put
+from .common import AxesFile, Url, put
 
 _PORT = 7878
 _OPEN_S = 1.0
@@ -35,6 +35,7 @@ def console(
             help="only write the page into a folder, for your own web server", metavar="DIR"
         ),
     ] = None,
+    axes: AxesFile = None,
 ) -> None:
     """Drive the device from a page in the browser, until Ctrl-C.
 
@@ -56,7 +57,7 @@ def console(
             client.greet()  # reports a wrong port here instead of on the page
         # a second Ctrl-C while motors ramp down closes the port, and the controller stops them
         with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(_serve(url, repl or _repl_of(url), port, browser))
+            asyncio.run(_serve(url, repl or _repl_of(url), port, browser, axes))
 
 
 @contextlib.contextmanager
@@ -98,12 +99,14 @@ def _repl_of(url: str) -> str | None:
     )
 
 
-async def _serve(url: str, repl: str | None, port: int, browser: bool) -> None:
+async def _serve(url: str, repl: str | None, port: int, browser: bool, axes: Path | None) -> None:
     from ..client.open_port import open_port
+    from ..console.axes_text import AxesText
     from ..console.board_work import BoardWork
     from ..console.server import ConsoleServer
 
-    server = ConsoleServer(lambda: open_port(url, _OPEN_S), url, BoardWork(repl, url))
+    work = BoardWork(repl, url)
+    server = ConsoleServer(lambda: open_port(url, _OPEN_S), url, work, AxesText(axes))
     await server.start(port)
     ending = asyncio.Event()
     loop = asyncio.get_running_loop()

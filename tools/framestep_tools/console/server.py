@@ -21,6 +21,7 @@ from websockets.http11 import Request, Response
 
 from ..errors import ToolError
 from . import page_files
+from .axes_text import AxesText
 from .board_work import BoardWork
 from .bridge import Bridge
 from .visit import Visit
@@ -44,12 +45,19 @@ class ConsoleServer:
     """The server. `url` is the page's address once `start` has been called.
 
     open_port: returns a port for Client, or raises ToolError; name: the device's name on the page;
-    work: the board's REPL.
+    work: the board's REPL; axes: the motors' names and units (None: the page keeps them).
     """
 
-    def __init__(self, open_port: Callable[[], Any], name: str, work: BoardWork):
+    def __init__(
+        self,
+        open_port: Callable[[], Any],
+        name: str,
+        work: BoardWork,
+        axes: AxesText | None = None,
+    ):
         self.name = name
         self.work = work
+        self.axes = axes
         self.url = ""
         self.keep = False  # all motion but jogs goes on without the page
         self.silence_s = SILENCE_S

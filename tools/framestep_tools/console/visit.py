@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .server import ConsoleServer
 
 _LOOK_S = 0.1
-_WITH_TEXT = ("check_rig", "write_rig")
+_WITH_TEXT = ("check_rig", "write_rig", "write_axes")
 _TASKS = ("read_rig", "load", "live", "rest", *_WITH_TEXT)
 
 
@@ -42,11 +42,13 @@ class Visit:
         try:
             await self._attach()
             server = self._server
-            hello = {
+            hello: dict[str, Any] = {
                 "device": server.name,
                 "repl": server.work.path is not None,
                 "kept": server.keep,
             }
+            if server.axes:
+                hello["axes"] = server.axes.read()
             await self._say(hello)
             await self._listen()
         except ToolError as error:
@@ -136,6 +138,10 @@ class Visit:
             await self._say({"id": number, "error": str(error)})
 
     async def _do(self, task: str, arguments: list[str]) -> Any:
+        if task == "write_axes":
+            if not self._server.axes:
+                raise ToolError("this server keeps no axes.toml")
+            return await asyncio.to_thread(self._server.axes.write, *arguments)
         work = getattr(self._server.work, task)
         if task != "write_rig":
             return await asyncio.to_thread(work, *arguments)

@@ -145,11 +145,20 @@ def read_axes(path: str | os.PathLike, every_motor: bool = False) -> list[Axis]:
     allowed, if the file is missing or not as described in docs/use/axes.md.
     """
     try:
-        with open(path, "rb") as file:
-            content = tomllib.load(file)
+        with open(path, encoding="utf-8-sig") as file:
+            text = file.read()
     except OSError as error:
         raise AxesFileError(f"cannot read the axes {path}: {error.strerror or error}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        raise AxesFileError(f"{path}: not valid TOML: {error}") from None
+    return axes_of(text, path, every_motor)
+
+
+def axes_of(text: str, path: str | os.PathLike, every_motor: bool = False) -> list[Axis]:
+    """Return the axes in the text of a file, as `read_axes` does. path: for errors."""
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
         raise AxesFileError(f"{path}: not valid TOML: {error}") from None
     for key in content:
         if key != "axis":

@@ -6,6 +6,7 @@ import { Holds } from "./holds.js";
 import { SerialLink, serialIsThere } from "./serial_link.js";
 import { VERSION } from "./protocol.js";
 import { Operation } from "./operation.js";
+import { AxesView } from "./views/axes.js";
 import { MotorsView } from "./views/motors.js";
 import { MovesView } from "./views/moves.js";
 import { OutputsView } from "./views/outputs.js";
@@ -26,6 +27,7 @@ const views = [
   new ShootView(device, operation),
   new OutputsView(device),
   new VirtualView(device, holds, moves),
+  new AxesView(device),
   new RigView(device),
 ];
 const place = (id) => document.getElementById(id);
@@ -131,8 +133,8 @@ function motion() {
   if (!device.connected) return "Nothing is connected.";
   if (!device.knowsWhatMoves) return "What moves is not known.";
   const moving = [];
-  for (let motor = 1; motor <= device.motors; motor += 1) if (device.moves(motor)) moving.push(motor);
-  const what = moving.length ? `Motor ${moving.join(", ")} ${moving.length > 1 ? "move" : "moves"}` : "Nothing moves";
+  for (let motor = 1; motor <= device.motors; motor += 1) if (device.moves(motor)) moving.push(device.axes.of(motor).title);
+  const what = moving.length ? `${moving.join(", ")} ${moving.length > 1 ? "move" : "moves"}` : "Nothing moves";
   return `${what}${state.lightsMove ? ", lights fade" : ""}. ${head}`;
 }
 

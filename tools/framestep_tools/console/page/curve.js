@@ -20,9 +20,13 @@ export class Curve {
   #move = null;
   #dots = [];
   #ranges = [];
+  #axes;
 
-  constructor() {
+  /** axes: names and units of the motors. */
+  constructor(axes) {
+    this.#axes = axes;
     this.element.hidden = true;
+    axes.addEventListener("change", () => this.#move && this.show(this.#move));
   }
 
   /** Draw another move. */
@@ -92,7 +96,9 @@ export class Curve {
     return h("ul", { class: "legend" }, ...this.#move.names.map((name, motor) => {
       const [low, high] = this.#ranges[motor];
       const swatch = s("svg", { width: 36, height: 10, "aria-hidden": "true" }, s("line", { x1: 0, x2: 36, y1: 5, y2: 5, stroke: colour(motor), "stroke-width": 3, "stroke-dasharray": DASHES[Math.floor(motor / 2) % DASHES.length] }));
-      return h("li", {}, swatch, ` Motor ${motor + 1}, ${name}: ${low} to ${high} steps`);
+      const axis = this.#axes.of(motor + 1);
+      const range = axis.scaled ? `${axis.full(low)} to ${axis.full(high)} steps` : `${low} to ${high} steps`;
+      return h("li", {}, swatch, ` ${axis.title}, ${name}: ${range}`);
     }));
   }
 }

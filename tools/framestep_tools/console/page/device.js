@@ -1,5 +1,6 @@
 // The page's knowledge of the device, kept up to date by requests and reports.
 
+import { Axes } from "./axes.js";
 import { Client, LinkError, Refused } from "./client.js";
 import { CONDITIONS, M, REQUESTS, TRUST } from "./protocol.js";
 import { explain } from "./refusals.js";
@@ -11,8 +12,8 @@ const SLOW_MS = 1200; // interval for values that seldom change
 
 const STOPS = {
   [M.HARD_STOP_GENERAL]: () => "The E-stop was pressed.",
-  [M.HARD_STOP_UPPER]: (motor) => `Motor ${motor} ran into its upper limit switch.`,
-  [M.HARD_STOP_LOWER]: (motor) => `Motor ${motor} ran into its lower limit switch.`,
+  [M.HARD_STOP_UPPER]: (name) => `${name} ran into its upper limit switch.`,
+  [M.HARD_STOP_LOWER]: (name) => `${name} ran into its lower limit switch.`,
   [M.HARD_STOP_FAULT]: () => "A fault in the firmware or a driver has stopped the motors; the REPL says more.",
 };
 
@@ -34,6 +35,8 @@ const NOTHING = {
  * "stopped" with the reason when another program has stopped motors, "connected", "gone". */
 export class Device extends EventTarget {
   client = null;
+  /** Names and units of the motors. */
+  axes = new Axes();
   hello = null;
   state = structuredClone(NOTHING);
   /** The link is open, but no answer has come in time. */
@@ -46,6 +49,7 @@ export class Device extends EventTarget {
   #asking = false;
   #slowAt = 0;
   #unknown = new Set(); // requests that this device does not know
+  #limits = []; // soft limits of each motor, or null
 
   get connected() {
     return this.state.info !== null;
@@ -62,6 +66,20 @@ export class Device extends EventTarget {
 
   moves(motor) {
     return ((this.state.moving >>> (motor - 1)) & 1) === 1;
+  }
+
+  /** Return the soft limits of a motor, [lowest, highest] step, or null if it has not both, or the device reports none. */
+  limitsOf(motor) {
+    return this.#limits[motor - 1] ?? null;
+  }
+
+  /** Ask for the soft limits of a motor. */
+  async seeLimits(motor) {
+    const { client } = this;
+    const told = client && await this.#mayAsk(client, "GetExceeded", { motor }).catch(() => null);
+    const both = M.SET_LOWER | M.SET_UPPER;
+    this.#limits[motor - 1] = told?.bits !== undefined && (told.bits & both) === both ? [told.lower, told.upper] : null;
+    this.#changed();
   }
 
   /** Whether HI advertises this capability. */
@@ -85,8 +103,7 @@ export class Device extends EventTarget {
       client.close();
       throw error;
     }
-    this.dispatchEvent(new Event("connected"));
-    this.#slowAt = 0;
+    this.#begin();
     this.#poll();
   }
 
@@ -95,9 +112,19 @@ export class Device extends EventTarget {
     const info = await this.demand("Hi");
     this.homes = await this.#askWhetherItHomes(this.client);
     this.state = { ...structuredClone(NOTHING), info };
+    this.#begin();
+    this.#soon();
+  }
+
+  #begin() {
     this.dispatchEvent(new Event("connected"));
     this.#slowAt = 0;
-    this.#soon();
+    this.#limits = [];
+    this.#seeAllLimits();
+  }
+
+  async #seeAllLimits() {
+    for (let motor = 1; motor <= this.motors && !this.#unknown.has("GetExceeded"); motor += 1) await this.seeLimits(motor);
   }
 
   /** Send a request for the user. A refusal, or a lost link, is shown and gives null. */
@@ -120,7 +147,7 @@ export class Device extends EventTarget {
       return answer;
     } catch (error) {
       if (error instanceof Refused) {
-        error.because(await explain((...asked) => client.request(...asked), request, values, error.code));
+        error.because(await explain((...asked) => client.request(...asked), request, values, error.code, this.axes));
       }
       throw error;
     }
@@ -180,7 +207,7 @@ export class Device extends EventTarget {
       case "VirtPositions": state.virtual = report; break;
       case "HardStop":
         this.dispatchEvent(new CustomEvent("hardstop", { detail: report }));
-        this.tell((STOPS[report.reason] ?? (() => `The device has stopped, reason ${report.reason}.`))(report.motor), true);
+        this.tell((STOPS[report.reason] ?? (() => `The device has stopped, reason ${report.reason}.`))(this.axes.of(report.motor).title), true);
         this.#slowAt = 0;
         this.#soon();
         break;
@@ -259,10 +286,10 @@ export class Device extends EventTarget {
   }
 
   /** Send a request that not every device knows. Null if it is refused; an unknown one is not sent again. */
-  async #mayAsk(client, request) {
+  async #mayAsk(client, request, values) {
     if (this.#unknown.has(request)) return null;
     try {
-      return await client.request(request);
+      return await client.request(request, values);
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
       if (error.code === M.ERR_UNSUPPORTED) this.#unknown.add(request);

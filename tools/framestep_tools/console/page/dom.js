@@ -45,6 +45,27 @@ export function number(value, least, most, props = {}) {
   return h("input", { type: "number", inputMode: "numeric", required: true, value: String(value), min: String(least), max: String(most), step: "1", ...props });
 }
 
+const LOWEST = -2147483648; // steps
+const HIGHEST = 2147483647;
+
+/** Make a field for a position of an axis, in its unit; `readSteps` returns its steps. */
+export function positionField(axis, steps, props = {}) {
+  if (!axis.scaled) return number(steps, LOWEST, HIGHEST, props);
+  const [least, most] = [LOWEST, HIGHEST].map((end) => axis.position(end)).sort((a, b) => a - b);
+  return number(axis.short(axis.position(steps)), least, most, { step: "any", inputMode: "decimal", ...props });
+}
+
+/** Show a position in such a field. */
+export function showSteps(axis, input, steps) {
+  input.value = axis.scaled ? axis.short(axis.position(steps)) : String(steps);
+}
+
+/** Return the steps in a field for a position, or null as `read` does. */
+export function readSteps(axis, input) {
+  const value = read(input);
+  return value === null ? null : axis.steps(value);
+}
+
 /** Return the number in a field. Null if it is not allowed; the browser then says what is wrong. */
 export function read(input) {
   return input.reportValidity() && input.value !== "" ? Number(input.value) : null;

@@ -6,16 +6,17 @@ import { EXCEEDED, M } from "./protocol.js";
 const SPEED = "raise it under Motors, “Zero, soft limits, speed”";
 const PLAYED = new Set(["RtRunMove", "RtJogAll", "RtPositionFrame", "RtGo", "RtShootFrame", "RtShootFrame2"]);
 
-/** Return a sentence, or null if the device does not report more. ask(request, values): sends a request. */
-export async function explain(ask, request, values, code) {
+/** Return a sentence, or null if the device does not report more. ask(request, values): sends a request. axes: names
+ * and units of the motors. */
+export async function explain(ask, request, values, code, axes) {
   try {
     if (code === M.ERR_MOVING) return "motors move, or a run waits for GO: wait, or press STOP";
     if (code === M.ERR_GENERAL) return await whatStops(ask);
     if (code === M.ERR_SOFT_UP || code === M.ERR_SOFT_LOW) {
-      const found = values?.motor ? pastLimit(await ask("GetExceeded", { motor: values.motor }), values, code) : null;
+      const found = values?.motor ? pastLimit(await ask("GetExceeded", { motor: values.motor }), values, code, axes) : null;
       if (found) return found;
     }
-    if (PLAYED.has(request)) return beyond(await ask("GetExceeded"), values);
+    if (PLAYED.has(request)) return beyond(await ask("GetExceeded"), values, axes);
   } catch {
     // it does not know this message, or is gone
   }
@@ -30,43 +31,45 @@ async function whatStops(ask) {
   return null;
 }
 
-function pastLimit(set, { motor, position, destination }, code) {
+function pastLimit(set, { motor, position, destination }, code, axes) {
   const up = code === M.ERR_SOFT_UP;
   const limit = up ? set.upper : set.lower;
   if (limit === undefined) return null;
-  return `${position ?? destination} is past the ${up ? "upper" : "lower"} soft limit of motor ${motor}, ${limit}`;
+  const axis = axes.of(motor);
+  return `${axis.full(position ?? destination)} is past the ${up ? "upper" : "lower"} soft limit of ${axis.name}, ${axis.full(limit)}`;
 }
 
 /** Say what the last move exceeds. */
-function beyond(told, values) {
+function beyond(told, values, axes) {
   const { what, motor, frame, by } = told;
-  const where = `motor ${motor} at frame ${frame}`;
+  const axis = axes.of(motor);
+  const where = `${axis.name} at frame ${frame}`;
   const rate = values?.fps_milli ? ` at ${values.fps_milli / 1000} frames/s` : "";
   switch (what) {
     case M.EXCEEDED_NOTHING: return null;
     case M.EXCEEDED_VELOCITY:
       if (told.velocity === undefined) break;
-      return `${where} would need ${told.velocity + by} steps/s${rate}, its velocity is ${told.velocity} steps/s: ${SPEED}`;
+      return `${where} would need ${axis.fullRate(told.velocity + by, "s")}${rate}, its velocity is ${axis.fullRate(told.velocity, "s")}: ${SPEED}`;
     case M.EXCEEDED_ACCELERATION:
       if (told.acceleration === undefined) break;
-      return `${where} would need ${told.acceleration + by} steps/s²${rate}, its acceleration is ${told.acceleration} steps/s²: ${SPEED}`;
+      return `${where} would need ${axis.fullRate(told.acceleration + by, "s²")}${rate}, its acceleration is ${axis.fullRate(told.acceleration, "s²")}: ${SPEED}`;
     case M.EXCEEDED_BOARD: return `${where} would need a change of velocity that the board cannot make: fewer steps or frames/s`;
-    case M.EXCEEDED_UPPER: return `${where} would be past its upper soft limit${limited(told.upper, told.bits & M.SET_UPPER)}`;
-    case M.EXCEEDED_LOWER: return `${where} would be past its lower soft limit${limited(told.lower, told.bits & M.SET_LOWER)}`;
+    case M.EXCEEDED_UPPER: return `${where} would be past its upper soft limit${limited(axis, told.upper, told.bits & M.SET_UPPER)}`;
+    case M.EXCEEDED_LOWER: return `${where} would be past its lower soft limit${limited(axis, told.lower, told.bits & M.SET_LOWER)}`;
     case M.EXCEEDED_PREROLL:
     case M.EXCEEDED_POSTROLL: {
       const roll = what === M.EXCEEDED_PREROLL ? "pre-roll" : "post-roll";
       if (by && told.acceleration !== undefined) {
-        return `in its ${roll} motor ${motor} would need ${told.acceleration + by} steps/s², its acceleration is ${told.acceleration} steps/s²: give it a longer one, or raise the acceleration`;
+        return `in its ${roll} ${axis.name} would need ${axis.fullRate(told.acceleration + by, "s²")}, its acceleration is ${axis.fullRate(told.acceleration, "s²")}: give it a longer one, or raise the acceleration`;
       }
-      return `in its ${roll} motor ${motor} would pass its soft limits: give it a shorter one`;
+      return `in its ${roll} ${axis.name} would pass its soft limits: give it a shorter one`;
     }
     default:
   }
   const text = EXCEEDED[what];
-  return text ? `at frame ${frame} of motor ${motor}, ${text.replace("%d", by)}` : null;
+  return text ? `at frame ${frame} of ${axis.name}, ${text.replace("%d", by)}` : null;
 }
 
-function limited(value, set) {
-  return value !== undefined && set ? `, ${value}` : "";
+function limited(axis, value, set) {
+  return value !== undefined && set ? `, ${axis.full(value)}` : "";
 }

@@ -1,12 +1,13 @@
 // Motors: positions, jog, move, zero, home, soft limits, speed.
 
-import { check, field, h, number, read, setText } from "../dom.js";
+import { check, field, h, number, positionField, read, readSteps, setText, showSteps } from "../dom.js";
+import { PositionBar } from "../position_bar.js";
 import { M } from "../protocol.js";
 
 const FARTHEST = 2_000_000_000; // target of a jog, which ends at a soft limit or when it is released
 const FULL_SPEED = 10_000;
-const LOWEST = -2147483648;
-const HIGHEST = 2147483647;
+const UNIT_SIZES = [0.1, 1, 10]; // distances of the step buttons, in an axis's unit
+const STEP_SIZES = [1, 10, 100];
 
 export class MotorsView {
   title = "Motors";
@@ -22,6 +23,7 @@ export class MotorsView {
   constructor(device, holds) {
     this.#device = device;
     this.#holds = holds;
+    device.axes.addEventListener("change", () => this.#makeCards());
     const shown = h("output");
     const tell = () => setText(shown, `${this.#speed.value} % of each motor's own`);
     this.#speed.addEventListener("input", tell);
@@ -36,15 +38,21 @@ export class MotorsView {
 
   connected() {
     this.#homeAll.hidden = !this.#device.homes;
+    this.#chosen = 1;
+    this.#makeCards();
+  }
+
+  #makeCards() {
+    this.#holds.releaseAll(); // of buttons that go away
     this.#cards = [];
     for (let motor = 1; motor <= this.#device.motors; motor += 1) {
-      this.#cards.push(new MotorCard(this.#device, motor, {
+      this.#cards.push(new MotorCard(this.#device, this.#device.axes.of(motor), {
         hold: (button, up) => this.#holdable(button, motor, up),
         choose: () => this.#choose(motor),
       }));
     }
     this.#list.replaceChildren(...this.#cards.map((card) => card.element));
-    this.#choose(1);
+    this.#choose(this.#chosen);
   }
 
   render() {
@@ -78,10 +86,11 @@ export class MotorsView {
 
   /** Return a hold's repeated request and its stop. */
   #requests(motor, up) {
+    const rising = this.#device.axes.of(motor).perUnit > 0;
     const jog = async () => {
       const speed = Math.round((FULL_SPEED * Number(this.#speed.value)) / 100);
       try {
-        await this.#device.demand("MotorJog", { motor, speed, destination: up ? FARTHEST : -FARTHEST });
+        await this.#device.demand("MotorJog", { motor, speed, destination: up === rising ? FARTHEST : -FARTHEST });
       } catch (error) {
         this.#device.tell(error.message, true);
         throw error;
@@ -97,28 +106,35 @@ export class MotorsView {
 /** One motor. */
 class MotorCard {
   #device;
+  #axis;
   #position = h("output", { class: "position" });
+  #steps = h("output", { class: "faint" });
   #state = h("span", { class: "faint" });
   #trust = h("span");
+  #bar = new PositionBar();
   #name;
-  #settings;
+  #target = null; // of the last move that a step button has requested
 
-  constructor(device, motor, { hold, choose }) {
-    this.motor = motor;
+  constructor(device, axis, { hold, choose }) {
+    this.motor = axis.motor;
+    this.#axis = axis;
     this.#device = device;
-    this.#name = h("button", { type: "button", "aria-pressed": "false", onclick: choose }, `Motor ${motor}`);
-    this.#position.setAttribute("aria-label", `Position of motor ${motor} in steps`);
-    this.#settings = new MotorSettings(device, motor);
-    const down = hold(h("button", { type: "button", class: "hold", "aria-label": `Jog motor ${motor} down` }, "−"), false);
-    const up = hold(h("button", { type: "button", class: "hold", "aria-label": `Jog motor ${motor} up` }, "+"), true);
-    this.element = h("article", { class: "card", "aria-label": `Motor ${motor}` },
-      h("div", { class: "row spread" }, this.#name, this.#state),
-      h("div", {}, this.#position, " ", h("span", { class: "unit" }, "steps")),
+    this.#name = h("button", { type: "button", "aria-pressed": "false", onclick: choose }, axis.title);
+    const inSteps = axis.scaled ? this.#steps : this.#position;
+    this.#position.setAttribute("aria-label", `Position of ${axis.name} in ${axis.unit}`);
+    inSteps.setAttribute("aria-label", `Position of motor ${this.motor} in steps`);
+    const down = hold(h("button", { type: "button", class: "hold", "aria-label": `Jog ${axis.name} down` }, "−"), false);
+    const up = hold(h("button", { type: "button", class: "hold", "aria-label": `Jog ${axis.name} up` }, "+"), true);
+    this.element = h("article", { class: "card", "aria-label": axis.title },
+      h("div", { class: "row spread" }, this.#name, axis.settings ? h("span", { class: "faint" }, `motor ${this.motor}`) : null, this.#state),
+      h("div", {}, this.#position, " ", ...(axis.scaled ? [this.#steps, h("span", { class: "unit" }, " steps")] : [h("span", { class: "unit" }, "steps")])),
+      this.#bar.element,
       this.#trust,
       h("div", { class: "row" }, down, up,
-        h("button", { type: "button", hidden: !device.homes, "aria-label": `Home motor ${motor}`, onclick: () => device.ask("Home", { motors: [motor] }) }, "Home")),
+        h("button", { type: "button", hidden: !device.homes, "aria-label": `Home ${axis.name}`, onclick: () => device.ask("Home", { motors: [this.motor] }) }, "Home")),
+      this.#stepButtons(),
       this.#moveForm(),
-      this.#settings.element);
+      new MotorSettings(device, axis).element);
   }
 
   choose(on) {
@@ -127,58 +143,97 @@ class MotorCard {
   }
 
   render() {
-    const position = this.#device.state.positions[this.motor - 1];
-    setText(this.#position, position === undefined ? "–" : String(position));
+    const steps = this.#device.state.positions[this.motor - 1];
+    const known = steps !== undefined;
+    setText(this.#steps, known ? String(steps) : "–");
+    setText(this.#position, known ? (this.#axis.scaled ? this.#axis.text(steps) : String(steps)) : "–");
     const moves = this.#device.moves(this.motor) ? "moves" : "at rest";
     setText(this.#state, this.#device.knowsWhatMoves ? moves : "not known");
     const trust = this.#device.trustOf(this.motor);
     this.#trust.className = trust?.state ?? "";
     setText(this.#trust, trust ? `Position ${trust.text}` : "");
+    this.#bar.show(this.#axis, this.#device.limitsOf(this.motor), steps);
+  }
+
+  /** Buttons that move by a fixed distance. */
+  #stepButtons() {
+    const sizes = this.#axis.scaled ? UNIT_SIZES.filter((size) => size * Math.abs(this.#axis.perUnit) >= 1) : STEP_SIZES;
+    const button = (by) => h("button", {
+      type: "button",
+      class: "by",
+      "aria-label": `Move ${this.#axis.name} by ${this.#axis.withUnit(signed(by))}`,
+      onclick: () => this.#moveBy(by),
+    }, signed(by));
+    return h("div", { class: "row steps" }, ...[...sizes].reverse().map((size) => button(-size)), ...sizes.map(button));
+  }
+
+  /** Several presses add up, also while the motor moves. */
+  async #moveBy(distance) {
+    const at = this.#device.state.positions[this.motor - 1];
+    if (at === undefined) return;
+    const from = this.#device.moves(this.motor) ? this.#target ?? at : at;
+    this.#target = from + Math.round(distance * this.#axis.perUnit);
+    await this.#moveTo(this.#target);
+  }
+
+  async #moveTo(position) {
+    const beyond = this.#axis.scaled ? this.#axis.beyond(position) : null;
+    if (beyond) this.#device.tell(`${beyond}.`, true);
+    else await this.#device.ask("MotorMove", { motor: this.motor, position });
   }
 
   #moveForm() {
-    const target = number(0, LOWEST, HIGHEST);
+    const target = positionField(this.#axis, this.#axis.scaled ? this.#axis.steps(0) : 0);
     const move = async (event) => {
       event.preventDefault();
-      const position = read(target);
-      if (position !== null) await this.#device.ask("MotorMove", { motor: this.motor, position });
+      const position = readSteps(this.#axis, target);
+      if (position !== null) await this.#moveTo(position);
     };
     return h("form", { onsubmit: move },
-      field("Move to step", target),
+      field(this.#axis.scaled ? `Move to, ${this.#axis.unit}` : "Move to step", target),
       h("button", { class: "main" }, "Move"),
       h("button", { type: "button", onclick: () => this.#device.ask("MotorStop", { motor: this.motor }) }, "Stop this motor"));
   }
 }
 
+function signed(number) {
+  return number < 0 ? `−${-number}` : `+${number}`;
+}
+
 /** A motor's settings, read from the device when they are opened. */
 class MotorSettings {
   #device;
+  #axis;
   #motor;
-  #velocity = number(5000, 1, 4294967295);
-  #acceleration = number(20000, 1, 4294967295);
+  #velocity;
+  #acceleration;
   #lowerOn = h("input");
-  #lower = number(0, LOWEST, HIGHEST);
+  #lower;
   #upperOn = h("input");
-  #upper = number(0, LOWEST, HIGHEST);
+  #upper;
   #set = number(0, 0, M.HW_SET_MASK);
   #swap = h("input");
-  #zero = number(0, LOWEST, HIGHEST);
+  #zero;
   #enabled = h("input", { checked: true });
   #blur = h("input");
 
-  constructor(device, motor) {
+  constructor(device, axis) {
     this.#device = device;
-    this.#motor = motor;
+    this.#axis = axis;
+    this.#motor = axis.motor;
+    const rate = (steps) => number(axis.short(axis.rate(steps)), axis.rate(1), axis.rate(4294967295), axis.scaled ? { step: "any", inputMode: "decimal" } : {});
+    [this.#velocity, this.#acceleration] = [rate(5000), rate(20000)];
+    [this.#lower, this.#upper] = [positionField(axis, 0), positionField(axis, 0)];
+    this.#zero = positionField(axis, axis.steps(0));
     this.element = h("details", {}, h("summary", {}, "Zero, soft limits, speed"), this.#content());
     this.element.addEventListener("toggle", () => this.element.open && this.#fill());
   }
 
   #content() {
+    const { unit } = this.#axis;
     const here = (input) => h("button", {
       type: "button",
-      onclick: () => {
-        input.value = String(this.#device.state.positions[this.#motor - 1] ?? 0);
-      },
+      onclick: () => showSteps(this.#axis, input, this.#device.state.positions[this.#motor - 1] ?? 0),
     }, "Here");
     const form = (send, ...parts) => h("form", {
       onsubmit: (event) => {
@@ -187,14 +242,20 @@ class MotorSettings {
       },
     }, ...parts);
     return h("div", {},
-      form(() => this.#sendZero(), field("Call this position", this.#zero, "0 is zero; nothing moves"), h("button", {}, "Set position")),
+      form(() => this.#sendZero(), field(this.#axis.scaled ? `Call this position, ${unit}` : "Call this position", this.#zero, "nothing moves"), h("button", {}, "Set position")),
       form(() => this.#sendLimits(),
-        check("Lower soft limit", this.#lowerOn), field("Lower, steps", this.#lower), here(this.#lower),
-        check("Upper soft limit", this.#upperOn), field("Upper, steps", this.#upper), here(this.#upper),
+        check("Lower soft limit", this.#lowerOn), field(`Lower, ${unit}`, this.#lower), here(this.#lower),
+        check("Upper soft limit", this.#upperOn), field(`Upper, ${unit}`, this.#upper), here(this.#upper),
         field("Limit switch set", this.#set, "0: none. The device does not report which one is set."), check("Swap its switches", this.#swap),
         h("button", {}, "Set limits")),
-      form(() => this.#sendSpeed(), field("Velocity, steps/s", this.#velocity), field("Acceleration, steps/s²", this.#acceleration), h("button", {}, "Set speed")),
-      form(() => this.#sendFlags(), check("Enabled", this.#enabled), check("Moves in a shot with motion blur", this.#blur), h("button", {}, "Set")));
+      form(() => this.#sendSpeed(), field(`Velocity, ${unit}/s`, this.#velocity), field(`Acceleration, ${unit}/s²`, this.#acceleration), h("button", {}, "Set speed")),
+      form(() => this.#sendFlags(), check("Enabled", this.#enabled), check("Moves in a shot with motion blur", this.#blur), h("button", {}, "Set these")));
+  }
+
+  /** The fields of the limits, in the order of steps: an axis may count the other way. */
+  get #ends() {
+    const ends = [[this.#lowerOn, this.#lower], [this.#upperOn, this.#upper]];
+    return this.#axis.perUnit < 0 ? ends.reverse() : ends;
   }
 
   /** Read the settings; only framestep reports them. */
@@ -202,12 +263,13 @@ class MotorSettings {
     try {
       const told = await this.#device.demand("GetExceeded", { motor: this.#motor });
       if (told.velocity === undefined) return;
-      this.#velocity.value = String(told.velocity);
-      this.#acceleration.value = String(told.acceleration);
-      this.#lower.value = String(told.lower);
-      this.#upper.value = String(told.upper);
-      this.#lowerOn.checked = (told.bits & M.SET_LOWER) !== 0;
-      this.#upperOn.checked = (told.bits & M.SET_UPPER) !== 0;
+      this.#velocity.value = this.#axis.short(this.#axis.rate(told.velocity));
+      this.#acceleration.value = this.#axis.short(this.#axis.rate(told.acceleration));
+      const [[lowOn, low], [highOn, high]] = this.#ends;
+      showSteps(this.#axis, low, told.lower);
+      showSteps(this.#axis, high, told.upper);
+      lowOn.checked = (told.bits & M.SET_LOWER) !== 0;
+      highOn.checked = (told.bits & M.SET_UPPER) !== 0;
       this.#enabled.checked = (told.bits & M.SET_ENABLED) !== 0;
     } catch {
       this.#device.tell("This device does not report its settings; the fields show defaults.");
@@ -215,21 +277,24 @@ class MotorSettings {
   }
 
   async #send(request, values, done) {
-    if (await this.#device.ask(request, { motor: this.#motor, ...values })) this.#device.tell(`Motor ${this.#motor}: ${done}.`);
+    if (!(await this.#device.ask(request, { motor: this.#motor, ...values }))) return;
+    this.#device.tell(`${this.#axis.title}: ${done}.`);
+    await this.#device.seeLimits(this.#motor);
   }
 
   async #sendZero() {
-    const position = read(this.#zero);
-    if (position !== null) await this.#send("MotorResetPosition", { position }, `this position is ${position} now`);
+    const position = readSteps(this.#axis, this.#zero);
+    if (position !== null) await this.#send("MotorResetPosition", { position }, `this position is ${this.#axis.full(position)} now`);
   }
 
   async #sendLimits() {
-    const [lower, upper, set] = [read(this.#lower), read(this.#upper), read(this.#set)];
+    const [[lowOn, low], [highOn, high]] = this.#ends;
+    const [lower, upper, set] = [readSteps(this.#axis, low), readSteps(this.#axis, high), read(this.#set)];
     if (lower === null || upper === null || set === null) return;
     await this.#send("MotorSetLimits", {
-      lower_enable: Number(this.#lowerOn.checked),
+      lower_enable: Number(lowOn.checked),
       lower,
-      upper_enable: Number(this.#upperOn.checked),
+      upper_enable: Number(highOn.checked),
       upper,
       limit_set: set | (this.#swap.checked ? M.HW_SET_SWAP : 0),
     }, "limits are set");
@@ -237,7 +302,9 @@ class MotorSettings {
 
   async #sendSpeed() {
     const [velocity, acceleration] = [read(this.#velocity), read(this.#acceleration)];
-    if (velocity !== null && acceleration !== null) await this.#send("MotorSetSpeed", { velocity, acceleration }, "speed is set");
+    if (velocity === null || acceleration === null) return;
+    const [steps, more] = [velocity, acceleration].map((rate) => this.#axis.rateSteps(rate));
+    await this.#send("MotorSetSpeed", { velocity: steps, acceleration: more }, "speed is set");
   }
 
   async #sendFlags() {

@@ -18,7 +18,7 @@ export class MovesView {
   #device;
   #holds;
   #operation; // the page's operation
-  #curve = new Curve();
+  #curve;
   #file = h("input", { type: "file", accept: ".csv,.txt,text/csv" });
   #upload = h("button", { class: "main", disabled: true }, "Upload");
   #progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": "Upload" });
@@ -41,6 +41,7 @@ export class MovesView {
     this.#device = device;
     this.#holds = holds;
     this.#operation = operation;
+    this.#curve = new Curve(device.axes);
     this.#file.addEventListener("change", () => this.#take());
     this.element.append(
       h("form", { class: "card", onsubmit: (event) => this.#send(event) }, field("Move", this.#file), this.#upload, this.#progress, this.#about),

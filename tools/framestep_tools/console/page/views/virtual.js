@@ -51,6 +51,7 @@ export class VirtualView {
     this.#device = device;
     this.#holds = holds;
     this.#moves = moves;
+    device.axes.addEventListener("change", () => this.#rename());
     this.#type.addEventListener("change", () => this.#fill({}));
     this.#able.append(
       h("details", { class: "card", open: true }, h("summary", {}, "The rig"),
@@ -89,7 +90,7 @@ export class VirtualView {
 
   #fill(saved) {
     const { axes, arm } = TYPES[this.#type.value];
-    const motors = () => h("select", {}, h("option", { value: "0" }, "none"), ...Array.from({ length: this.#device.motors }, (_, i) => h("option", { value: String(i + 1) }, `motor ${i + 1}`)));
+    const motors = () => h("select", {}, h("option", { value: "0" }, "none"), ...Array.from({ length: this.#device.motors }, (_, i) => h("option", { value: String(i + 1) }, this.#motorName(i + 1))));
     const real = (value) => number(value, -1_000_000, 1_000_000, { step: "any", inputMode: "decimal" });
     this.#axes = axes.map((name, i) => {
       const before = saved.axes?.[i] ?? {};
@@ -111,6 +112,15 @@ export class VirtualView {
         swingPan ? null : field("Pose now", axis.position)))),
       h("div", { class: "row" }, ...lengths),
       ...(Number(this.#type.value) === M.VIRT_BOOM_SWING_TRACK ? [this.#tableField(saved.table)] : []));
+  }
+
+  #motorName(motor) {
+    const { name, settings } = this.#device.axes.of(motor);
+    return settings ? `${name} (motor ${motor})` : name;
+  }
+
+  #rename() {
+    for (const { motor } of this.#axes) for (const option of motor.options) if (option.value !== "0") option.text = this.#motorName(Number(option.value));
   }
 
   #tableField(table) {

@@ -1,0 +1,245 @@
+"""Names and units in the console: shown, typed, edited and saved as axes.toml has them."""
+
+import json
+
+import pytest
+from playwright.sync_api import expect
+
+from framestep_tools.console.axes_text import AxesText
+from framestep_tools.errors import ToolError
+from framestep_tools.move.axes_file import axes_of
+from framestep_tools.move.rig_axes import Axes
+from framestep_tools.payloads import GetExceeded, MotorGetPosition, MotorSetLimits, MotorSetSpeed
+from host_tests.console.looking import go_to, log, position, steps, wait_rest
+from host_tests.console.serial_ports import SavedPage
+
+RIG = """# the rig
+[[axis]]
+name = "track"   # along the floor
+motor = 1
+steps_per_unit = 80
+unit = "mm"
+limits = [0, 1450]
+
+[[axis]]
+name = "pan"
+motor = 2
+steps_per_unit = 200
+unit = "deg"
+in_file = "Camera Pan"
+zero = -90
+invert = true
+"""
+READ = "async text => (await import('./axes.js')).parseAxes(text)"
+WRITE = "async list => (await import('./axes.js')).axesText(list)"
+
+
+@pytest.fixture
+def rig(tmp_path):
+    path = tmp_path / "axes.toml"
+    path.write_text(RIG)
+    return path
+
+
+@pytest.fixture
+def opened(stage, rig):
+    """Return the page, and a device of three motors with that axes.toml."""
+    device = stage.simulated({"jog_timeout_ms": 0}, motors=3)
+    with device.client() as client:
+        client.request(MotorSetSpeed(2, 4000, 20_000))
+    served = stage.console(device.url)
+    served.server.axes = AxesText(rig)
+    page = stage.page(served.url)
+    expect(page.get_by_label("Position of pan in deg")).to_have_text("-90.000°")
+    return page, device
+
+
+def card(page, name):
+    return page.get_by_role("article", name=name, exact=True)
+
+
+def test_positions_and_moves_in_units(opened):
+    page, _ = opened
+    expect(card(page, "track")).to_contain_text("motor 1")
+    expect(card(page, "Motor 3")).to_contain_text("steps")
+    pan = card(page, "pan")
+    pan.get_by_label("Move to, deg").fill("-88.5")
+    pan.get_by_role("button", name="Move", exact=True).click()
+    expect(page.get_by_label("Position of pan in deg")).to_have_text("-88.500°")
+    expect(position(page, 2)).to_have_text("-300")
+    for by, at in (("+1°", "-500"), ("+0.1°", "-520"), ("−1°", "-320")):
+        pan.get_by_role("button", name=f"Move pan by {by}", exact=True).click()
+        expect(position(page, 2)).to_have_text(at)
+    wait_rest(page)
+    track = card(page, "track")
+    track.get_by_label("Move to, mm").fill("1450.5")
+    track.get_by_role("button", name="Move", exact=True).click()
+    expect(log(page)).to_contain_text(
+        "track: 1450.5 mm is beyond its limits of 0 to 1450 mm (axes.toml)."
+    )
+    expect(position(page, 1)).to_have_text("0")
+    expect(page.locator("#moving")).to_contain_text("Nothing moves")
+
+
+def test_up_is_where_the_position_rises(opened):
+    page, _ = opened
+    page.get_by_role("button", name="Jog pan up", exact=True).hover()
+    page.mouse.down()
+    expect(page.locator("#moving")).to_contain_text("pan moves")
+    expect(position(page, 2)).not_to_have_text("0")
+    page.mouse.up()
+    wait_rest(page)
+    assert steps(page, 2) < 0
+    page.keyboard.press("1")
+    page.keyboard.down("ArrowRight")
+    expect(page.locator("#moving")).to_contain_text("track moves")
+    expect(position(page, 1)).not_to_have_text("0")
+    page.keyboard.up("ArrowRight")
+    wait_rest(page)
+    assert steps(page, 1) > 0
+
+
+def test_settings_in_units_reach_the_device(opened):
+    page, device = opened
+    pan = card(page, "pan")
+    pan.locator("summary").click()
+    expect(pan.get_by_label("Velocity, deg/s")).to_have_value("20")  # 4000 steps/s
+    pan.get_by_label("Velocity, deg/s").fill("30")
+    pan.get_by_role("button", name="Set speed").click()
+    pan.get_by_label("Call this position, deg").fill("-45")
+    pan.get_by_role("button", name="Set position").click()
+    expect(log(page)).to_contain_text("pan: this position is -45° (-9000) now.")
+    pan.get_by_label("Lower soft limit").check()
+    pan.get_by_label("Lower, deg").fill("-60")
+    pan.get_by_label("Upper soft limit").check()
+    pan.get_by_label("Upper, deg").fill("-30")
+    pan.get_by_role("button", name="Set limits").click()
+    expect(pan.locator(".range")).to_have_text("-60°-30°")
+    pan.get_by_label("Move to, deg").fill("-20")
+    pan.get_by_role("button", name="Move", exact=True).click()
+    expect(log(page)).to_contain_text(
+        "MOTOR_MOVE was refused: -20° (-14000) is past the lower soft limit of pan, -30° (-12000)"
+    )
+    page.close()
+    with device.client() as client:
+        found = client.request(GetExceeded(2))
+        assert (found.velocity, found.lower, found.upper) == (6000, -12_000, -6000)
+        assert client.request(MotorGetPosition()).steps[1] == -9000
+
+
+def test_the_bar_shows_the_position_between_its_limits(opened, stage):
+    page, device = opened
+    track = card(page, "track")
+    expect(track.locator(".range")).to_have_text("0 mm1450 mm")
+    mark = track.locator(".mark")
+    expect(mark).to_have_attribute("style", "left: 0%;")
+    track.get_by_label("Move to, mm").fill("14.5")
+    track.get_by_role("button", name="Move", exact=True).click()
+    expect(mark).to_have_attribute("style", "left: 1%;")
+    expect(card(page, "Motor 3").locator(".range")).to_be_hidden()
+    page.close()
+    with device.client() as client:
+        client.request(MotorSetLimits(3, 1, -100, 1, 300, 0))
+    other = stage.page(page.url)
+    expect(card(other, "Motor 3").locator(".range")).to_have_text("-100 steps300 steps")
+    expect(card(other, "Motor 3").locator(".mark")).to_have_attribute("style", "left: 25%;")
+
+
+def test_names_are_edited_and_saved(opened, rig):
+    page, _ = opened
+    go_to(page, "Names, units")
+    third = page.get_by_role("group", name="Motor 3", exact=True)
+    third.get_by_label("Name").fill("pan")
+    third.get_by_label("Unit", exact=True).select_option("cm")
+    third.get_by_label("Steps per unit").fill("12.5")
+    save = page.get_by_role("button", name="Save")
+    save.click()
+    expect(log(page)).to_contain_text("“name”: pan occurs twice")
+    assert rig.read_text() == RIG
+    third.get_by_label("Name").fill("lift")
+    third.get_by_label("Limits").check()
+    third.get_by_label("Lowest").fill("-4")
+    third.get_by_label("Highest").fill("4.5")
+    save.click()
+    expect(log(page)).to_contain_text(f"Names and units are saved in {rig}.")
+    found = Axes(axes_of(rig.read_text(), rig))
+    assert (found.motor("lift"), found.steps(3, "1cm")) == (3, 12)
+    assert found.axis(2) == axes_of(RIG, rig)[1], "keys for files of other programs are kept"
+    assert found.axis(3).limits == (-4, 4.5)
+    go_to(page, "Motors")
+    expect(page.get_by_label("Position of lift in cm")).to_have_text("0.00 cm")
+
+
+def test_a_file_with_a_mistake_is_reported_and_kept(stage, rig):
+    rig.write_text("[[axis]]\nname = 5\n")
+    device = stage.simulated(motors=1)
+    served = stage.console(device.url)
+    served.server.axes = AxesText(rig)
+    page = stage.page(served.url)
+    expect(log(page)).to_contain_text('"name": expected a text, found 5; the page shows steps.')
+    expect(position(page)).to_have_text("0")
+    with pytest.raises(ToolError, match="not valid TOML"):
+        served.server.axes.write("[[axis")
+    assert rig.read_text() == "[[axis]]\nname = 5\n"
+    assert page.errors == []
+
+
+def test_without_a_server_the_browser_keeps_them(stage, tmp_path, rig):
+    saved = SavedPage(tmp_path / "page")
+    stage.closing(saved.close)
+    page = stage.page(saved.url)
+    go_to(page, "Names, units")
+    page.get_by_label("Take another axes.toml").set_input_files(rig)
+    expect(log(page)).to_contain_text("axes.toml: names and units are in use.")
+    first = page.get_by_role("group", name="Motor 1", exact=True)
+    first.get_by_label("Position at step 0").fill("-5")
+    page.get_by_role("button", name="Save").click()
+    expect(log(page)).to_contain_text("Names and units are saved in this browser.")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Download").click()
+    text = download.value.path().read_text()
+    assert [(axis.name, axis.zero) for axis in axes_of(text, "it")] == [("track", -5), ("pan", -90)]
+    page.reload()
+    go_to(page, "Names, units")
+    expect(first.get_by_label("Name")).to_have_value("track")
+    expect(first.get_by_label("Position at step 0")).to_have_value("-5")
+    assert page.errors == []
+
+
+def test_the_page_reads_and_writes_the_file_as_the_commands_do(stage, tmp_path):
+    saved = SavedPage(tmp_path / "page")
+    stage.closing(saved.close)
+    page = stage.page(saved.url)
+    good = [
+        RIG,
+        '[[ axis ]]\nname="a b"\nmotor=1\nsteps_per_unit=1_000.5e-1#\nlimits=[-1,2.5,]\n',
+        "[[axis]]\r\nname = 'it'\r\nmotor = +7\r\nsteps_per_unit = 0.5\r\ninvert = false\r\n",
+        '[[axis]]\nname = "t\\u00e9\\"x"\nmotor = 2\nsteps_per_unit = 3\nfile_unit = "units"\n',
+    ]
+    for text in good:
+        expected = axes_of(text, "it")
+        found = page.evaluate(READ, text)
+        assert axes_of(page.evaluate(WRITE, found), "it") == expected, text
+    for text in (
+        "", "name = 3\n", "[[axis]]\nname\n", RIG + "motor = 3\n", RIG + "[other]\n",
+        RIG + "speed = 3\n", RIG.replace("80", "0"), RIG.replace('"mm"', '"yard"'),
+        RIG.replace("[0, 1450]", "[5, 5]"), RIG.replace("[0, 1450]", "[0, 1450"),
+        RIG.replace("motor = 2", "motor = 1"), RIG.replace("true", "1"), RIG + "hold = 3 4\n",
+        RIG.replace("steps_per_unit = 200\n", ""), RIG.replace('"pan"', '"pan'),
+    ):  # fmt: skip
+        with pytest.raises(ToolError):
+            axes_of(text, "it")
+        said = page.evaluate(f"text => ({READ})(text).catch(error => error.constructor.name)", text)
+        assert said == "AxesError", text
+
+
+def test_the_bridge_accepts_no_text_without_a_file(stage):
+    device = stage.simulated(motors=1)
+    page = stage.page(stage.console(device.url).url)
+    expect(position(page)).to_have_text("0")
+    assert steps(page) == 0
+    go_to(page, "Names, units")
+    page.get_by_role("group", name="Motor 1", exact=True).get_by_label("Name").fill("track")
+    page.get_by_role("button", name="Save").click()
+    expect(log(page)).to_contain_text("saved in this browser")
+    assert not any("write_axes" in json.dumps(str(sent)) for sent in page.sent)
