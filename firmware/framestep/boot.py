@@ -100,17 +100,6 @@ def judge(text):
         gc.collect()
 
 
-def _held(board):
-    """Return what keeps framestep from starting, as text: BOOTSEL or the jumper; or None."""
-    import rp2
-    from machine import Pin
-
-    jumper = board.get("jumper")
-    if jumper is not None and not Pin(jumper, Pin.IN, Pin.PULL_UP).value():
-        return "the jumper is set"
-    return "BOOTSEL is held" if rp2.bootsel_button() else None
-
-
 def start(again=False):
     """Bring the board up. again: called by boot.py after a soft reset. With one port it then waits
     for main.py or a reset, as boot.py would never end.
@@ -120,42 +109,32 @@ def start(again=False):
     global hal, controller, runner
     if controller:  # by boot.py, after a soft reset
         return
-    from framestep.leftovers import stop_dma
-
-    stop_dma()  # in case boot.py is not framestep's
-    spare = bytearray(_SPARE)
     from framestep.board import BOARD
 
-    held = _held(BOARD)
+    chip = __import__("framestep.hal.%s.start" % BOARD.pop("hal"), None, None, ("held",))
+    chip.clear()  # in case boot.py is not framestep's
+    spare = bytearray(_SPARE)
+    held = chip.held(BOARD)
     if held:
         print("framestep: not started,", held)
         return
     gc.threshold(_DENSE)
-    # first of all: while the rest is loaded they would float
-    from framestep.hal.rp2.pins import drivers_off
-
     settings = _settings(BOARD)
     del BOARD
-    drivers_off(settings.board, settings)
+    # first of all: while the rest is loaded they would float
+    chip.drivers_off(settings.board, settings)
     if again and settings.ports != 2:
         gc.threshold(-1)
         return
-    # After a soft reset the limit is still that of REPL programs, but modules import each other.
-    from framestep.hal import STACK
-    from framestep.hal.rp2.clock import set_clock
-    from framestep.hal.rp2.stack import set_limit
-
-    set_limit(STACK)
-    set_clock(settings.board["clock_mhz"])
+    chip.prepare(settings.board)
     if mistake:
         print("framestep:", mistake)
         print("framestep: nothing moves until the file is corrected and the board reset")
     try:
         from framestep.controller import Controller
-        from framestep.hal.rp2.hal import Rp2Hal, release
         from framestep.runner import Runner
 
-        hal = Rp2Hal(settings.board, settings)
+        hal = chip.make(settings.board, settings)
         if hal.watchdog.caused_reset and settings.ports == 2:
             print(
                 "framestep: the watchdog restarted the board: the firmware hung while motors moved"
@@ -168,15 +147,16 @@ def start(again=False):
     except MemoryError:
         print(_SAVE)
         raise
-    forget("framestep.io.restore", "framestep.hal.rp2.flash_blocks", "framestep.hal.rp2.clock")
-    # again, because BOOTSEL can only be pressed after the chip's own loader has checked it
-    held = _held(settings.board)
+    # again, because the button can only be pressed after the chip's own loader has checked it
+    held = chip.held(settings.board)
     if held:
         gc.threshold(-1)
         print("framestep: not started,", held)
         return
     hal.start()
-    forget("framestep.hal.rp2.stack", "framestep.hal.ports.usb_descriptor")
+    release = chip.release
+    forget("framestep.io.restore", *chip.SPENT)
+    del chip
     try:
         controller.moves.take_memory()
     except ValueError as error:

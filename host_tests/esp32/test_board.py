@@ -292,8 +292,9 @@ def test_reading_the_upload_port_takes_no_step(rig):
         ({"inputs": [{"pin": 16}]}, r"found 16, which is the board's shift registers' sck already"),
         ({"inputs": [{"pin": 3}]}, r"found 3, which is the board's uart 2 already"),
         ({"motors": [{"servo": {"pin": 4}}]}, r"motors\[1\].servo: found an object"),
+        ({"ports": 2}, "ports: found 2, this board has 1"),
     ],
 )
-def test_pins_that_are_not_for_it(found, wanted):
+def test_settings_that_are_not_for_it(found, wanted):
     with pytest.raises(RigError, match=wanted):
         Rig(found, board_data())

@@ -106,6 +106,40 @@ def test_every_chip_is_held_to_the_contract():
         )
 
 
+@pytest.mark.parametrize("hal", sorted({chip.hal for chip in chips().values()} | {"esp32"}))
+def test_every_hal_has_a_start(hal):
+    """The names of the module are those of the contract; boot.py uses all of them."""
+    contract = classes(CONTRACT)["Start"]
+    tree = ast.parse((HAL / hal / "start.py").read_text())
+    found = {
+        node.name: [arg.arg for arg in node.args.args]
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef)
+    }
+    others = {
+        alias.asname or alias.name
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    wanted = {
+        node.name: [arg.arg for arg in node.args.args]
+        for node in contract.body
+        if isinstance(node, ast.FunctionDef)
+    }
+    for name, parameters in wanted.items():
+        assert name in others or found.get(name) == parameters, f"hal/{hal}/start.py: {name}"
+    boot = ast.parse((FIRMWARE / "framestep" / "boot.py").read_text())
+    used = {
+        node.attr
+        for node in ast.walk(boot)
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.value, ast.Name)
+        and node.value.id == "chip"
+    }
+    assert used == wanted.keys() | documented(contract)
+
+
 @pytest.mark.parametrize(("base", "place"), list(implementations()))
 def test_every_hal_has_what_the_contract_says(base, place):
     file, name = place.split(":")

@@ -111,6 +111,39 @@ class Hal:
         raise NotImplementedError
 
 
+class Start:
+    """Module hal/<hal>/start.py: what framestep.boot needs to know of a chip. It is loaded before
+    everything else, and unloaded once the board is up.
+
+    SPENT   names of modules, itself included, that are not needed any more then
+    """
+
+    def clear():
+        """Stop what a soft reset leaves running. Called first."""
+        raise NotImplementedError
+
+    def held(board):
+        """Return what keeps framestep from starting, as text: a button or the jumper; or None.
+        board: the data of boards/<board>/board.json."""
+        raise NotImplementedError
+
+    def drivers_off(board, rig):
+        """Switch all drivers off. board: with the changes by the rig file."""
+        raise NotImplementedError
+
+    def prepare(board):
+        """Set the processor up for all that follows: its clock, its stack."""
+        raise NotImplementedError
+
+    def make(board, rig):
+        """Return the Hal."""
+        raise NotImplementedError
+
+    def release(block):
+        """Free the memory of a bytearray that is not used any more."""
+        raise NotImplementedError
+
+
 class PulseEngine:
     """Turns the tick's commands into edges; engine.py defines them and how long they take.
 

@@ -47,7 +47,7 @@ class Rig:
         self.homing = self._read_homes()  # whether any motor can be homed
         self.name = settings["name"].encode()
         self.dword_acks = 1 if settings["dialect"] == "dmc-lite" else 0
-        self.ports = settings["ports"]
+        self.ports = self._read_ports(found, settings["ports"])
         self.jog_timeout_ms = settings["jog_timeout_ms"]
         self.hard_stop_factor = settings["hard_stop_factor"]
         self.report_ms = settings["report_ms"]
@@ -76,6 +76,13 @@ class Rig:
             raise RigError(
                 "motors: found %d, allowed is a list of at most %d here" % (len(self.motors), count)
             )
+
+    def _read_ports(self, found, ports):
+        """Return the number of ports. A board that has only one needs no setting for it."""
+        most = self.board.pop("ports", 2)
+        if ports > most and "ports" in (found or {}):
+            raise RigError("ports: found %d, this board has %d" % (ports, most))
+        return min(ports, most)
 
     def _set_clock(self, mhz):
         """Set the board's clock_mhz; 0 keeps its own."""

@@ -14,9 +14,8 @@ from framestep.rig.settings import (
 _BOARD_PINS = (
     "step", "dir", "enable", "estop", "shutter", "meter", "led", "rgb", "jumper", "flash", "uart"
 )  # fmt: skip
-# On a board with a chain of shift registers: its outputs, and the chip's own pins, for inputs
+# On a board with a chain of shift registers: its outputs. The chip's own pins are for inputs there
 _CHAIN = (64, 93)
-_OWN = (0, 39)
 
 
 def _pins(value):
@@ -90,14 +89,9 @@ def assign(settings, board, servos=()):
     switches = board.get("stops", []) + board.get("inputs", [])
 
     def claim(pin, what, others=drives):
-        if pin > highest:
-            raise RigError("%s: found %d, allowed is a pin from 0 to %d" % (what, pin, highest))
-        if "chain" in board:
-            low, high = _CHAIN if others is switches else _OWN
-            if not low <= pin <= high:
-                raise RigError(
-                    "%s: found %d, allowed is a pin from %d to %d" % (what, pin, low, high)
-                )
+        low, high = _CHAIN if "chain" in board and others is switches else (0, highest)
+        if not low <= pin <= high:
+            raise RigError("%s: found %d, allowed is a pin from %d to %d" % (what, pin, low, high))
         if pin in taken:
             raise RigError(
                 "%s: found %d, which is %s already; allowed is a free pin" % (what, pin, taken[pin])

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any, ParamSpec
 
@@ -65,7 +66,13 @@ _OF_ENGINE = {
         "framestep/hal/esp32/hal.py",
         "framestep/hal/esp32/chain.py",
         "framestep/hal/esp32/port.py",
+        "framestep/hal/esp32/start.py",
     )
+}
+# Beginnings of the names of modules that only boards with this HAL get
+_OF_HAL = {
+    "rp2": ("framestep/leftovers", "framestep/hal/ports/usb_", "framestep/hal/rp2/"),
+    "esp32": ("framestep/hal/esp32/",),
 }
 _P = ParamSpec("_P")
 
@@ -180,13 +187,13 @@ def board_names() -> list[str]:
 
 
 def board_data(board: str) -> dict[str, Any]:
-    """Return the data of boards/<board>/board.json, with the chip's number of `pins` and its
-    `clocks` in MHz. Raises ToolError if there is no such board or chip."""
+    """Return the data of boards/<board>/board.json, with the chip's `hal`, its numbers of `ports`
+    and `pins`, and its `clocks` in MHz. Raises ToolError if there is no such board or chip."""
     if board not in board_names():
         raise ToolError(f"no board {board!r}: there are {', '.join(board_names())}")
     data = json.loads((paths.BOARDS / board / "board.json").read_text())
     found = chip(data["chip"])
-    return data | {"pins": found.pins, "clocks": found.clocks}
+    return data | {key: getattr(found, key) for key in ("hal", "ports", "pins", "clocks")}
 
 
 def board_chip(board: str) -> Chip:
@@ -254,13 +261,15 @@ def folded(
 @_remembered
 def board_sources(board: str) -> dict[str, bytes]:
     """Return {"framestep/motors/axes.mpy": source} of a board's modules."""
-    folds = folded({"framestep/board.py": board_module(board)}, True, board_chip(board).engine)
+    found = board_chip(board)
+    folds = folded({"framestep/board.py": board_module(board)}, True, found.engine)
+    others = tuple(chain.from_iterable(_OF_HAL[hal] for hal in _OF_HAL.keys() - {found.hal}))
     return {
         name.removesuffix(".py") + ".mpy": (
             text if name == _NATIVE else without_compiler_imports(text.decode()).encode()
         )
         for name, text in folds.items()
-        if name not in _HOST_ONLY
+        if name not in _HOST_ONLY and not name.startswith(others)
     }
 
 

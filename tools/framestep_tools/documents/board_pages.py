@@ -36,7 +36,7 @@ _KEYS = {
         "gio",
     ),
     *("outputs", "inputs", "stops", "led", "rgb", "jumper", "freed", "with_drivers", "page"),
-    *("pins", "clocks"),  # not in the file: board_files.board_data adds them
+    *("hal", "ports", "pins", "clocks"),  # not in the file: board_files.board_data adds them
 }
 
 

@@ -40,7 +40,7 @@ _END_S = 5
 
 def board_data() -> dict[str, Any]:
     """Return the simulated board's data, in the form of boards/*/board.json."""
-    return json.loads(_BOARD.read_text()) | {"pins": CHAIN + 30}
+    return json.loads(_BOARD.read_text())
 
 
 class Esp32Error(ToolError):

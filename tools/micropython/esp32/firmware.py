@@ -10,7 +10,7 @@ import sys
 import chip
 
 from framestep.controller import Controller
-from framestep.hal.esp32.hal import Esp32Hal
+from framestep.hal.esp32 import start
 from framestep.rig import Rig
 from framestep.runner import Runner
 
@@ -20,7 +20,9 @@ with open(board) as file:
 with open(rig) as file:
     rig = Rig(json.load(file), board)
 chip.record(record)
-hal = Esp32Hal(rig.board, rig)
+start.clear()
+start.drivers_off(rig.board, rig)
+hal = start.make(rig.board, rig)
 runner = Runner(hal, False)
 controller = Controller(hal, rig)
 chip.serve(commands, answers)

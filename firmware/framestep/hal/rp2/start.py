@@ -1,0 +1,45 @@
+"""What framestep.boot needs to know of an RP2040 or RP2350; unloaded once the board is up. See
+hal.contract.Start."""
+
+import rp2
+from machine import Pin
+
+from framestep.hal import STACK
+from framestep.hal.rp2.pins import drivers_off  # noqa: F401 -- part of the contract
+from framestep.leftovers import stop_dma as clear  # noqa: F401
+
+SPENT = (
+    "framestep.hal.rp2.flash_blocks",
+    "framestep.hal.rp2.clock",
+    "framestep.hal.rp2.stack",
+    "framestep.hal.ports.usb_descriptor",
+    "framestep.hal.rp2.start",
+)
+
+
+def held(board):
+    jumper = board.get("jumper")
+    if jumper is not None and not Pin(jumper, Pin.IN, Pin.PULL_UP).value():
+        return "the jumper is set"
+    return "BOOTSEL is held" if rp2.bootsel_button() else None
+
+
+def prepare(board):
+    from framestep.hal.rp2.clock import set_clock
+    from framestep.hal.rp2.stack import set_limit
+
+    # After a soft reset the limit is still that of REPL programs, but modules import each other.
+    set_limit(STACK)
+    set_clock(board["clock_mhz"])
+
+
+def make(board, rig):
+    from framestep.hal.rp2.hal import Rp2Hal
+
+    return Rp2Hal(board, rig)
+
+
+def release(block):
+    from framestep.hal.rp2.hal import release
+
+    release(block)
