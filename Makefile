@@ -4,6 +4,7 @@ CACHE := $(abspath $(or $(FRAMESTEP_CACHE),.cache))
 PYTHON_VENV := $(CACHE)/venv/bin/python
 PYTEST := PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n auto --dist loadfile --no-loadscope-reorder
 LAYERS := runtime esp32 board emulator console
+IMAGES := pico skr_pico fysetc_erb # boards that tests emulate
 ARGS ?=
 BOARD ?= pico
 
@@ -12,7 +13,7 @@ MAKEOVERRIDES :=
 unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help setup node chromium micropython demo try site sim emu check test test-all test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
+.PHONY: help setup node chromium micropython images demo try site sim emu check test test-all test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
 	plots bench profile flash image install release emulator-measure conform drawn-faults prove clean
 
 help: ## show this list
@@ -29,6 +30,9 @@ chromium: ## a browser for the tests of the console, if none is installed
 
 micropython: setup ## build MicroPython for the RP2040 and for 32-bit tests on this computer (three minutes, once)
 	@tools/micropython/build.sh all
+
+images: micropython # images of the boards that tests emulate; the build takes a minute the first time, then some seconds
+	@"$(PYTHON_VENV)" -m framestep_tools.building.images $(IMAGES)
 
 try: setup node ## a static page that runs framestep on an emulated board in the browser (build/site/try)
 	@"$(PYTHON_VENV)" -m framestep_tools.site.try_page
@@ -60,10 +64,10 @@ install: setup ## build the image and put it on a board plugged in with BOOTSEL 
 release: setup ## the files of a release (build/release): the package for pip, images, sums, notes
 	@"$(PYTHON_VENV)" -m framestep_tools.building.release
 
-test: lint types node micropython chromium ## everything: style, types, and every layer of tests
+test: lint types node images chromium ## everything: style, types, and every layer of tests
 	@$(PYTEST) $(ARGS)
 
-test-all: lint types node micropython chromium ## make test, and the same tests with other values and on other processors
+test-all: lint types node images chromium ## make test, and the same tests with other values and on other processors
 	@$(PYTEST) --all $(ARGS)
 
 check: lint types ## while you work: style, types, and the tests nearest to your changes since main, in a minute
@@ -80,14 +84,13 @@ test-replay: setup ## the end-to-end sessions once more on 32-bit MicroPython, w
 	@tools/micropython/build.sh unix32f
 	@$(PYTEST) --replay host_tests/end_to_end $(ARGS)
 
-test-board: setup node ## the firmware on the emulated board, end to end
-	@tools/micropython/build.sh rp2
+test-board: node images ## the firmware on the emulated board, end to end
 	@$(PYTEST) host_tests/board $(ARGS)
 
-test-emulator: setup node micropython ## the emulator itself
+test-emulator: node images ## the emulator itself
 	@$(PYTEST) host_tests/emulator $(ARGS)
 
-test-console: setup node micropython chromium ## the page of `framestep console` in a real browser
+test-console: node images chromium ## the page of `framestep console` in a real browser
 	@$(PYTEST) host_tests/console $(ARGS)
 
 console-pictures: setup chromium ## draw each view of the console for the documents (docs/use/console)

@@ -1,9 +1,13 @@
-"""Builds of MicroPython, made by tools/micropython/build.sh if they are missing."""
+"""Builds of MicroPython, made by tools/micropython/build.sh if they are missing.
+
+`python -m framestep_tools.building.images BOARD...` builds the images of boards.
+"""
 
 import hashlib
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -216,3 +220,8 @@ def emulator_ready() -> Path:
     ).exists() or not shutil.which("node"):
         _run("tools/setup.sh", "node")
     return micropython("rp2")
+
+
+if __name__ == "__main__":
+    for name in sys.argv[1:]:
+        frozen(name, show=True)
