@@ -2,6 +2,8 @@
 unpacked from its wheel, without the sources, a compiler or the modules that only Unix has. It drops
 an image onto a folder in place of the board's drive; then comes a move."""
 
+import contextlib
+import os
 import socket
 import threading
 import time
@@ -17,9 +19,12 @@ from host_tests.tools.board.test_install import drive_in
 
 
 def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    """Return a port below those that a system gives out, as other tests may get these meanwhile."""
+    for port in range(20_000 + os.getpid() % 10_000, 32_768):
+        with contextlib.suppress(OSError), socket.socket() as probe:
+            probe.bind(("127.0.0.1", port))
+            return port
+    raise OSError("no port is free")
 
 
 @pytest.fixture
@@ -40,7 +45,8 @@ def bare_board(tmp_path):
                 flash.write_bytes(image.flash())
                 for file in drive.iterdir():
                     file.unlink()
-                started.append(Emulator(flash, lockstep=False, tcp=(0, port)).start())
+                emulator = Emulator(flash, lockstep=False, speed=1, tcp=(0, port))
+                started.append(emulator.start())
                 return
             time.sleep(0.05)
 

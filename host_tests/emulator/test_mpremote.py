@@ -83,7 +83,7 @@ def test_breaking_into_a_program(emulator, key, leave, works):
     emu = emulator(files={"/main.py": MAIN.format(key=key, leave=leave)}, lockstep=False)
     with emu.pty() as path:
         emu.wait_usb()
-        time.sleep(0.2)
+        emu.advance(200)  # until main.py runs
         if works:
             assert "in" in mpremote(path, "exec", "print('in')")
         else:
