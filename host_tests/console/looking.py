@@ -54,3 +54,8 @@ def log(page):
 
 def go_to(page, view):
     page.get_by_role("navigation").get_by_role("button", name=view, exact=True).click()
+
+
+def newest(page):
+    """Return the newest message, without its time."""
+    return log(page).locator("p span").first

@@ -8,7 +8,15 @@ from playwright.sync_api import expect
 
 from framestep_tools.judge.virtual_reference import POSE, Axis, Rig, looks
 from framestep_tools.payloads import VirtConfig
-from host_tests.console.looking import LOOK_MS, go_to, log, wait_connected, wait_moving, wait_rest
+from host_tests.console.looking import (
+    LOOK_MS,
+    go_to,
+    log,
+    newest,
+    wait_connected,
+    wait_moving,
+    wait_rest,
+)
 from host_tests.console.test_moves_view import upload
 
 AXES = tuple(
@@ -152,7 +160,7 @@ def test_each_type_is_configured_as_it_is_offered_on_a_board_with_few_motors(sta
     for kind in kinds:
         page.get_by_label("Type").select_option(kind)
         page.get_by_role("button", name="Configure").click()
-        expect(log(page).locator("p").first).to_have_text(f"{kind}: configured.")
+        expect(newest(page)).to_have_text(f"{kind}: configured.")
 
 
 def test_a_rig_is_configured_moved_jogged_and_drawn(stage):

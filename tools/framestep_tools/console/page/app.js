@@ -4,7 +4,7 @@ import { Device } from "./device.js";
 import { check, h, setText, takesText } from "./dom.js";
 import { Holds } from "./holds.js";
 import { SerialLink, serialIsThere } from "./serial_link.js";
-import { VERSION } from "./protocol.js";
+import { M, VERSION } from "./protocol.js";
 import { Operation } from "./operation.js";
 import { AxesView } from "./views/axes.js";
 import { MotorsView } from "./views/motors.js";
@@ -16,6 +16,7 @@ import { VirtualView } from "./views/virtual.js";
 
 const AGAIN_MS = 1000; // from the end of a link to the next try
 const MESSAGES = 30; // kept in the log
+const FAULTS = [M.CONDITION_RIG_FILE_INVALID, M.CONDITION_DRIVER, M.CONDITION_WATCHDOG_RESET];
 
 const device = new Device();
 const holds = new Holds();
@@ -128,22 +129,36 @@ window.addEventListener("pagehide", unseen);
 
 /** Say what moves. */
 function motion() {
-  const { state } = device;
-  const head = `Play head ${(state.playHead / 1000).toFixed(3)}`;
   if (!device.connected) return "Nothing is connected.";
   if (!device.knowsWhatMoves) return "What moves is not known.";
   const moving = [];
-  for (let motor = 1; motor <= device.motors; motor += 1) if (device.moves(motor)) moving.push(device.axes.of(motor).title);
-  const what = moving.length ? `${moving.join(", ")} ${moving.length > 1 ? "move" : "moves"}` : "Nothing moves";
-  return `${what}${state.lightsMove ? ", lights fade" : ""}. ${head}`;
+  for (let motor = 1; motor <= device.motors; motor += 1) if (device.moves(motor)) moving.push(motor);
+  const what = moving.length ? `${device.axes.titles(moving)} ${moving.length > 1 ? "move" : "moves"}` : "Nothing moves";
+  return `${what}${device.state.lightsMove ? ", lights fade" : ""}.`;
+}
+
+/** Return the state of the whole: [class of the banner, text]. */
+function whole() {
+  const { conditions, moving } = device.state;
+  if (!device.connected) return ["", "Not connected."];
+  if (conditions & M.CONDITION_ESTOP) return ["bad", "The E-stop is held: nothing moves until it is released."];
+  const fault = FAULTS.filter((bit) => conditions & bit);
+  if (fault.length) return ["bad", `Fault: ${device.conditionTexts(fault).join("; ")}.`];
+  if (!device.knowsWhatMoves) return ["", "Connected."];
+  return moving ? ["moves", motion()] : ["good", "Connected. Nothing moves."];
 }
 
 function render() {
   const why = device.connected && device.silent ? "The device does not answer." : lost;
   place("lost").hidden = !why;
   setText(place("lost"), why && `${why} Whether motors move is not known: to stop them, press the E-stop or switch their supply off.`);
-  setText(place("moving"), motion());
-  for (const view of views) view.element.inert = !device.connected && !view.worksAlone;
+  const [colour, text] = whole();
+  place("state").hidden = why !== "";
+  place("state").className = colour;
+  setText(place("state"), text);
+  const head = device.knowsWhatMoves ? ` Play head ${(device.state.playHead / 1000).toFixed(3)}` : "";
+  setText(place("moving"), motion() + head);
+  for (const view of views) view.element.inert = (!device.connected || device.silent) && !view.worksAlone;
   const texts = device.conditionTexts();
   const list = place("conditions");
   if ([...list.children].map((item) => item.textContent).join("\n") !== texts.join("\n")) {
@@ -165,7 +180,8 @@ device.addEventListener("change", () => {
 
 device.addEventListener("told", ({ detail }) => {
   const log = place("log");
-  log.prepend(h("p", { class: detail.bad ? "bad" : "" }, detail.text));
+  const time = new Date().toLocaleTimeString("en-GB");
+  log.prepend(h("p", { class: detail.bad ? "bad" : "" }, h("time", {}, time), " ", h("span", {}, detail.text)));
   while (log.children.length > MESSAGES) log.lastChild.remove();
   log.scrollTop = 0;
 });

@@ -130,6 +130,12 @@ export class Axes extends EventTarget {
     return this.of(motor).name;
   }
 
+  /** Such as "pan, tilt", "Motor 3" or "Motors 3, 4". */
+  titles(motors) {
+    if (motors.some((motor) => this.#of.has(motor))) return motors.map((motor) => this.of(motor).title).join(", ");
+    return `Motor${motors.length > 1 ? "s" : ""} ${motors.join(", ")}`;
+  }
+
   /** Put names for numbers of motors into a sentence. */
   named(text) {
     return text.replace(/\b([Mm])otor (\d+)\b/g, (found, first, motor) => this.#of.get(Number(motor))?.name ?? found);

@@ -2,7 +2,7 @@
 
 import { Axes } from "./axes.js";
 import { Client, LinkError, Refused } from "./client.js";
-import { CONDITIONS, M, REQUESTS, TRUST } from "./protocol.js";
+import { CONDITIONS, HOMED, M, REQUESTS, TRUST } from "./protocol.js";
 import { explain } from "./refusals.js";
 
 const NO_MOTOR = 255;
@@ -73,12 +73,18 @@ export class Device extends EventTarget {
     return this.#limits[motor - 1] ?? null;
   }
 
-  /** Ask for the soft limits of a motor. */
-  async seeLimits(motor) {
+  /** Return a motor's settings, as Exceeded has them; null if the device does not report them. */
+  async settingsOf(motor) {
     const { client } = this;
     const told = client && await this.#mayAsk(client, "GetExceeded", { motor }).catch(() => null);
+    return told?.velocity === undefined ? null : told;
+  }
+
+  /** Ask for the soft limits of a motor. */
+  async seeLimits(motor) {
+    const told = await this.settingsOf(motor);
     const both = M.SET_LOWER | M.SET_UPPER;
-    this.#limits[motor - 1] = told?.bits !== undefined && (told.bits & both) === both ? [told.lower, told.upper] : null;
+    this.#limits[motor - 1] = told && (told.bits & both) === both ? [told.lower, told.upper] : null;
     this.#changed();
   }
 
@@ -172,9 +178,27 @@ export class Device extends EventTarget {
     return { state, text: `${state}: ${TRUST.reasons[found.reason] ?? `reason ${found.reason}`}` };
   }
 
-  /** Return a sentence for each condition of the board. */
-  conditionTexts() {
-    return Object.entries(CONDITIONS).filter(([bit]) => this.state.conditions & bit).map(([, text]) => text);
+  /** Return a sentence for each condition of the board, or for some bits of it. */
+  conditionTexts(bits = Object.keys(CONDITIONS)) {
+    return bits.filter((bit) => this.state.conditions & bit).map((bit) => CONDITIONS[bit]);
+  }
+
+  /** Home motors (none: all that can be), and report how it has ended. */
+  async home(motors) {
+    if (!(await this.ask("Home", { motors }))) return;
+    await this.seeWhatMoves();
+    const homed = motors.length ? motors : Array.from({ length: this.motors }, (_, i) => i + 1).filter((motor) => this.moves(motor));
+    const ended = () => {
+      if (this.connected && (!this.knowsWhatMoves || this.state.moving)) return;
+      this.removeEventListener("change", ended);
+      if (!this.connected) return;
+      for (const motor of homed) {
+        const trust = this.trustOf(motor);
+        const done = this.state.trust[motor - 1]?.reason === HOMED;
+        this.tell(`${this.axes.of(motor).title} is ${done ? "homed" : `not homed: its position is ${trust?.text ?? "not known"}`}.`, !done);
+      }
+    };
+    this.addEventListener("change", ended);
   }
 
   /** Find out whether motors can be homed: HOME of a missing motor moves nothing, and its refusal shows it. */

@@ -27,10 +27,10 @@ function set(element, name, value) {
   else element.setAttribute(name, value);
 }
 
-/** Make a label with its field below. */
+/** Make a label, with a hint, and its field below. */
 export function field(label, input, hint) {
   input.id ||= `field-${nextId++}`;
-  return h("div", { class: "field" }, h("label", { htmlFor: input.id }, label), input, hint ? h("small", {}, hint) : null);
+  return h("div", { class: "field" }, h("label", { htmlFor: input.id }, label), hint ? h("small", {}, hint) : null, input);
 }
 
 /** Make a check box with its label after it. */

@@ -8,7 +8,7 @@ const LONGEST_BLOOP_MS = 65535;
 const WHOLE_TURN = 360;
 
 export class RunOptions {
-  element = h("details", {}, h("summary", {}, "Camera and bloop"));
+  element = h("details", { open: true }, h("summary", {}, "Camera and bloop"));
   #camera = h("select", {}, ...CAMERAS.map(([text, flag]) => h("option", { value: String(flag) }, text)));
   #open = number(90, 0, WHOLE_TURN);
   #close = number(180, 0, WHOLE_TURN);

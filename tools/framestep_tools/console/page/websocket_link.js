@@ -9,7 +9,7 @@ export class WebSocketLink {
   /** Another program has stopped motors, with the reason: end all holds. */
   onstopped = () => {};
   #socket;
-  #why = "the link to framestep console has closed";
+  #why = "framestep console does not answer, or this address has the token of an earlier start: open the address that it prints";
   #nextTask = 1;
   #tasks = new Map();
 
@@ -27,7 +27,10 @@ export class WebSocketLink {
         return;
       }
       const said = JSON.parse(data);
-      if (said.device !== undefined) resolve({ link: this, hello: said });
+      if (said.device !== undefined) {
+        this.#why = "the link to framestep console has closed";
+        resolve({ link: this, hello: said });
+      }
       else if (said.ended !== undefined) this.#why = said.ended;
       else if (said.stopped) {
         this.onstopped(said.stopped);

@@ -71,7 +71,7 @@ function keepDrawing(...parts) {
 }
 
 function place(bench) {
-  const parts = ["header", "#lost", "nav", "main"].map((name) => document.querySelector(name));
+  const parts = ["header", "#lost", "#state", "nav", "main"].map((name) => document.querySelector(name));
   document.body.classList.add("try");
   document.body.prepend(h("div", { id: "console" }, ...parts), bench);
 }

@@ -17,7 +17,7 @@ export class MotorsView {
   #cards = [];
   #list = h("div", { class: "cards" });
   #speed = h("input", { type: "range", min: "1", max: "100", value: "20" });
-  #homeAll = h("div", { class: "row" }, h("button", { type: "button", onclick: () => this.#device.ask("Home", { motors: [] }) }, "Home all motors"));
+  #homeAll = h("div", { class: "row" }, h("button", { type: "button", onclick: () => this.#device.home([]) }, "Home all motors"));
   #chosen = 1;
 
   constructor(device, holds) {
@@ -29,8 +29,8 @@ export class MotorsView {
     this.#speed.addEventListener("input", tell);
     tell();
     this.element.append(
-      h("div", { class: "card" }, field("Jog speed", this.#speed), shown,
-        h("p", { class: "faint" }, "Hold − or + to jog. Keys: 1 to 9 choose a motor, ← and → jog the chosen one as long as they are held.")),
+      h("div", { class: "card" }, h("div", { class: "row" }, field("Jog speed", this.#speed), shown),
+        h("p", { class: "faint" }, "Hold − or + to jog.", h("span", { class: "keys" }, " Keys: 1 to 9 choose a motor, ← and → jog the chosen one as long as they are held."))),
       this.#homeAll,
       this.#list,
     );
@@ -131,7 +131,7 @@ class MotorCard {
       this.#bar.element,
       this.#trust,
       h("div", { class: "row" }, down, up,
-        h("button", { type: "button", hidden: !device.homes, "aria-label": `Home ${axis.name}`, onclick: () => device.ask("Home", { motors: [this.motor] }) }, "Home")),
+        h("button", { type: "button", hidden: !device.homes, "aria-label": `Home ${axis.name}`, onclick: () => device.home([this.motor]) }, "Home")),
       this.#stepButtons(),
       this.#moveForm(),
       new MotorSettings(device, axis).element);
@@ -244,8 +244,8 @@ class MotorSettings {
     return h("div", {},
       form(() => this.#sendZero(), field(this.#axis.scaled ? `Call this position, ${unit}` : "Call this position", this.#zero, "nothing moves"), h("button", {}, "Set position")),
       form(() => this.#sendLimits(),
-        check("Lower soft limit", this.#lowerOn), field(`Lower, ${unit}`, this.#lower), here(this.#lower),
-        check("Upper soft limit", this.#upperOn), field(`Upper, ${unit}`, this.#upper), here(this.#upper),
+        check("Lower soft limit", this.#lowerOn), h("div", { class: "pair" }, field(`Lower, ${unit}`, this.#lower), here(this.#lower)),
+        check("Upper soft limit", this.#upperOn), h("div", { class: "pair" }, field(`Upper, ${unit}`, this.#upper), here(this.#upper)),
         field("Limit switch set", this.#set, "0: none. The device does not report which one is set."), check("Swap its switches", this.#swap),
         h("button", {}, "Set limits")),
       form(() => this.#sendSpeed(), field(`Velocity, ${unit}/s`, this.#velocity), field(`Acceleration, ${unit}/s²`, this.#acceleration), h("button", {}, "Set speed")),

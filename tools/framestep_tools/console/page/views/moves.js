@@ -3,6 +3,8 @@
 import { Curve } from "../curve.js";
 import { check, field, h, number, read, setText } from "../dom.js";
 import { parseMove } from "../move_csv.js";
+import { MoveNeeds } from "../move_needs.js";
+import { PositionStrip } from "../position_strip.js";
 import { M } from "../protocol.js";
 import { RunOptions } from "../run_options.js";
 import { upload } from "../upload.js";
@@ -19,6 +21,13 @@ export class MovesView {
   #holds;
   #operation; // the page's operation
   #curve;
+  #strip;
+  #needs;
+  #velocity = number(20_000, 1, 4294967295);
+  #acceleration = number(50_000, 1, 4294967295);
+  #speeds = h("form", { hidden: true, onsubmit: (event) => this.#setSpeeds(event) },
+    field("Velocity of all its motors, steps/s", this.#velocity), field("Acceleration, steps/s²", this.#acceleration),
+    h("button", {}, "Set for all its motors"));
   #file = h("input", { type: "file", accept: ".csv,.txt,text/csv" });
   #upload = h("button", { class: "main", disabled: true }, "Upload");
   #progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": "Upload" });
@@ -42,11 +51,15 @@ export class MovesView {
     this.#holds = holds;
     this.#operation = operation;
     this.#curve = new Curve(device.axes);
+    this.#strip = new PositionStrip(device);
+    this.#needs = new MoveNeeds(device);
+    this.#fps.addEventListener("change", () => this.#showNeeds());
     this.#file.addEventListener("change", () => this.#take());
     this.element.append(
-      h("form", { class: "card", onsubmit: (event) => this.#send(event) }, field("Move", this.#file), this.#upload, this.#progress, this.#about),
+      h("form", { class: "card", onsubmit: (event) => this.#send(event) }, field("Move", this.#file), this.#upload, this.#progress, this.#about, this.#needs.element, this.#speeds),
+      this.#strip.element,
       this.#curve.element,
-      h("div", { class: "cards" }, this.#runCard(), this.#frameCard()),
+      h("div", { class: "cards job" }, this.#runCard(), this.#frameCard()),
     );
   }
 
@@ -54,11 +67,35 @@ export class MovesView {
     this.move = null;
     this.#options.connected(this.#device.state.info);
     this.#upload.disabled = this.#read === null;
+    this.#strip.make();
+    this.#showNeeds();
+  }
+
+  shown() {
+    this.#showNeeds(); // speeds may have been set elsewhere
+  }
+
+  async #showNeeds() {
+    this.#speeds.hidden = this.#read === null;
+    const fps = Number(this.#fps.value);
+    if (this.#read && fps > 0) await this.#needs.show(this.#read, fps);
+  }
+
+  async #setSpeeds(event) {
+    event.preventDefault();
+    const [velocity, acceleration] = [read(this.#velocity), read(this.#acceleration)];
+    if (velocity === null || acceleration === null) return;
+    for (const motor of this.#read.positions.keys()) {
+      if (!(await this.#device.ask("MotorSetSpeed", { motor: motor + 1, velocity, acceleration }))) return;
+    }
+    this.#device.tell(`The speed of ${this.#read.positions.length} motors is set.`);
+    await this.#showNeeds();
   }
 
   render() {
     const { state } = this.#device;
     setText(this.#state, this.#operation.text);
+    this.#strip.render();
     this.#go.disabled = !this.#operation.ready;
     if (this.move) this.#curve.at(state.playHead / 1000, state.positions);
   }
@@ -102,6 +139,7 @@ export class MovesView {
       this.#upload.disabled = !this.#device.connected;
       setText(this.#about, `${file.name}: frames ${move.startFrame} to ${move.endFrame} for ${move.positions.length} motors`);
       [this.#start.value, this.#end.value, this.#frame.value] = [move.startFrame, move.endFrame, move.startFrame];
+      await this.#showNeeds();
     } catch (error) {
       this.#device.tell(error.message, true);
     }

@@ -27,6 +27,8 @@ const LINES = [
   [M.LINE_Z, "backward", "forward", M.VIRT_MOTOR_TRACK],
 ];
 
+const ARROWS = { up: "▲", down: "▼", left: "◀", right: "▶", forward: "⤒", backward: "⤓" };
+
 export class VirtualView {
   title = "Virtual axes";
   element = h("section");
@@ -57,10 +59,12 @@ export class VirtualView {
       h("details", { class: "card", open: true }, h("summary", {}, "The rig"),
         h("form", { onsubmit: (event) => this.#configure(event) },
           field("Type", this.#type), this.#fields,
-          h("button", { class: "main" }, "Configure"),
-          h("button", { type: "button", onclick: () => this.#forget() }, "No virtual axes"))),
-      h("div", { class: "card" }, field("Jog speed, % of what the motors allow", this.#speed), this.#lineButtons()),
-      this.#drawing.element, this.#pose, this.#aimCard());
+          h("div", { class: "row" }, h("button", { class: "main" }, "Configure"),
+            h("button", { type: "button", onclick: () => this.#forget() }, "No virtual axes")))),
+      h("div", { class: "beside" },
+        h("div", { class: "card" }, h("h2", {}, "Along the camera's own axes"), this.#cross(), field("Jog speed, % of what the motors allow", this.#speed)),
+        this.#drawing.element),
+      this.#pose, this.#aimCard());
     this.element.append(this.#without, this.#able);
   }
 
@@ -203,7 +207,7 @@ export class VirtualView {
       const hold = (text, up) => this.#holds.button(
         h("button", { type: "button", class: "hold", "aria-label": `Jog ${label} ${up ? "up" : "down"}` }, text),
         `virtual ${motor}`, () => this.#jog(motor, mains, up), () => this.#stop(motor));
-      const card = h("article", { class: "card", "aria-label": label }, h("h3", {}, label), shown,
+      const card = h("article", { class: "card", "aria-label": label }, h("h2", {}, label), shown,
         h("div", { class: "row" }, hold("−", false), hold("+", true)),
         h("form", { onsubmit: move }, field("Move to", target), h("button", {}, "Move")));
       return { name, shown, card };
@@ -217,16 +221,16 @@ export class VirtualView {
     await this.#held("VirtJog", { motor, speed: this.#share(), destination: steps });
   }
 
-  #lineButtons() {
+  /** The camera's six directions as a cross, with forward and backward next to it. */
+  #cross() {
     const hold = (axis, text, sign, motor) => this.#holds.button(
-      h("button", { type: "button", class: "hold", "aria-label": `Camera ${text}` }, text), `line ${axis}`,
+      h("button", { type: "button", class: `hold ${text}`, "aria-label": `Camera ${text}` }, h("span", { "aria-hidden": "true" }, ARROWS[text]), text), `line ${axis}`,
       async () => {
         await this.#held("VirtJogOnLine", { axis, speed: sign * this.#share() });
         return false; // it goes on until VIRT_STOP
       },
       () => this.#stop(motor));
-    return h("div", {}, h("h3", {}, "Along the camera's own axes"),
-      ...LINES.map(([axis, plus, minus, motor]) => h("div", { class: "row" }, hold(axis, minus, -1, motor), hold(axis, plus, 1, motor))));
+    return h("div", { class: "cross" }, ...LINES.flatMap(([axis, plus, minus, motor]) => [hold(axis, minus, -1, motor), hold(axis, plus, 1, motor)]));
   }
 
   #share() {
@@ -256,7 +260,7 @@ export class VirtualView {
       const [a, b, c] = [x, y, z].map((value) => Math.round(value * MILLI));
       if (await this.#device.ask("SetVirtAimPoint", { enable: Number(on.checked), x: a, y: b, z: c })) this.#device.tell(`The aim point is ${on.checked ? "on" : "off"}.`);
     };
-    return h("article", { class: "card", "aria-label": "Aim point" }, h("h3", {}, "Aim point"),
+    return h("article", { class: "card", "aria-label": "Aim point" }, h("h2", {}, "Aim point"),
       h("form", { onsubmit: send }, check("Pan and tilt stay on it", on), ...inputs.map(([name, input]) => field(name, input)), h("button", {}, "Set aim point")));
   }
 }

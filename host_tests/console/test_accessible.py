@@ -1,0 +1,39 @@
+"""What axe-core finds in each view: names, contrast, the order of headings, roles."""
+
+import pytest
+
+from framestep_tools.building.board_files import ROOT
+from host_tests.console.looking import go_to
+from host_tests.console.pictures import LOOKS, VIEWS, crane, prepare
+
+AXE = ROOT / "tools/framestep_emulator/board/node_modules/axe-core/axe.min.js"
+FINDINGS = """async () => (await axe.run()).violations.map(
+    found => `${found.id}: ${found.nodes.map(node => node.target.join(' ')).join(', ')}`)"""
+
+
+@pytest.fixture(scope="module")
+def served(shared_stage):
+    return crane(shared_stage)
+
+
+@pytest.mark.parametrize("look", ["wide", "dark", "phone"])
+def test_nothing_is_found(served, stage, look):
+    page = stage.page(served.url, **LOOKS[look])
+    prepare(page)
+    page.evaluate(AXE.read_text())
+    found = {}
+    for view in VIEWS:
+        go_to(page, view)
+        page.evaluate("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+        if findings := page.evaluate(FINDINGS):
+            found[view] = findings
+    assert found == {}
+
+
+def test_a_mistake_is_found(served, stage):
+    page = stage.page(served.url)
+    prepare(page)
+    page.evaluate(AXE.read_text())
+    page.evaluate("document.querySelector('main').innerHTML += '<h5>too low</h5><input>'")
+    found = page.evaluate(FINDINGS)
+    assert [name.partition(":")[0] for name in found] == ["heading-order", "label"]

@@ -1,0 +1,151 @@
+"""The state of the whole at a glance: a banner, messages with their time, what a move needs."""
+
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from framestep_tools.move.move_file import CAMERA_MOVE
+from host_tests.console.looking import (
+    go_to,
+    log,
+    position,
+    wait_connected,
+    wait_far,
+    wait_rest,
+)
+
+RIG = {
+    "jog_timeout_ms": 0,
+    "estop": "no",
+    "limits": [{"low": 26}],
+    "motors": [{"home": {"limit": 1, "travel": 300}}],
+}
+
+
+@pytest.fixture
+def opened(stage):
+    device = stage.simulated(RIG, motors=2)
+    device.at_board(lambda board: board.wire_switches())
+    page = stage.page(stage.console(device.url).url)
+    wait_connected(page)
+    return page, device
+
+
+def banner(page):
+    return page.locator("#state")
+
+
+def test_the_banner_shows_motion_and_the_e_stop(opened):
+    page, device = opened
+    expect(banner(page)).to_have_text("Connected. Nothing moves.")
+    expect(banner(page)).to_have_class("good")
+    page.keyboard.down("ArrowRight")
+    expect(banner(page)).to_have_text("Motor 1 moves.")
+    expect(banner(page)).to_have_class("moves")
+    device.set_pin("estop", 0)
+    expect(banner(page)).to_have_text("The E-stop is held: nothing moves until it is released.")
+    expect(banner(page)).to_have_class("bad")
+    page.keyboard.up("ArrowRight")
+    device.set_pin("estop", 1)
+    expect(banner(page)).to_have_text("Connected. Nothing moves.")
+
+
+def test_nothing_can_be_pressed_while_the_device_is_silent(opened):
+    page, device = opened
+    with device.held():
+        expect(page.get_by_role("alert")).to_contain_text("The device does not answer.")
+        expect(banner(page)).to_be_hidden()
+        expect(page.locator("section.view:visible")).to_have_attribute("inert", "")
+        expect(page.locator("#stop")).to_be_enabled()
+    expect(banner(page)).to_have_text("Connected. Nothing moves.")
+    expect(page.locator("section.view:visible")).not_to_have_attribute("inert", "")
+
+
+def test_messages_have_their_time(opened):
+    page, _ = opened
+    page.get_by_role("article", name="Motor 1").get_by_label("Move to step").fill("2147483647")
+    page.get_by_role("button", name="Home motor 2").click()
+    expect(log(page).locator("p").first).to_have_text(re.compile(r"^\d\d:\d\d:\d\d HOME was refus"))
+
+
+def test_homing_reports_how_it_has_ended(opened):
+    page, _ = opened
+    page.get_by_role("button", name="Home all motors").click()
+    expect(log(page)).to_contain_text(
+        "Motor 1 is not homed: its position is lost: homing did not find its switch."
+    )
+    wait_rest(page)
+
+
+def test_step_buttons_add_up_while_the_motor_moves(opened):
+    page, _ = opened
+    by = page.get_by_role("button", name="Move motor 2 by +100 steps", exact=True)
+    for _ in range(3):
+        by.click()
+    expect(position(page, 2)).to_have_text("300")
+    page.get_by_role("button", name="Move motor 2 by −1 steps", exact=True).click()
+    expect(position(page, 2)).to_have_text("299")
+    wait_rest(page)
+
+
+def test_a_move_is_shown_with_what_it_needs_and_what_is_set(stage):
+    device = stage.simulated(motors=4)
+    page = stage.page(stage.console(device.url).url)
+    wait_connected(page)
+    go_to(page, "Moves")
+    expect(page.get_by_role("list", name="Positions").get_by_role("listitem")).to_have_count(4)
+    page.get_by_label("Move", exact=True).set_input_files(CAMERA_MOVE)
+    first = page.get_by_role("row", name=re.compile("^Motor 1"))
+    expect(first).to_contain_text("11664 steps/s, set 5000 steps/s: too little")
+    expect(page.get_by_role("row", name=re.compile("^Motor 4"))).to_contain_text(
+        re.compile(r"4\d\d\d steps/s, set 5000 steps/s[^:]")
+    )
+    page.get_by_role("button", name="Set for all its motors").click()
+    expect(log(page)).to_contain_text("The speed of 4 motors is set.")
+    expect(first).to_contain_text("11664 steps/s, set 20000 steps/s")
+    expect(first).not_to_contain_text("too little")
+    page.get_by_label("Frames per second").fill("48")
+    page.get_by_label("Frames per second").press("Tab")
+    expect(first).to_contain_text("23328 steps/s, set 20000 steps/s: too little")
+    assert page.errors == []
+
+
+def test_a_wrong_address_says_what_to_do(stage):
+    device = stage.simulated(motors=1)
+    url = stage.console(device.url).url
+    page = stage.page(url.partition("token=")[0] + "token=old")
+    expect(log(page)).to_contain_text("open the address that it prints")
+
+
+def test_the_cross_is_next_to_the_drawing(stage):
+    from host_tests.console.pictures import crane, prepare
+
+    page = stage.page(crane(stage).url)
+    prepare(page)
+    go_to(page, "Virtual axes")
+    places = {
+        name: page.get_by_role("button", name=f"Camera {name}", exact=True).bounding_box()
+        for name in ("up", "down", "left", "right", "forward", "backward")
+    }
+    assert places["up"]["y"] < places["left"]["y"] == places["right"]["y"] < places["down"]["y"]
+    assert places["left"]["x"] < places["up"]["x"] == places["down"]["x"] < places["right"]["x"]
+    drawing = page.get_by_role("img", name="From above").bounding_box()
+    assert drawing["x"] > places["forward"]["x"] > places["right"]["x"] - 1
+    assert drawing["y"] < places["down"]["y"] < drawing["y"] + drawing["height"]
+    page.get_by_role("button", name="Camera up", exact=True).hover()
+    page.mouse.down()
+    expect(banner(page)).to_have_class("moves")
+    page.mouse.up()
+    wait_rest(page)
+
+
+def test_a_jog_ends_when_the_device_becomes_silent(opened):
+    page, device = opened
+    page.get_by_role("button", name="Jog motor 2 up").focus()
+    page.keyboard.down(" ")
+    wait_far(page, 2, 0, 50)
+    with device.held():
+        expect(page.get_by_role("alert")).to_contain_text("The device does not answer.")
+    wait_rest(page)
+    page.keyboard.up(" ")
