@@ -118,7 +118,7 @@ def test_settings_in_units_reach_the_device(opened):
     pan.get_by_label("Move to, deg").fill("-20")
     pan.get_by_role("button", name="Move", exact=True).click()
     expect(log(page)).to_contain_text(
-        "MOTOR_MOVE was refused: -20° (-14000) is past the lower soft limit of pan, -30° (-12000)"
+        "Refused: -20° (-14000) is past the lower soft limit of pan, -30° (-12000)"
     )
     page.close()
     with device.client() as client:

@@ -115,7 +115,7 @@ def test_a_refusal_is_told_and_changes_nothing(page):
     card.get_by_label("Move to step").fill(str(before + 1))
     card.get_by_role("button", name="Move", exact=True).click()
     expect(log(page)).to_contain_text(
-        f"MOTOR_MOVE was refused: {before + 1} is past the upper soft limit of motor 1, {before}"
+        f"Refused: {before + 1} is past the upper soft limit of motor 1, {before}"
     )
     assert steps(page) == before
     card.locator("summary").click()

@@ -159,7 +159,7 @@ def test_a_run_that_is_too_fast_says_for_which_motor_and_by_how_much(page):
     run.get_by_role("button", name="Get ready").click()
     expect(newest(page)).to_have_text(
         re.compile(
-            r"RT_RUN_MOVE was refused: motor 1 at frame \d+ would need \d+ steps/s at 100 frames/s,"
+            r"Refused: motor 1 at frame \d+ would need \d+ steps/s at 100 frames/s,"
             r" its velocity is 5000 steps/s: raise it under Motors, .*"
         )
     )

@@ -1,6 +1,7 @@
 """Errors that a user can act on, and commands that show them as one sentence."""
 
 import os
+import re
 import sys
 from typing import Any
 
@@ -31,6 +32,19 @@ STATUSES = {
 }
 
 
+_PHRASES = [  # of the library that parses arguments, and plainer ones
+    (r"^Invalid value for '([^']*)': ", r"\1: "),
+    (r"^Invalid value: ", ""),
+    ("Value error, ", ""),
+    (r"Input should be a valid integer.*", "expected a whole number"),
+    (r"Input should be a valid number.*", "expected a number"),
+    (r"Input should be greater than or equal to", "expected at least"),
+    (r"Input should be less than or equal to", "expected at most"),
+    (r"Input should be", "expected a number"),
+    (r"Got unexpected extra argument\(s\) \((.*)\)", r"more than expected: \1"),
+]
+
+
 class ToolError(Exception):
     """Something is wrong outside the tool. The text says what was expected, what came, what to do.
 
@@ -52,6 +66,7 @@ class Command(typer.Typer):
             add_completion=False,
             pretty_exceptions_enable=False,
             rich_markup_mode=None,
+            context_settings={"help_option_names": ["--help", "-h"]},
             **options,
         )  # plain text: loading rich would double the time that a command takes to start
         self.program = name
@@ -72,9 +87,8 @@ class Command(typer.Typer):
         except TyperException as error:
             context = getattr(error, "ctx", None)
             asked = context.command_path if context else self.program
-            return self._say(
-                f"{error.format_message().rstrip('.')}; {asked} --help says what is expected", USAGE
-            )
+            said = plain(error.format_message())
+            return self._say(f"{said}; {asked} --help says what is expected", USAGE)
         except self.expected as error:
             return self._say(str(error), getattr(error, "status", FAILED))
         except (Abort, KeyboardInterrupt):
@@ -90,6 +104,13 @@ class Command(typer.Typer):
     def _say(self, text: str, status: int) -> int:
         print(f"{self.program}: {text}", file=sys.stderr)
         return status
+
+
+def plain(text: str) -> str:
+    """Return a library's text about a wrong argument in this project's words."""
+    for pattern, words in _PHRASES:
+        text = re.sub(pattern, words, text)
+    return text.rstrip(".")
 
 
 def _interrupted(error: BaseException | None) -> bool:

@@ -2,6 +2,8 @@
 and its place."""
 
 import json
+import re
+import sys
 
 import pytest
 
@@ -78,6 +80,23 @@ def test_positions_as_they_are_typed(framestep):
     assert framestep("buzz 1 --steps 30 --times 2 --speed 5000") == "motor 1: 0"
 
 
+def test_a_speed_that_the_board_limits_is_reported(framestep):
+    said = framestep("move 8 0 --velocity 3000 --acceleration 100000000")
+    assert said == ("motor 8: 0\nmotor 8: the board limits its acceleration to 4000000 steps/s²")
+    assert framestep("move 8 0 --velocity 3000 --acceleration 50000") == "motor 8: 0"
+
+
+def test_a_terminal_shows_where_a_motor_is_while_it_moves(framestep, monkeypatch, axes):
+    framestep("zero 8 0")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    said = framestep("move 8 3000 --velocity 3000 --acceleration 50000")
+    shown = [int(line.rpartition(" ")[2]) for line in re.findall(r"\rmotor 8: -?\d+", said)]
+    assert len(shown) > 5
+    assert shown == sorted(shown)
+    assert 0 < shown[0] < 2000
+    assert said.startswith("motor 8: 3000\n")
+
+
 @pytest.fixture
 def axes(tmp_path):
     """Return the option with the axes.toml of docs/use/axes.md, and that page."""
@@ -141,8 +160,8 @@ def test_for_programs(framestep, board):
         "E-stop: released",
         "input 1: off",
         "input 2: off",
-        "limit set 1: upper switch active",
-        "limit set 2: -",
+        "limit set 1: upper active, lower clear",
+        "limit set 2: upper clear, lower clear",
     ]
     board._board.set_input(22, 1)
     board.run_until(board.now_ns + 100_000_000)
@@ -153,8 +172,11 @@ def test_for_programs(framestep, board):
     [
         ("move 9 5", "there is no motor 9, the device has motors 1 to 8"),
         ("buzz 9", "there is no motor 9: the device has motors 1 to 8"),
-        ("move 3 60000", "60000 is past the upper soft limit of motor 3, 50000 (set by SET_LIMITS"),
-        ("move 3 -1", "-1 is past the lower soft limit of motor 3, 0 (set by SET_LIMITS"),
+        (
+            "move 3 60000",
+            "60000 is past the upper soft limit of motor 3, 50000 (set in Dragonframe's",
+        ),
+        ("move 3 -1", "-1 is past the lower soft limit of motor 3, 0 (set in Dragonframe's"),
         ("move 4 5", "motor 4 is switched off by MOTOR_CONFIGURE"),
         ("move 6 5", "motor 6 does what motor 5 does (they are coupled): move that one"),
         ("move 1 5 --velocity 4000000 --acceleration 5", "motor 1 cannot do 4000000 steps/s"),
@@ -175,12 +197,12 @@ def test_refused_in_words(framestep, board, line, words):
         ([0, 250, 550, 550], "play FILE",
          "motor 3 at frame 13 would need 7200 steps/s at 24 frames/s, its "),
         ([0, 0, 0, -1], "play FILE",
-         "motor 3 at frame 14 would be past its lower soft limit, 0 (set by SET_LIMITS"),
+         "motor 3 at frame 14 would be past its lower soft limit, 0 (set in Dragonframe's"),
         ([49_990, 49_999, 50_001, 50_003], "play FILE",
          "motor 3 at frame 13 would be past its upper soft limit"),
         ([100, 200, 300, 400], "play FILE",
-         "in its pre-roll of 1000 ms motor 3 would pass its soft limit, 0 or 50000 (set by "
-         "SET_LIMITS: Dragonframe's axis set-up): give it a shorter one"),
+         "in its pre-roll of 1000 ms motor 3 would pass its soft limit, 0 or 50000 (set in "
+         "Dragonframe's axis set-up, or in framestep console): give it a shorter one"),
         ([100, 200, 300, 400], "play FILE --preroll 0.02",
          "in its pre-roll of 20 ms motor 3 would need 120000 steps/s², its acceleration is 20000"),
         ([2000, 2100, 2200, 2300], "play FILE --postroll 0.02",
@@ -211,17 +233,17 @@ def refused(client, request):
     [
         (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(9, 0, 5)]), "there is no motor 9"),
         (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(2, 0, 5001)]),
-         "motor 2 at frame 12 would need 5001 steps/s, its velocity is 5000 steps/s (set by SET"),
+         "motor 2 at frame 12 would need 5001 steps/s, its velocity is 5000 steps/s (set in"),
         (RtShootFrame2(12, 700, 0, 360, [BlurMotor(2, 0, 4000)]),
-         "motor 2 at frame 12 would need 6530 steps/s, its velocity is 5000 steps/s (set by SET"),
+         "motor 2 at frame 12 would need 6530 steps/s, its velocity is 5000 steps/s (set in"),
         (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(2, 9000, 9500)]),
          "in the second before the exposure of frame 12 motor 2 would need 500 steps/s², "
-         "its acceleration is 400 steps/s² (set by SET_SPEED"),
+         "its acceleration is 400 steps/s² (set in Dragonframe's"),
         (RtShootFrame2(12, 1000, 0, 360, [BlurMotor(2, 9000, 9500)]),
          "in the exposure of frame 12 motor 2 would need 4566 steps/s², its acceleration is 400"),
         (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(2, 50, 350)]),
          "in the second before the exposure of frame 12 motor 2 would pass its soft limit, "
-         "0 or 10000 (set by SET_LIMITS"),
+         "0 or 10000 (set in Dragonframe's"),
         (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(2, 9600, 9900)]),
          "in the second after the exposure of frame 12 motor 2 would pass its soft limit"),
         (RtShootFrame2(12, 10000, 0, 360, [BlurMotor(2, 9800, 10001)]),
@@ -351,10 +373,10 @@ def test_names_and_units_in_refusals(framestep, board, axes):
     )  # fmt: skip
     for line, words in (
         ("move pan -79deg",
-         "-79° (-2475) is past the lower soft limit of pan, -80° (-2250) (set by"),
+         "-79° (-2475) is past the lower soft limit of pan, -80° (-2250) (set in"),
         ("play camera_move.csv",
          "track at frame 48 would need 145.8 mm/s (11664 steps/s) at 24 frames/s, its velocity is "
-         "10 mm/s (800 steps/s) (set by SET_SPEED"),
+         "10 mm/s (800 steps/s) (set in Dragonframe's"),
         ("home pan", "no motor has `home` in the rig file"),
     ):  # fmt: skip
         assert words in framestep(line + option, status=7)

@@ -584,20 +584,20 @@ def test_command_that_fails(framestep):
 def test_refusals_of_the_command(framestep):
     session, _ = rails(rig=THREE)
     assert framestep(session, "home 2", REFUSED) == (
-        "framestep: HOME was refused: the rig file has no `home` for motor 2 (docs/use/homing.md)"
+        "framestep: refused: the rig file has no `home` for motor 2 (docs/use/homing.md)"
     )
     assert framestep(session, "home 9", REFUSED) == (
-        "framestep: HOME was refused: there is no motor 9, the device has motors 1 to 8"
+        "framestep: refused: there is no motor 9, the device has motors 1 to 8"
     )
     session.come_back()
     session.accept(p.MotorResetPosition(1, 100), p.MotorSetLimits(1, 1, 1, 0, 0))
     assert framestep(session, "home 1", REFUSED) == (
-        "framestep: HOME was refused: the position of a home switch is past the lower soft limit "
-        "of its motor (set by SET_LIMITS: Dragonframe's axis set-up); soft limits count, "
-        "as the position is known"
+        "framestep: refused: the position of a home switch is past the lower soft limit "
+        "of its motor (set in Dragonframe's axis set-up, or in framestep console); "
+        "soft limits count, as the position is known"
     )
     assert framestep(simulated(), "home", REFUSED) == (
-        "framestep: HOME was refused: no motor has `home` in the rig file (docs/use/homing.md), "
+        "framestep: refused: no motor has `home` in the rig file (docs/use/homing.md), "
         "or the firmware is older"
     )
 

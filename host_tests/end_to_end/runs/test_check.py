@@ -204,7 +204,7 @@ def test_exit_status_is_for_scripts(framestep):
     assert framestep(f"{fits} --velocity 3=100")[0] == 7
     status, out, _ = framestep(f"{fits} --acceleration 1=6000")
     assert status == 1
-    assert "motor 1, track: too steep: motor 1 at frame " in out
+    assert "motor 1, track: too steep: at frame 149 it would need " in out
     assert "steps/s² at frame 149, set 6000; above it\n" in out
     assert "motor 3, swing: fits" in out
 

@@ -89,7 +89,7 @@ def test_what_is_asked_and_what_is_free(rig, request_, part, needs):
     assert not rig.unreported()
     said, by, room = rig.refused(request_)
     assert (by, room) == (needs, free)
-    assert f"was refused: {part}: the board's memory is full" in said
+    assert f"refused: {part}: the board's memory is full" in said
     assert f"needs {needs} bytes, {free} are free" in said
     assert rig.unreported()
     rig.refused(request_)

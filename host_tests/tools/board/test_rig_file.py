@@ -42,8 +42,9 @@ def test_a_wrong_setting_is_told_as_on_the_board(text, tmp_path, capsys):
     assert cli.app.status(["rig", "check", str(file)]) == 1
     said = capsys.readouterr().err.strip()
     _, mistake = rig.load(str(file), board_data("pico"))
-    assert said.split("; did you mean")[0] == f"framestep: {mistake}"
-    assert WRONG[text] in said
+    told = re.sub(r"; did you mean \w+\? There", "; there", said)
+    assert told == f"framestep: {mistake}"
+    assert WRONG[text] in told
 
 
 @pytest.mark.parametrize("content", NO_JSON)
@@ -153,14 +154,14 @@ def test_the_editor(tmp_path, monkeypatch):
         ('{"motors": [{"backlsh": 2}]}', "; did you mean backlash?"),
         ('{"motors": [{"Invert": true}]}', "; did you mean invert?"),
         ('{"motors": [{"driver": {"run_ma": 500, "mirosteps": 8}}]}', "; did you mean microsteps?"),
-        ('{"qqq": 1}', "watchdog"),
+        ('{"qqq": 1}', "qqq: no such setting; there are clock_mhz, dialect"),
     ],
 )
 def test_the_key_that_was_meant(text, meant, tmp_path, capsys):
     file = tmp_path / "rig.json"
     file.write_text(text)
     assert cli.app.status(["rig", "check", str(file), "--board", "skr_pico"]) == 1
-    assert capsys.readouterr().err.strip().endswith(meant)
+    assert meant in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

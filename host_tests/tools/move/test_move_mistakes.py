@@ -174,12 +174,12 @@ def test_one_sentence_says_what_is_wrong_and_nothing_is_written(text, options, s
         (
             ["export", "MOVE", "-o", "x.csv", "--fps", "inf"],
             2,
-            "Input should be less than or equal to 1000",
+            "--fps: expected at most 1000",
         ),
         (
             ["import", "SOURCE", "-o", "OUT", "--fps", "nan"],
             2,
-            "Input should be less than or equal to 1000",
+            "--fps: expected at most 1000",
         ),
         (["export", "MOVE", "-o", "x.csv"], 1, "axis track: 100.1 mm is beyond its limits"),
         (["export", "ONE", "-o", "x.csv"], 1, "the move has 1 motors, and there are 2 axes"),

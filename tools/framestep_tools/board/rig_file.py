@@ -102,18 +102,18 @@ def check(settings: dict[str, Any], board: Mapping[str, Any], name: str) -> rig.
     try:
         return rig.Rig(settings, board)
     except rig.RigError as error:
-        raise RigFileError(f"{name}: {error}{_meant(str(error))}") from None
+        raise RigFileError(f"{name}: {with_suggestion(str(error))}") from None
 
 
-def _meant(mistake: str) -> str:
-    """Suggest the valid key closest to an unknown one."""
+def with_suggestion(mistake: str) -> str:
+    """Return a mistake with the valid key closest to an unknown one, before all keys."""
     found = re.match(r"([^:]*): no such setting; there are (.*)", mistake)
     if not found:
-        return ""
-    close = difflib.get_close_matches(
-        found[1].rpartition(".")[2].lower(), found[2].split(", "), 1, 0.5
-    )
-    return f"; did you mean {close[0]}?" if close else ""
+        return mistake
+    key = found[1].rpartition(".")[2].lower()
+    close = difflib.get_close_matches(key, found[2].split(", "), 1, 0.5)
+    meant = f"; did you mean {close[0]}?" if close else ";"
+    return f"{found[1]}: no such setting{meant} There are {found[2]}".replace("; There", "; there")
 
 
 # ---- editing

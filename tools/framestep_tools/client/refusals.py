@@ -62,7 +62,6 @@ from ..payloads import (
     VirtJogOnLine,
     VirtMove,
     VirtStop,
-    type_name,
 )
 from .client import Client, ClientError, RequestRefused
 
@@ -71,10 +70,8 @@ _PLAY = (RtRunMove, RtPositionFrame, RtJogAll, RtGo, *_SHOTS)
 _SECTIONS = (RtUploadMoveAxis, RtUploadMoveDmx, RtUploadMoveTriggers, RtUploadMoveEnd)
 _VIRTUAL = (VirtMove, VirtStop, VirtJog, VirtJogOnLine, VirtGetPosition, SetVirtAimPoint)
 
-_SPEED = (
-    "set by SET_SPEED: Dragonframe's axis set-up, or framestep move … --velocity --acceleration"
-)
-_LIMITS = "set by SET_LIMITS: Dragonframe's axis set-up"
+_SPEED = "set in Dragonframe's axis set-up, or with --velocity and --acceleration"
+_LIMITS = "set in Dragonframe's axis set-up, or in framestep console"
 _STOPPED = (
     (
         CONDITION_RIG_FILE_INVALID,
@@ -94,7 +91,7 @@ def explain(client: Client, error: RequestRefused) -> RequestRefused:
     except ClientError:  # it does not know this message, or is gone
         found = None
     if found:
-        error.args = (f"{type_name(error.request.TYPE)} was refused: {found}",)
+        error.args = (f"refused: {found}",)
     return error
 
 

@@ -47,8 +47,9 @@ def _rows(found: Switches) -> list[tuple[str, str]]:
         rows.append(("E-stop", "held" if found.estop else "released"))
     rows += [(f"input {i}", "on" if on else "off") for i, on in enumerate(found.inputs, 1)]
     for i, ends in enumerate(found.limits or [], 1):
-        active = " and ".join(name for name, on in zip(("upper", "lower"), ends, strict=True) if on)
-        rows.append((f"limit set {i}", f"{active} switch active" if active else "-"))
+        states = zip(("upper", "lower"), ends, strict=True)
+        shown = ", ".join(f"{name} {'active' if on else 'clear'}" for name, on in states)
+        rows.append((f"limit set {i}", shown))
     return rows
 
 
@@ -66,7 +67,7 @@ def table(found: Switches) -> Any:
     """Return the inputs as a table for a terminal."""
     from rich.table import Table
 
-    shown = Table("switch", "")
+    shown = Table("switch", "state")
     for what, how in _rows(found):
         shown.add_row(what, how)
     return shown

@@ -116,6 +116,8 @@ def check(
     if plot:
         try:
             check_plot.plot(found, plot)
+            if not json:
+                print(f"the picture is {plot}")
         except OSError as error:
             raise ToolError(f"cannot write {plot}: {error.strerror}") from None
     return REFUSED if found.refused else DONE if found.fits else FAILED

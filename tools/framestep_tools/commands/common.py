@@ -16,6 +16,7 @@ from typer.core import TyperCommand
 if TYPE_CHECKING:
     from ..client.client import Client
     from ..move.rig_axes import Axes
+    from ..payloads import MotorSetSpeed
 
 STOP_TIME_S = 60.0
 _OFFER_S = 0.5  # time for a program that has just opened the port to offer it to others
@@ -25,7 +26,7 @@ Url = Annotated[
     typer.Option(
         "--device", "-d", envvar="FRAMESTEP_DEVICE", metavar="DEVICE", show_default=False,
         help=(
-            "path of a port or socket://HOST:PORT; may come first without --device. "
+            "path of a port or socket://HOST:PORT; may also stand without --device. "
             "Without it: the only board on USB"
         ),
     ),
@@ -50,6 +51,7 @@ AxesFile = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="as JSON, for programs")]
 
 _NUMBER = re.compile(r"-(\d|\.\d)")
+_ADDRESS = re.compile(r"[A-Za-z0-9.-]+:\d{1,5}")
 _DEVICE = re.compile(r"/dev/|COM\d+$|\\\\\.\\|[A-Za-z][\w+]*://")
 
 
@@ -93,8 +95,12 @@ def arranged(args: list[str], takes: set[str], needed: int | None) -> list[str]:
         options.append(word)
         if word in takes and left:
             options.append(left.pop(0))
-    if needed is not None and len(rest) > needed and _DEVICE.match(rest[0]):
-        options += ["--device", rest.pop(0)]
+    at = next((i for i, word in enumerate(rest) if _DEVICE.match(word)), None)
+    if needed is not None and len(rest) > needed:
+        if at is not None:
+            options += ["--device", rest.pop(at)]
+        elif address := next((word for word in rest if _ADDRESS.fullmatch(word)), None):
+            raise typer.BadParameter(f"{address} is no device: write socket://{address}")
     return [*options, "--", *rest]
 
 
@@ -227,6 +233,52 @@ def moving(device: str | None, axes: "Axes | None" = None) -> "Iterator[Client]"
         except KeyboardInterrupt:
             _stop(client)
             raise
+
+
+@contextmanager
+def shown(client: "Client", motor: int) -> Iterator[None]:
+    """Show a motor's position in a terminal while it moves."""
+    from ..payloads import Positions
+
+    def show(event: Any) -> None:
+        report = event.message
+        if isinstance(report, Positions) and motor <= len(report.steps):
+            at = client.axes.position(motor, report.steps[motor - 1])
+            print(f"\r{client.axes.name(motor)}: {at}\x1b[K", end="", file=sys.stderr, flush=True)
+
+    if not sys.stderr.isatty():
+        yield
+        return
+    client.on_event = show
+    try:
+        yield
+    finally:
+        client.on_event = None
+        print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+def set_speed(client: "Client", request: "MotorSetSpeed") -> None:
+    """Set a motor's speed, and report a value that the board has limited."""
+    from ..client.client import ClientError
+    from ..payloads import GetExceeded
+
+    client.request(request)
+    try:
+        found = client.request(GetExceeded(request.motor))
+    except ClientError:  # only framestep reports it
+        return
+    axes = client.axes
+    for what, per, asked, is_set in (
+        ("velocity", "s", request.velocity, found.velocity),
+        ("acceleration", "s²", request.acceleration, found.acceleration),
+    ):
+        if is_set is not None and is_set != asked:
+            print(
+                f"{axes.name(request.motor)}: the board limits its {what} to "
+                f"{axes.length(request.motor, is_set, per)}",
+                file=sys.stderr,
+                flush=True,
+            )
 
 
 def _stop(client: "Client") -> None:

@@ -77,6 +77,7 @@ def conform(
             raise ValueError
     except (OSError, ValueError, KeyError, TypeError):
         raise ToolError(f"{baseline} is not a report written by --json") from None
+    url = device or port_finder.protocol_port()  # before the question
     if not yes and not typer.confirm(
         "Motors will move, and velocities and limits will change. Is the rig clear?", err=True
     ):
@@ -87,7 +88,6 @@ def conform(
         if not json and result.verdict not in (kit.PASSED, kit.LEFT_OUT):
             print(report.line(result), flush=True)
 
-    url = device or port_finder.protocol_port()
     results: list[kit.Result] = []
     port = open_port(url, 1)
     link = Link(PacedPort(port, speed) if speed != 1 else port, PATIENCE)

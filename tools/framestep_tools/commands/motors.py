@@ -20,6 +20,8 @@ from .common import (
     moving,
     put,
     say_json,
+    set_speed,
+    shown,
     stopped,
     talking,
 )
@@ -127,9 +129,10 @@ def move(
         )
     with moving(device, known) as client:
         if speed:
-            client.request(speed)
-        client.request(MotorMove(number, target))
-        client.wait_idle(timeout_s=float("inf"))
+            set_speed(client, speed)
+        with shown(client, number):
+            client.request(MotorMove(number, target))
+            client.wait_idle(timeout_s=float("inf"))
         _arrived(client, number, target)
 
 
@@ -164,9 +167,10 @@ def jog(
     target = known.steps(number, destination)
     with moving(device, known) as client:
         _stands(client, number)
-        _jog(client, number, target, speed, seconds)
-        client.request(MotorStop(number))
-        client.wait_idle(STOP_TIME_S)
+        with shown(client, number):
+            _jog(client, number, target, speed, seconds)
+            client.request(MotorStop(number))
+            client.wait_idle(STOP_TIME_S)
         _arrived(client, number)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import AxesFile, Url, load_axes, moving, put, talking
+from .common import AxesFile, Url, load_axes, moving, put, set_speed, talking
 
 if TYPE_CHECKING:
     from ..client.client import Client
@@ -226,7 +226,8 @@ def play(
     set_speeds = speeds(known, content, velocity, acceleration)
     with moving(device, known) as client:
         _has_output(client, bloop)
-        client.stream(set_speeds)
+        for each in set_speeds:
+            set_speed(client, each)
         send(client, content, lights)
         _run(client, content, run)
     print(f"frames {begin} to {end} played")
@@ -331,7 +332,8 @@ def shoot(
     try:
         with moving(device, known) as client:
             if content:
-                client.stream(set_speeds)
+                for each in set_speeds:
+                    set_speed(client, each)
                 send(client, content, lights)
             _shoot(client, wanted, shots, done)
     except BaseException:

@@ -51,11 +51,13 @@ def prove(
         from ..prove.work import Options
         from ..prove.work import prove as measure
     from ..building.board_files import board_data
+    from ..client import port_finder
     from ..errors import ToolError
 
     if board:
         board_data(board)  # raises ToolError for an unknown name
     emulated = report.emulated_boards()
+    device = device or port_finder.protocol_port()  # before the question
     if not yes:
         text = _ASK.format(drivers=_ON if with_drivers else _OFF)
         if not typer.confirm(text, err=True):

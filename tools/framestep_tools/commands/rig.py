@@ -38,7 +38,7 @@ def rig_check(
         return
     print(
         f"{file} is valid for {board_data(board)['name']}: "
-        f"{found.name.decode()!r}, {len(found.motors)} motors set"
+        f"{found.name.decode()!r}, {len(found.motors)} motor{'s' * (len(found.motors) != 1)} set"
         + (
             "; it has // comments, which a board does not read: "
             f"framestep rig edit {file} sends it without them"

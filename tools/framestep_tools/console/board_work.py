@@ -47,7 +47,7 @@ class BoardWork:
         found = rig_file.check(rig_file.parse(_bare(text), "rig.json"), board, "rig.json")
         return {
             "text": f"valid for {board['name']}: {found.name.decode()!r}, "
-            f"{len(found.motors)} motors set"
+            f"{len(found.motors)} motor{'s' * (len(found.motors) != 1)} set"
         }
 
     def write_rig(self, text: str) -> dict[str, Any]:

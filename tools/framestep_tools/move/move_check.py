@@ -154,8 +154,8 @@ def _ask(
 
 
 def _told(refusal: str) -> str:
-    """Return a refusal without the name of the refused request."""
-    return refusal.partition(" was refused: ")[2] or refusal
+    """Return the reason of a refusal."""
+    return refusal.removeprefix("refused: ")
 
 
 def _board(device: Device) -> SimulatedBoard:
@@ -227,19 +227,29 @@ def lines(found: MoveVerdict, axes: Axes) -> list[str]:
             return "none" if steps is None else axes.position(motor, steps)
 
         said += [
-            f"motor {each.motor}, {each.name}: {each.verdict}"
-            + (f": {each.reason}" if each.reason else ""),
+            f"motor {motor}, {each.name}: {each.verdict}"
+            + (f": {_of_it(each.reason, axes.name(motor))}" if each.reason else ""),
             f"  velocity      {peak(top.velocity, 's')}" + _setting(top.velocity, limits.velocity),
             f"  acceleration  {peak(top.acceleration, 's²')}"
             + _setting(top.acceleration, limits.acceleration),
             f"  jerk          {peak(top.jerk, 's³')}",
             f"  positions     {axes.position(motor, round(top.lowest.value))} to "
             f"{axes.position(motor, round(top.highest.value))}, "
-            f"soft limits {limit(limits.lower)} and {limit(limits.upper)}",
+            + (
+                "no soft limits"
+                if limits.lower is None and limits.upper is None
+                else f"soft limits {limit(limits.lower)} and {limit(limits.upper)}"
+            ),
         ]
     if found.reason:
         said.append(f"the move as a whole: refused: {found.reason}")
     return said
+
+
+def _of_it(reason: str, name: str) -> str:
+    """Return a reason that begins with the motor's name without it."""
+    rest = reason.removeprefix(f"{name} ")
+    return reason if rest == reason else rest.replace("would", "it would", 1)
 
 
 def _place(found: MoveVerdict, peak: Peak) -> str:

@@ -16,7 +16,7 @@ export class Refused extends Error {
 
   /** Return the device's reason, if there is one, instead of the meaning of the code. */
   because(reason) {
-    if (reason) this.message = `${REQUESTS[this.request].name} was refused: ${reason}`;
+    if (reason) this.message = `Refused: ${reason}`;
   }
 }
 
