@@ -3,6 +3,7 @@ with the reason."""
 
 import contextlib
 import os
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -149,6 +150,16 @@ def paths() -> Paths:
 def unix32f(tmp_path_factory) -> Runtime:
     """32-bit MicroPython on this computer's processor."""
     return Runtime("x86", tmp_path_factory.mktemp("unix32f"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _shared_ports(tmp_path_factory):
+    """Programs that share a port find one another by a temporary file with its name: not those of
+    other processes of tests, which may use the same name."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv("TMPDIR", str(tmp_path_factory.mktemp("ports")))
+        patched.setattr(tempfile, "tempdir", None)
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)
