@@ -3,8 +3,6 @@ can repeat it.
 
 A recording is a file for runtime/recording_replay.py: a line of JSON that describes the board, then
 
-    H 12 30        a pass, a tick and two passes (the last a millisecond later), in each of the
-                   milliseconds 12 to 41: a host that looks every millisecond
     S 12 30        a tick and a pass, in each of the milliseconds 12 to 41
     T 12007        a single tick, at this microsecond
     P 12           a single pass, with the clock at this millisecond
@@ -350,29 +348,10 @@ def _shape(block):
     return [width, setup, bool(block[stepper.INVERT])]
 
 
-def shorter(lines: list[str]) -> list[str]:
-    """Return the same script with H lines."""
-    found: list[str] = []
-    at = first = 0
-    while at < len(lines):
-        now = int(lines[at][2:]) if lines[at].startswith("P ") else -1
-        if now < 0 or lines[at + 1 : at + 3] != [f"S {now} 1", f"P {now + 1}"]:
-            found.append(lines[at])
-            at += 1
-            continue
-        if found and found[-1] == f"H {first} {now - first}":
-            found[-1] = f"H {first} {now - first + 1}"
-        else:
-            first = now
-            found.append(f"H {now} 1")
-        at += 3
-    return found
-
-
 def write(recording: Recording, path) -> None:
     with open(path, "w") as file:
         file.write(json.dumps(recording.head) + "\n")
-        for line in shorter(recording.lines):
+        for line in recording.lines:
             file.write(line + "\n")
 
 

@@ -18,7 +18,7 @@ from host_tests.end_to_end.runs.uploaded_runs import MOVE
 from host_tests.end_to_end.session import DIALECTS, simulated
 from host_tests.recording import differences, recorded
 
-_SHORT = 6000  # passes of a session that every run plays again
+_SHORT = 2500  # passes of a session that every run plays again
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -427,13 +427,7 @@ class Replay:
     def happen(self, words):
         verb = words[0]
         hal = self.hal
-        if verb == b"H":
-            for ms in range(int(words[1]), int(words[1]) + int(words[2])):
-                self.poll(ms)
-                self.tick(ms * 1000 + 7)
-                self.poll(ms)
-                self.poll(ms + 1)
-        elif verb == b"S":
+        if verb == b"S":
             for ms in range(int(words[1]), int(words[1]) + int(words[2])):
                 self.tick(ms * 1000 + 7)
                 self.poll(ms)

@@ -95,8 +95,11 @@ class HostBoard:
             )
         hal.set_level(pin, level)
 
-    def run_until(self, ns):
-        """Let virtual time pass, with a tick and a pass of the main loop each millisecond."""
+    def run_until(self, ns, until_output=False):
+        """Let virtual time pass, with a tick and a pass of the main loop each millisecond.
+
+        until_output: only to the end of a tick in which the controller has sent something.
+        """
         hal = self.hal
         self.controller.poll(hal.ticks_ms())
         while self.next_tick <= ns:
@@ -104,6 +107,8 @@ class HostBoard:
             hal.tick()
             self.controller.poll(hal.ticks_ms())
             self.next_tick += TICK_NS
+            if until_output and hal.port.outgoing:
+                return
         if ns > hal.now_ns:
             hal.now_ns = ns
             self.controller.poll(hal.ticks_ms())

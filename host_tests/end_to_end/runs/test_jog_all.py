@@ -30,7 +30,7 @@ def test_frame_by_frame(standing):
         at += step
         assert_on_frame(standing, at)
         times, _ = standing.steps(1)
-        assert times[-1] - begun == pytest.approx(1.0, abs=0.02)
+        assert times[-1] - begun == pytest.approx(1.0, abs=0.03)
     assert_followed(standing, 120, 24)
 
 

@@ -448,6 +448,6 @@ def test_the_end_of_one_jog_is_not_that_of_the_next():
     session.run(0.05)
     session.accept(VirtStop(m.VIRT_MOTOR_EW))
     session.run(1)
-    assert session.made(2) > 1000
+    assert session.made(2) > 900
     session.accept(VirtStop(m.VIRT_MOTOR_NS))
     session.wait_idle()

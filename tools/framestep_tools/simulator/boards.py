@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from framestep.hal.host_board import HostBoard
 
-_LOOK_NS = 1_000_000  # interval at which a simulated board is asked for output while a client waits
 _BOOT_LIMIT_MS = 10_000
 
 
@@ -123,7 +122,6 @@ class SimulatedBoard:
         self._board.on_edge = lambda time_ns, signal, value: self._edges.append(
             (time_ns, signal, value)
         )
-        self._out = bytearray()
         self.protocol = self
 
     def upload_bytes_for(self, frames: int) -> int:
@@ -145,10 +143,7 @@ class SimulatedBoard:
         self._board.receive(data)
 
     def transmit(self) -> bytes:
-        self._out += self._board.transmit()
-        data = bytes(self._out)
-        self._out.clear()
-        return data
+        return self._board.transmit()
 
     def open_port(self, on: bool) -> None:
         self._board.open_port(on)
@@ -162,13 +157,7 @@ class SimulatedBoard:
         return self._board.now_ns
 
     def run_until(self, ns: int, until_output: bool = False) -> None:
-        board = self._board
-        if not until_output:
-            board.run_until(ns)
-            return
-        while board.now_ns < ns and not self._out:
-            board.run_until(min(ns, board.now_ns + _LOOK_NS))
-            self._out += board.transmit()
+        self._board.run_until(ns, until_output)
 
     def edges(self) -> list[Edge]:
         edges, self._edges = self._edges, []
