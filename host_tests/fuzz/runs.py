@@ -98,6 +98,7 @@ class Runs(Part):
         self.lost = False
         self.going = None
         for motor in self._takers():
+            motor.let_go_by = None
             self._rolled(motor, start, pre)
             self.led(motor)
 
@@ -244,6 +245,7 @@ class Runs(Part):
         self.going = None
         for motor in self.motors:
             motor.free = True  # velocity and acceleration alone limit its ramps
+            motor.let_go_by = None
         self.run = {"shot": True, "motors": []}
 
     def disturbed(self):
