@@ -1,8 +1,8 @@
 """Puts data into the package of `pip install .` and `make release`: see
 tools/framestep_tools/paths.py.
 
-Boards' data and example files, and images already built from these sources (`make image`; an image
-needs a compiler, so none is built here).
+Boards' data and example files, the files of boards with an ESP32, and images already built from
+these sources (`make image`; an image needs a compiler, so none is built here).
 """
 
 import shutil
@@ -32,7 +32,8 @@ class BuildPackage(build_py):
             self.put_data(Path(self.build_lib) / TOOLS)
 
     def put_data(self, package: Path) -> None:
-        from framestep_tools.building import images
+        from framestep_tools.board import on_files
+        from framestep_tools.building import board_files, images
 
         folder = package / "data"
         for path in sorted((ROOT / "tools/framestep_tools/move").glob("*.csv")):
@@ -46,6 +47,11 @@ class BuildPackage(build_py):
             self.put(path, folder / "boards" / path.name)
         for path in sorted((ROOT / "boards").glob("*/*.json")):
             self.put(path, folder / "boards" / path.parent.name / path.name)
+        for board in board_files.files_boards():
+            for name, content in on_files.package(board).files().items():
+                path = folder / "files" / board / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
         for board, path in images.images_ready().items():
             self.put(path, folder / "images" / f"{board}.uf2")
 

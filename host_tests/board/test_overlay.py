@@ -6,6 +6,7 @@ import pytest
 from framestep.protocol import messages as m
 from framestep_emulator import Emulator, edge_times
 from framestep_tools.board import overlay
+from framestep_tools.board.module_files import dotted
 from framestep_tools.building import images
 from framestep_tools.building.board_files import board_modules, board_sources, compiled
 from framestep_tools.client.client import Client
@@ -44,7 +45,7 @@ def edited(name, more="", old="", new=""):
 
 def on_board(ident, modules):
     """Return the files of a board with this overlay."""
-    listing = " ".join([ident, *map(overlay.dotted, modules)]).encode()
+    listing = " ".join([ident, *map(dotted, modules)]).encode()
     files = {f"{overlay.FOLDER}/{name}": content for name, content in modules.items()}
     return {**files, overlay.LIST: listing}
 

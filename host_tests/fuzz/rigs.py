@@ -5,7 +5,7 @@ from random import Random
 
 from framestep.rig import Rig, RigError
 from framestep.rig.homes import least_back_off
-from framestep_tools.building.board_files import board_data, board_names
+from framestep_tools.building.board_files import board_data, image_boards
 from host_tests.script import Script
 
 
@@ -113,7 +113,7 @@ def draw_home(dice: Random, sets: list, hard_stop_factor: int) -> dict:
 
 def draw_script(dice: Random) -> Script:
     """Return a script with a board and a rig, which sometimes lacks something."""
-    board = dice.choice((*board_names(), "pico", "pico"))
+    board = dice.choice((*image_boards(), "pico", "pico"))
     script = Script(board, draw_rig(dice, board))
     if dice.random() < 0.02:
         text = json.dumps(script.rig)

@@ -14,7 +14,13 @@ import zipfile
 
 import pytest
 
-from framestep_tools.building.board_files import ROOT, board_data, board_names
+from framestep_tools.building.board_files import (
+    ROOT,
+    board_data,
+    board_names,
+    board_sources,
+    files_boards,
+)
 from framestep_tools.client.client import Client
 from framestep_tools.move.move_file import CAMERA_MOVE
 from host_tests.tools.board.test_install import board_behind  # noqa: F401 -- a fixture
@@ -179,6 +185,13 @@ def test_it_brings_what_goes_onto_each_board(installed, board):
     example = installed.folder / "framestep_tools/data/boards" / board / "rig.json"
     assert "is valid for" in installed.run("rig", "check", example, "--board", board)
     assert installed.run("rig", "example", "--board", board) == example.read_text()
+    if board in files_boards():
+        count = installed.python(
+            "import sys; from framestep_tools.board.on_files import package; "
+            "found = package(sys.argv[1]); print(len(found.modules), b'start()' in found.main)",
+            board,
+        )
+        assert count.split() == [str(len(board_sources(board))), "True"]
 
 
 def test_a_session_from_a_bare_board_to_a_move(installed, board_behind, tmp_path):  # noqa: F811

@@ -210,6 +210,7 @@ class Hal:
         self.alive = True
         self.content = head["flash"]
         self.pins = 0
+        self.places = {}
         self.driven = 0
         self.watched = 0
         self.handler = None
@@ -271,15 +272,21 @@ class Hal:
     def ready(self):
         return True
 
+    def place(self, pin):
+        """Return the number of a pin's bit, as in hal/host.py."""
+        if "chain" not in self.board:
+            return pin
+        return self.places.setdefault(pin, len(self.places))
+
     def output(self, pin, level):
-        bit = 1 << pin
+        bit = 1 << self.place(pin)
         self.driven |= bit
         self.drive(bit * level, bit * (1 - level))
         return bit
 
     def input(self, pin, pull):
         self.set_level(pin, 1 if pull == "up" else 0)
-        return 1 << pin
+        return 1 << self.place(pin)
 
     def drive(self, high, low):
         self.notes.note(OUTPUT, high, low)
@@ -294,9 +301,10 @@ class Hal:
         self.handler = handler
 
     def set_level(self, pin, level):
-        if (self.pins >> pin & 1) != level:
-            self.pins ^= 1 << pin
-            if self.watched >> pin & 1:
+        place = self.place(pin)
+        if (self.pins >> place & 1) != level:
+            self.pins ^= 1 << place
+            if self.watched >> place & 1:
                 micropython.heap_lock()
                 try:
                     self.handler(None)

@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass, fields
 from functools import cache
+from typing import Any
 
 from . import paths
 from .errors import ToolError
@@ -23,7 +24,9 @@ class Chip:
     clocks: list[int]  # MHz that the processor may run at
     uarts: list[dict[str, list[int]]]  # the pins that each UART can have as TX and RX
     processor: str  # as mpy-cross calls it
-    uf2_family: str
+    uf2_family: str | None  # of an image; None: framestep's files go onto MicroPython's own program
+    esp: dict[str, Any] | None  # of an ESP32: its name in esptool, its number in images, where in
+    # flash a whole image begins
     plain_board: str  # the board that `framestep install` takes if none is named
 
 

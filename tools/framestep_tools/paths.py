@@ -2,7 +2,8 @@
 installed.
 
 setup.py adds to the package what a user needs without the sources: `data/boards` with each board's
-board.json and rig.json, and `data/images/<board>.uf2`.
+board.json and rig.json, `data/images/<board>.uf2`, and `data/files/<board>` with the files of
+boards that have framestep in their file system.
 """
 
 import os
@@ -16,6 +17,7 @@ INSTALLED = DATA.is_dir()
 ROOT = PACKAGE.parents[1]  # of the checkout
 BOARDS = DATA / "boards" if INSTALLED else ROOT / "boards"
 IMAGES = DATA / "images"
+FILES = DATA / "files"
 FIRMWARE = ROOT / "firmware"
 CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or ROOT / ".cache").absolute()
 

@@ -354,7 +354,13 @@ bare_port() {
     sources
     rm -rf "$dir"
     mkdir -p "$dir"
-    printf 'include("$(MPY_DIR)/extmod/asyncio")\n' >"$dir/manifest.py"
+    {
+        printf 'include("$(MPY_DIR)/extmod/asyncio")\n'
+        # as an ESP32 finds its files
+        case " $* " in *' CHIP=esp32 '*)
+            printf 'freeze("$(MPY_DIR)/ports/esp32/modules", ("_boot.py", "flashbdev.py", "inisetup.py"))\n' ;;
+        esac
+    } >"$dir/manifest.py"
     step "$name" "building MicroPython for $name" make -C "$port" -j"$JOBS" ARCH="$arch" TOP="$MP" BUILD="$dir" \
         MICROPY_MPYCROSS="$(mpy_cross)" FROZEN_MANIFEST="$dir/manifest.py" "$@"
     printf '%s\n' "$recipe" >"$dir/.recipe"

@@ -232,6 +232,7 @@ class HostHal:
         self.driver_wire = wire(self) if wire else SilentWire()
         self.said = []  # lines that were printed about drivers
         self.names = pin_names(rig.board)
+        self._places = {}  # bit numbers of pins, where pin numbers may be above 29
         self._outputs = 0  # pins that are driven
         self._levels = 0  # of all pins
         self._watched = 0
@@ -314,23 +315,30 @@ class HostHal:
         if self.on_edge:
             self.on_edge(self.now_ns, signal, level)
 
+    def _place(self, pin):
+        """Return the number of a pin's bit."""
+        if "chain" not in self.board:
+            return pin
+        return self._places.setdefault(pin, len(self._places))
+
     def output(self, pin, level):
-        bit = 1 << pin
+        bit = 1 << self._place(pin)
         self._outputs |= bit
         self.drive(bit * level, bit * (1 - level))
         return bit
 
     def input(self, pin, pull):
         self.set_level(pin, 1 if pull == "up" else 0)
-        return 1 << pin
+        return 1 << self._place(pin)
 
     def drive(self, high, low):
         levels = (self._levels | high) & ~low
         changed = (levels ^ self._levels) & self._outputs
         self._levels ^= changed
         for pin, name in self.names.items():
-            if (changed >> pin) & 1:
-                self.report_edge(name, (levels >> pin) & 1)
+            place = self._places.get(pin, pin)
+            if (changed >> place) & 1:
+                self.report_edge(name, (levels >> place) & 1)
 
     def levels(self):
         return self._levels
@@ -341,10 +349,11 @@ class HostHal:
 
     def set_level(self, pin, level):
         """Set the level of a pin from outside."""
-        if ((self._levels >> pin) & 1) != level:
-            self._levels ^= 1 << pin
+        place = self._place(pin)
+        if ((self._levels >> place) & 1) != level:
+            self._levels ^= 1 << place
             self.report_edge(self.names.get(pin, "pin%d" % pin), level)
-            if (self._watched >> pin) & 1:
+            if (self._watched >> place) & 1:
                 self._handler(None)
 
     def led(self, colour):

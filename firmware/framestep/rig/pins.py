@@ -12,7 +12,8 @@ from framestep.rig.settings import (
 
 # keys of a board's data whose pins are in use with any rig file
 _BOARD_PINS = (
-    "step", "dir", "enable", "estop", "shutter", "meter", "led", "rgb", "jumper", "flash", "uart"
+    "step", "dir", "enable", "estop", "shutter", "meter", "led", "rgb", "jumper", "button", "flash",
+    "uart", "usb",
 )  # fmt: skip
 # On a board with a chain of shift registers: its outputs. The chip's own pins are for inputs there
 _CHAIN = (64, 93)

@@ -6,7 +6,7 @@ import zipfile
 import pytest
 
 from framestep_tools.building import release
-from framestep_tools.building.board_files import board_data, board_names
+from framestep_tools.building.board_files import board_data, board_names, image_boards
 from framestep_tools.building.images import BuildError
 
 
@@ -69,7 +69,8 @@ def test_notes_say_which_file_to_take():
     assert text.startswith("# framestep 0.2.0\n")
     for board in board_names():
         name = board_data(board)["name"]
-        assert f"\n| {name} | `{release.image_name(board, '0.2.0')}` |\n" in text
+        ending = "uf2" if board in image_boards() else "zip"
+        assert f"\n| {name} | `framestep-{board}-0.2.0.{ending}` |\n" in text
     assert "`pipx install ./framestep-0.2.0-py3-none-any.whl`" in text
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from framestep.rig import Rig
 from framestep.rig.pins import fitted
+from framestep_tools.board.esp32_flash import VERSION
 from framestep_tools.board.rig_file import read
 from framestep_tools.building.board_files import (
     ROOT,
@@ -16,6 +17,8 @@ from framestep_tools.building.board_files import (
     board_module,
     board_modules,
     board_names,
+    files_boards,
+    image_boards,
     march,
 )
 from framestep_tools.documents import board_pages
@@ -25,7 +28,7 @@ BOARDS = board_names()
 
 def test_the_boards_that_there_are():
     """The README leads to each of them."""
-    assert {"fysetc_erb", "pico", "pico2", "skr_pico"} <= set(BOARDS)
+    assert {"fysetc_erb", "pico", "pico2", "skr_pico", "esp32_s3_595"} <= set(BOARDS)
     readme = (ROOT / "README.md").read_text()
     for name in BOARDS:
         count = board_data(name)["motors"]
@@ -127,7 +130,7 @@ def test_drawing_shows_every_pin_inside_its_frame(name):
     width = float(root.attrib["viewBox"].split()[2])
     texts = root.findall("{http://www.w3.org/2000/svg}text")
     shown = {text.text for text in texts}
-    off_the_header = {"led"} if "header" in board["page"] else set()
+    off_the_header = {"led"} if "header" in board.get("page", {}) else set()
     for use in board_pages.uses(fitted(board)):
         assert f"{use.what}: {use.wire}" in shown or use.pin in {
             board.get(key) for key in off_the_header
@@ -144,7 +147,17 @@ def test_changed_data_shows(monkeypatch):
         assert path.read_text() != text
 
 
-@pytest.mark.parametrize("name", BOARDS)
+@pytest.mark.parametrize("name", files_boards())
+def test_an_esp32s_page_says_how_to_install_it(name):
+    page = (ROOT / "boards" / name / "README.md").read_text()
+    assert f"framestep install --board {name} --micropython FILE.bin" in page
+    assert f'pip install "{VERSION}"' in page
+    assert "not yet tried on hardware" in page.lower()
+    assert f"runs at {board_data(name)['clock_mhz']} MHz" in page
+    assert page.splitlines()[0] == f"# {board_data(name)['name']}"
+
+
+@pytest.mark.parametrize("name", image_boards())
 def test_folder_is_complete(name):
     folder = ROOT / "boards" / name
     page = (folder / "README.md").read_text()

@@ -1,4 +1,4 @@
-"""Images of a board's file system: littlefs, as MicroPython's rp2 port formats it."""
+"""Images of a board's file system: littlefs, as MicroPython formats it."""
 
 from collections.abc import Mapping
 
@@ -14,17 +14,20 @@ class DoesNotFit(ToolError, ValueError):
     """The files need more room than there is."""
 
 
-def make_image(files: Mapping[str, bytes | str], block_count: int) -> bytes:
+def make_image(
+    files: Mapping[str, bytes | str], block_count: int, prog_size: int = PROG_SIZE
+) -> bytes:
     """Make the image of a file system with these files, {device path: content}.
 
-    Raises DoesNotFit if it is too small.
+    prog_size: bytes that are written at once, as the board's MicroPython has it. Raises DoesNotFit
+    if there is too little room.
     """
     system = LittleFS(
         block_size=BLOCK_SIZE,
         block_count=block_count,
-        prog_size=PROG_SIZE,
-        read_size=PROG_SIZE,
-        cache_size=4 * PROG_SIZE,
+        prog_size=prog_size,
+        read_size=prog_size,
+        cache_size=4 * prog_size,
         lookahead_size=32,
         name_max=255,
         disk_version=0x00020000,
@@ -44,13 +47,13 @@ def make_image(files: Mapping[str, bytes | str], block_count: int) -> bytes:
     return bytes(system.context.buffer)
 
 
-def read_image(data: bytes) -> dict[str, bytes]:
+def read_image(data: bytes, prog_size: int = PROG_SIZE) -> dict[str, bytes]:
     """Return {device path: content} of all files in an image."""
     system = LittleFS(
         block_size=BLOCK_SIZE,
         block_count=len(data) // BLOCK_SIZE,
-        prog_size=PROG_SIZE,
-        read_size=PROG_SIZE,
+        prog_size=prog_size,
+        read_size=prog_size,
         mount=False,
     )
     system.context.buffer = bytearray(data)

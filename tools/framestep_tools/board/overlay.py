@@ -7,21 +7,23 @@ starts with the image's own modules.
 """
 
 from ast import literal_eval
-from collections.abc import Callable, Iterable, Mapping
-from hashlib import sha256
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 from framestep.protocol import messages
 
 from .. import paths
 from ..building.board_files import board_chip, board_data, board_modules
 from ..building.images import beginnings, module_hash
+from . import module_files, on_files
+from .module_files import Files, Place
 from .repl_device import RIG_FILE, Device, DeviceError
 from .restart import condition, greeting, hello
-from .rig_file import RigFileError, check, parse
+from .rig_file import tell_rig
 
 FOLDER = "/overlay"
 LIST = FOLDER + "/modules"
+PLACE = Place(FOLDER, FOLDER, LIST)
 FAILED = FOLDER + "/failed"  # why framestep_overlay has left the overlay out
 MOST = 48 * 1024  # bytes of modules; more would leave room for too few frames
 _FIXED = ("framestep/__init__.mpy", "framestep/leftovers.mpy")  # loaded before the overlay
@@ -41,18 +43,6 @@ def clear(folder):
 try: clear("{FOLDER}")
 except OSError: pass
 """
-
-
-class Files(Protocol):
-    """A board's file system."""
-
-    def files(self, folder: str) -> list[str]: ...
-    def hashes(self, names: Iterable[str]) -> dict[str, bytes]: ...
-    def read(self, name: str) -> bytes | None: ...
-    def write(self, name: str, data: bytes) -> None: ...
-    def replace(self, name: str, data: bytes) -> None: ...
-    def remove(self, name: str) -> None: ...
-    def run(self, script: str) -> str: ...
 
 
 class Image(NamedTuple):
@@ -99,84 +89,37 @@ def edited(image: Image, modules: Mapping[str, bytes]) -> dict[str, bytes]:
     return found
 
 
-def dotted(name: str) -> str:
-    """Convert a module's path to its name: framestep.motors.axis."""
-    return name.removesuffix(".mpy").removesuffix("/__init__").replace("/", ".")
-
-
 def put(board: Files, ident: str, modules: Mapping[str, bytes], say: Callable[[str], None]) -> int:
     """Make these modules the overlay; return the number of files written and removed."""
-    there = board.files(FOLDER)
     if not modules:
+        there = board.files(FOLDER)
         board.run(_CLEAR)
         return len(there)
-    wanted = {f"{FOLDER}/{name}": content for name, content in modules.items()}
-    listing = " ".join([ident, *sorted(map(dotted, modules))]).encode() + b"\n"
-    hashes = {path: sha256(content).digest() for path, content in wanted.items()}
-    present = board.hashes(path for path in there if path in wanted)
-    changed = [path for path in sorted(wanted) if present.get(path) != hashes[path]]
-    stale = [path for path in there if path not in wanted and path != LIST]
-    if not changed and not stale and LIST in there and board.read(LIST) == listing:
-        return 0
-    if LIST in there:
-        board.remove(LIST)
-    for path in stale:
-        board.remove(path)
-    for i, path in enumerate(changed, 1):
-        say(f"copying {i}/{len(changed)} {path} ({len(wanted[path])} bytes)")
-        board.write(path, wanted[path])
-    found = board.hashes(sorted(wanted))
-    if damaged := [path for path in wanted if found.get(path) != hashes[path]]:
-        raise DeviceError(
-            f"{', '.join(damaged)} did not arrive as sent; try again, perhaps with another cable"
-        )
-    board.replace(LIST, listing)
-    return len(changed) + len(stale) + 1
+    return module_files.put(board, PLACE, ident, modules, say)
 
 
-def tell_rig(content: bytes | None, board: str, say: Callable[[str], None]) -> int:
-    """Say what is wrong with the board's rig file; return the number of ports that it asks for."""
-    if content is None:
-        return 2
-    try:
-        return check(parse(content, RIG_FILE), board_data(board), RIG_FILE).ports
-    except RigFileError as error:
-        say(f"{error}")
-        say("nothing moves until it is corrected: framestep rig edit")
-        return 2
-
-
-def flash_overlay(
-    port: str | None, protocol: str | None, clean: bool, say: Callable[[str], None]
-) -> None:
-    """Copy edited modules onto a board that runs framestep's image, or remove the overlay.
+def flash(port: str | None, protocol: str | None, clean: bool, say: Callable[[str], None]) -> None:
+    """Copy edited modules onto a board that runs framestep's image, or remove the overlay. A board
+    that has framestep in its file system gets all modules that differ.
 
     port: of the REPL; without it the only board on USB. protocol: the port that Dragonframe will
     use, if it is not found by itself.
     """
     with Device(port, say) as device:
-        image = image_of(device)
-        if paths.INSTALLED and not clean:
-            raise DeviceError(
-                "the board runs an image, and there is no source to replace its modules: update it "
-                f"with framestep install --board {image.board}, or take a checkout of framestep"
-            )
-        say(f"{board_data(image.board)['name']} on {device.path}, image {image.ident}")
-        modules = (
-            {}
-            if clean
-            else edited(image, board_modules(board_chip(image.board).processor, image.board))
-        )
-        device.halt()
-        if not put(device, image.ident, modules, say):
-            what = f"all of the overlay ({len(modules)} modules)" if modules else "no overlay"
-            say(f"{what} is on the board")
-        ports = tell_rig(device.read(RIG_FILE), image.board, say)
+        if board := on_files.board_of(device):
+            if clean:
+                raise DeviceError(
+                    "this board has no overlay: all of framestep is in its file system; "
+                    f"framestep install --board {board} writes it"
+                )
+            modules, ports = {}, 1
+            on_files.bring(device, on_files.package(board), say)
+        else:
+            modules, ports = _overlay(device, clean, say)
         say("restarting")
         device.restart()
-    path, info = hello(
-        device.path, protocol, ports, "if it is the overlay's fault: framestep flash --clean"
-    )
+    advice = "if it is the overlay's fault: framestep flash --clean" if modules else None
+    path, info = hello(device.path, protocol, ports, advice)
     if modules and not condition(path) & messages.CONDITION_OVERLAY:
         reason = b""
         if ports == 2:  # with one port, asking the REPL would end framestep
@@ -187,3 +130,27 @@ def flash_overlay(
             + reason.decode().partition("\n")[2].strip()
         )
     say(greeting(path, info))
+
+
+def _overlay(
+    device: Device, clean: bool, say: Callable[[str], None]
+) -> tuple[dict[str, bytes], int]:
+    """Bring the overlay up to date. Return its modules, and the ports that the rig file asks
+    for."""
+    image = image_of(device)
+    if paths.INSTALLED and not clean:
+        raise DeviceError(
+            "the board runs an image, and there is no source to replace its modules: update it "
+            f"with framestep install --board {image.board}, or take a checkout of framestep"
+        )
+    say(f"{board_data(image.board)['name']} on {device.path}, image {image.ident}")
+    modules = (
+        {}
+        if clean
+        else edited(image, board_modules(board_chip(image.board).processor, image.board))
+    )
+    device.halt()
+    if not put(device, image.ident, modules, say):
+        what = f"all of the overlay ({len(modules)} modules)" if modules else "no overlay"
+        say(f"{what} is on the board")
+    return modules, tell_rig(device.read(RIG_FILE), image.board, say)

@@ -293,3 +293,18 @@ def edit(device: "Device", protocol: str | None, file: Path | None = None) -> No
     except Refused as error:
         raise ToolError(f"{error}; framestep rig edit {draft} goes on with the draft") from None
     shutil.rmtree(folder)
+
+
+def tell_rig(content: bytes | None, board: str, say: Callable[[str], None]) -> int:
+    """Say what is wrong with the board's rig file; return the number of ports that it asks for."""
+    from ..building.board_files import board_data
+    from .repl_device import RIG_FILE
+
+    if content is None:
+        return 2
+    try:
+        return check(parse(content, RIG_FILE), board_data(board), RIG_FILE).ports
+    except RigFileError as error:
+        say(f"{error}")
+        say("nothing moves until it is corrected: framestep rig edit")
+        return 2

@@ -186,6 +186,16 @@ def board_names() -> list[str]:
     return sorted(path.parent.name for path in paths.BOARDS.glob("*/board.json"))
 
 
+def image_boards() -> list[str]:
+    """List the boards that have an image; the others get framestep's files."""
+    return [name for name in board_names() if board_chip(name).uf2_family]
+
+
+def files_boards() -> list[str]:
+    """List the boards that have framestep in their file system."""
+    return [name for name in board_names() if not board_chip(name).uf2_family]
+
+
 def board_data(board: str) -> dict[str, Any]:
     """Return the data of boards/<board>/board.json, with the chip's `hal`, its numbers of `ports`
     and `pins`, and its `clocks` in MHz. Raises ToolError if there is no such board or chip."""
@@ -211,7 +221,12 @@ def board_module(board: str) -> str:
     page's."""
     data = board_data(board)
     data.pop("page", None)
-    return f'"""Pins and counts, made from boards/{board}/board.json."""\n\nBOARD = {data!r}\n'
+    return data_module(data)
+
+
+def data_module(data: Mapping[str, Any]) -> str:
+    """Return the source of framestep/board.py for a board's data."""
+    return f'"""Pins and counts, made from the board\'s board.json."""\n\nBOARD = {dict(data)!r}\n'
 
 
 def without_meanings(text: str) -> str:
@@ -259,11 +274,11 @@ def folded(
 
 
 @_remembered
-def board_sources(board: str) -> dict[str, bytes]:
-    """Return {"framestep/motors/axes.mpy": source} of a board's modules."""
-    found = board_chip(board)
-    folds = folded({"framestep/board.py": board_module(board)}, True, found.engine)
-    others = tuple(chain.from_iterable(_OF_HAL[hal] for hal in _OF_HAL.keys() - {found.hal}))
+def sources_with(module: str, engine: str, hal: str) -> dict[str, bytes]:
+    """Return {"framestep/motors/axes.mpy": source} of the modules for a board. module: source of
+    framestep/board.py; engine, hal: of its chip."""
+    folds = folded({"framestep/board.py": module}, True, engine)
+    others = tuple(chain.from_iterable(_OF_HAL[other] for other in _OF_HAL.keys() - {hal}))
     return {
         name.removesuffix(".py") + ".mpy": (
             text if name == _NATIVE else without_compiler_imports(text.decode()).encode()
@@ -273,12 +288,23 @@ def board_sources(board: str) -> dict[str, bytes]:
     }
 
 
-def board_modules(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
-    """Return {"framestep/motors/axes.mpy": content} of a board's modules."""
+def board_sources(board: str) -> dict[str, bytes]:
+    """Return {"framestep/motors/axes.mpy": source} of a board's modules."""
+    found = board_chip(board)
+    return sources_with(board_module(board), found.engine, found.hal)
+
+
+def compiled_modules(found: Mapping[str, bytes], march: str) -> dict[str, bytes]:
+    """Return {"framestep/motors/axes.mpy": content} of these sources."""
     return {
         name: compiled(name.removesuffix(".mpy") + ".py", source, march)
-        for name, source in board_sources(board).items()
+        for name, source in found.items()
     }
+
+
+def board_modules(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
+    """Return {"framestep/motors/axes.mpy": content} of a board's modules."""
+    return compiled_modules(board_sources(board), march)
 
 
 def compiled_tree(march: str = "x86", engine: str = "pio") -> Path:

@@ -19,9 +19,9 @@ from framestep_tools.building.board_files import (
     ROOT,
     board_chip,
     board_modules,
-    board_names,
     board_sources,
     compiled,
+    image_boards,
 )
 from framestep_tools.building.ram_functions import symbols
 from framestep_tools.errors import ToolError
@@ -143,7 +143,7 @@ def _digest(board: str, files: dict[str, bytes]) -> str:
 def images_ready() -> dict[str, Path]:
     """Return {board: UF2 image} of images built from the present sources. Build nothing."""
     found = {}
-    for board in board_names():
+    for board in image_boards():
         build = CACHE / "build" / f"image-{board}"
         stamp, image = build / "stamp", build / "firmware.uf2"
         if (
@@ -181,6 +181,9 @@ def frozen(board: str = "pico", checkout: str | None = None, show: bool = False)
     build, if not Debian's; show: print the steps on standard error. Several processes may call this
     at once.
     """
+    family = board_chip(board).uf2_family
+    if family is None:
+        raise BuildError(f"there is no image for {board}: framestep install puts files onto it")
     files = image_files(board)
     folder = ROOT / "boards" / board
     digest = _digest(board, files)
@@ -203,7 +206,7 @@ def frozen(board: str = "pico", checkout: str | None = None, show: bool = False)
             BOARD_DIR=str(folder),
             FRAMESTEP=str(modules),
             IMAGE=str(build),
-            UF2_FAMILY=board_chip(board).uf2_family,
+            UF2_FAMILY=family,
             IN_RAM=" ".join(symbols(board_sources(board))),
             MICROPYTHON=os.path.abspath(checkout) if checkout else "",
         )

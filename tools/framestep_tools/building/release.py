@@ -1,7 +1,8 @@
 """`make release`: build everything that a release contains, in build/release.
 
 framestep-VERSION-py3-none-any.whl   the package, for pipx install
-framestep-BOARD-VERSION.uf2          the image of each board
+framestep-BOARD-VERSION.uf2          the image of each board with an RP2040 or RP2350
+framestep-BOARD-VERSION.zip          the files of each board with an ESP32
 SHA256SUMS, NOTES.md                 sums of all of these; which file to take, and this version's
                                      changes
 
@@ -21,9 +22,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from .. import paths
+from ..board import on_files
 from ..errors import Command
 from ..paths import ROOT, version
-from .board_files import board_data, board_names
+from .board_files import board_data, files_boards, image_boards
 from .images import BuildError, frozen
 
 RELEASE = ROOT / "build" / "release"
@@ -58,6 +60,8 @@ _NOTES = """\
 1. Install the package: `pipx install ./framestep-{version}-py3-none-any.whl`. It contains the images of all boards.
 2. Put framestep on the board: `framestep install --board pico`, with your board's name. It says which button to press. Without the
    package, plug the board in with BOOTSEL held, and drop its `.uf2` onto the drive that appears.
+   An ESP32 needs MicroPython first: its board's page says how. By hand: unpack the `.zip`, then
+   `mpremote fs cp -r framestep : + fs cp main.py : + reset`; to replace another version, `mpremote fs rm :framestep/modules` comes first.
 3. `framestep status` must answer. Your `rig.json` and your other files stay on the board.
 
 `SHA256SUMS` has the sum of each file: `sha256sum -c --ignore-missing SHA256SUMS`.
@@ -80,8 +84,9 @@ def notes(changelog: str, wanted: str) -> str:
     if url := paths.repository():  # a relative link would lead nowhere from a release's page
         changes = [re.sub(r"\]\((?!\w+:)", f"]({url}/blob/v{wanted}/", text) for text in changes]
     rows = "\n".join(
-        f"| {board_data(board)['name']} | `{image_name(board, wanted)}` |"
-        for board in board_names()
+        f"| {board_data(board)['name']} | `{name(board, wanted)}` |"
+        for boards, name in ((image_boards(), image_name), (files_boards(), files_name))
+        for board in boards
     )
     return _NOTES.format(version=wanted, rows=rows, changes="\n\n".join(changes))
 
@@ -89,6 +94,11 @@ def notes(changelog: str, wanted: str) -> str:
 def image_name(board: str, wanted: str) -> str:
     """Return the name of a board's image in a release."""
     return f"framestep-{board}-{wanted}.uf2"
+
+
+def files_name(board: str, wanted: str) -> str:
+    """Return the name of the archive with a board's files."""
+    return f"framestep-{board}-{wanted}.zip"
 
 
 def zipped(files: Mapping[str, bytes], when: int) -> bytes:
@@ -139,7 +149,10 @@ def make(folder: Path) -> list[Path]:
     folder.mkdir(parents=True)
     when = epoch()
     os.environ["SOURCE_DATE_EPOCH"] = str(when)
-    for board in board_names():
+    for board in files_boards():
+        package = on_files.package(board)
+        (folder / files_name(board, version())).write_bytes(zipped(package.files(), when))
+    for board in image_boards():
         print(f"the image for the {board_data(board)['name']}", flush=True)
         shutil.copyfile(
             frozen(board, show=True).with_suffix(".uf2"),

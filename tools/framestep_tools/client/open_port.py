@@ -15,6 +15,7 @@ from typing import Any
 from ..errors import NO_PORT, PORT_BUSY, ToolError
 from .tcp_port import SCHEME, TcpPort, is_socket
 
+_BAUD = 115200  # of a board whose port is a UART; USB ignores it
 _TAKE_S = 10.0  # a device that accepts nothing for this long is gone
 
 
@@ -48,7 +49,9 @@ def open_port(url: str, timeout: float) -> Any:
     try:
         if "://" in url:
             return serial.serial_for_url(url, timeout=timeout)
-        port = serial.Serial(url, timeout=timeout, write_timeout=_TAKE_S, exclusive=True)
+        port = serial.Serial(
+            url, baudrate=_BAUD, timeout=timeout, write_timeout=_TAKE_S, exclusive=True
+        )
     except (OSError, ValueError) as error:  # SerialException is an OSError
         raise _why(url, error) from error
     except Exception as error:

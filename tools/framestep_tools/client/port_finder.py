@@ -22,6 +22,8 @@ from ..errors import NO_PORT, ToolError
 PROTOCOL_PORT = "framestep DMC"  # the name that the firmware gives it (hal/ports/usb_port.py)
 PROTOCOL, REPL, SINGLE, OTHER = "protocol", "REPL", "single", "other"
 _RASPBERRY_PI = 0x2E8A  # USB vendor of MicroPython on RP2040 and RP2350
+# USB vendors of an ESP32 board: Espressif, or of the bridge to its UART Silicon Labs, WCH, FTDI
+_ESP32 = (0x303A, 0x10C4, 0x1A86, 0x0403)
 _NOT_MICROPYTHON = (0x0003, 0x0004, 0x000C, 0x000F)  # its BOOTSEL drives and debug probes
 _TOLD = re.compile(r":(?:x|\d+)\.(\d+)$")
 _MAC = re.compile(r"usbmodem.*?(\d{1,2})$")
@@ -164,6 +166,24 @@ def protocol_port() -> str:
 def repl_port() -> str:
     """Return the REPL's port of the only board. Raises PortError for none or several."""
     return _only([port for port in listed() if port.use in (REPL, SINGLE)], "MicroPython")
+
+
+def esp32_port(records: Iterable[Any] | None = None) -> str:
+    """Return the only port that may be an ESP32's. Raises PortError for none or several. records:
+    from serial.tools.list_ports.comports."""
+    if records is None:
+        from serial.tools import list_ports
+
+        records = list_ports.comports()
+    found = [record.device for record in records if record.vid in _ESP32]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise PortError(f"there are several: name the port, --port {' or '.join(sorted(found))}")
+    raise PortError(
+        "no ESP32 is on USB: take a cable that carries data, install the driver of the board's "
+        "USB bridge, or name the port: --port PORT"
+    )
 
 
 def protocol_of(path: str) -> str | None:

@@ -36,8 +36,18 @@ _KEYS = {
         "gio",
     ),
     *("outputs", "inputs", "stops", "led", "rgb", "jumper", "freed", "with_drivers", "page"),
+    *("chain", "buffers", "button", "uart", "usb", "flash"),
     *("hal", "ports", "pins", "clocks"),  # not in the file: board_files.board_data adds them
 }
+
+
+_CHAIN = 64  # pin of the first output of a chain of shift registers
+_OUTPUTS = 30  # that framestep uses of four registers
+_LINES = (
+    ("sck", "shift clock", "SRCLK (11) of every 74HC595"),
+    ("ws", "shift latch", "RCLK (12) of every 74HC595"),
+    ("sd", "shift data", "SER (14) of 74HC595 no. 1"),
+)
 
 
 class Use(NamedTuple):
@@ -65,6 +75,11 @@ def uses(board: Mapping[str, Any]) -> list[Use]:
         Use(pin, "stop", f"stop input {i}", "limit switch to GND")
         for i, pin in enumerate(board.get("stops", []), 1)
     ]
+    found += [
+        Use(board["chain"][key], "serial", what, "on the board" if _on_board(board) else wire)
+        for key, what, wire in _LINES
+        if "chain" in board
+    ]
     line = board.get("dmx")
     if line:
         found.append(Use(line["tx"], "serial", "DMX", "DI of a MAX485"))
@@ -74,7 +89,7 @@ def uses(board: Mapping[str, Any]) -> list[Use]:
         for i, pin in enumerate(line["pins"], 1):
             found.append(Use(pin, "serial", f"TMC2209 UART of motor {i}", "on the board"))
     elif line:
-        on_board = "sockets" in board.get("page", {})
+        on_board = _on_board(board)
         found.append(
             Use(
                 line["tx"],
@@ -90,7 +105,8 @@ def uses(board: Mapping[str, Any]) -> list[Use]:
     outputs = board.get("outputs", []) + pins[: len(pins) // 2]
     inputs = pins[len(pins) // 2 :] + board.get("inputs", [])
     for i, pin in enumerate(outputs, 1):
-        wire = "low-side transistor, load to +" if pin not in pins else "3.3 V logic, a few mA"
+        logic = pin in pins or pin >= _CHAIN
+        wire = "3.3 V logic, a few mA" if logic else "low-side transistor, load to +"
         found.append(Use(pin, "gio", f"general output {i}", wire))
     found += [
         Use(pin, "gio", f"general input {i}", "contact to GND") for i, pin in enumerate(inputs, 1)
@@ -99,10 +115,23 @@ def uses(board: Mapping[str, Any]) -> list[Use]:
         ("led", "LED", "on the board"),
         ("rgb", "RGB LED", "DIN of a WS2812 or its like"),
         ("jumper", "jumper", "to GND at power-up: main.py is skipped"),
+        ("button", "BOOT", "hold it after a reset to get the REPL"),
     ):
         if key in board:
             found.append(Use(board[key], "board", what, wire))
     return found
+
+
+def _on_board(board: Mapping[str, Any]) -> bool:
+    """Return whether drivers and all that belongs to them are on the board."""
+    return "sockets" in board.get("page", {})
+
+
+def pin_name(pin: int) -> str:
+    """Return a pin's name for people: an output of a 74HC595 is its number and letter as well."""
+    if pin < _CHAIN:
+        return f"GPIO {pin}"
+    return f"{pin}: 595 no. {(pin - _CHAIN) // 8 + 1} Q{'ABCDEFGH'[(pin - _CHAIN) % 8]}"
 
 
 def _motors(board: Mapping[str, Any]) -> Iterator[Use]:
@@ -175,7 +204,10 @@ def complaints(board: Mapping[str, Any]) -> list[str]:
         counts = Counter(use.pin for use in uses(data))
         found += [f"{state}: pin {pin} is used {n} times" for pin, n in counts.items() if n > 1]
         found += [
-            f"{state}: there is no pin {pin}" for pin in counts if pin not in range(chip.pins)
+            f"{state}: there is no pin {pin}"
+            for pin in counts
+            if pin not in range(chip.pins)
+            and not ("chain" in data and pin in range(_CHAIN, _CHAIN + _OUTPUTS))
         ]
         lines = [data[key] for key in ("dmx", "drivers") if "uart" in data.get(key, {})]
         wires = data.get("drivers", {}).get("pins", [])
@@ -213,7 +245,8 @@ def _rows(board: Mapping[str, Any], found: list[Use]) -> list[str]:
     rows = ["| pin | use | wire to |", "|---|---|---|"]
     for use in found:
         label = labels.get(str(use.pin))
-        rows.append(f"| GPIO {use.pin}{f' ({label})' if label else ''} | {use.what} | {use.wire} |")
+        name = pin_name(use.pin) + (f" ({label})" if label else "")
+        rows.append(f"| {name} | {use.what} | {use.wire} |")
     return rows
 
 
@@ -231,16 +264,24 @@ def supplies(board: Mapping[str, Any]) -> list[str]:
                 "| look whether the board has one for each driver; else 100 µF, 50 V |"
             ),
         ]
+    chain = [
+        "| 3V3 | supply of the shift registers | VCC (16) and SRCLR (10) of every 74HC595 |",
+        "| GND | | GND (8) and OE (13) of every 74HC595 |",
+        "| – | from register to register | QH' (9) to SER (14) of the next, no. 1 to no. 4 |",
+        "| – | capacitor at each register | 100 nF between VCC and GND |",
+    ]
+    pull_up = (
+        "| – | pull-up of EN "
+        "| 10 kΩ from EN to 3V3 (`enable_high`: to GND), which keeps drivers off at first |"
+    )
     return [
+        *(chain if "chain" in board else []),
         "| 3V3 | supply of the drivers' logic | VIO (VDD) of every driver; never VMOT |",
         (
             "| GND | common ground "
             "| GND next to VIO of every driver, of every switch, and of the motors' supply |"
         ),
-        (
-            "| – | pull-up of EN "
-            "| 10 kΩ from EN to 3V3 (`enable_high`: to GND), which keeps drivers off at first |"
-        ),
+        *([] if "chain" in board else [pull_up]),
         (
             "| – | capacitor at VMOT "
             "| 100 µF, 50 V between VMOT and GND of each driver, a few cm from it |"
@@ -304,10 +345,14 @@ def _columns(board: Mapping[str, Any], found: list[Use]) -> tuple[list[_Row], li
             )
         return rows[0], rows[1]
     labels = page.get("labels", {})
-    everything = [_Row(labels.get(str(use.pin), ""), f"GPIO {use.pin}", use) for use in found]
+    everything = [_Row(labels.get(str(use.pin), ""), pin_name(use.pin), use) for use in found]
+
+    def on_the_left(use: Use) -> bool:
+        return use.pin >= _CHAIN if "chain" in board else use.kind == "motor"
+
     return (
-        [row for row in everything if row.use and row.use.kind == "motor"],
-        [row for row in everything if row.use and row.use.kind != "motor"],
+        [row for row in everything if row.use and on_the_left(row.use)],
+        [row for row in everything if row.use and not on_the_left(row.use)],
     )
 
 

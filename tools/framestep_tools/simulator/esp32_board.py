@@ -1,7 +1,7 @@
-"""The firmware on a simulated ESP32 (tools/micropython/esp32), with the interface of boards.Board.
+"""A simulated ESP32 (tools/micropython/esp32), with the interface of boards.Board.
 
-Real MicroPython runs in QEMU with the port's own I2S, timers and pins, in virtual time. The pins
-are the outputs of a chain of 74HC595.
+Real MicroPython runs in QEMU with the port's own I2S, timers, pins and file system, in virtual
+time, from power-up on. The pins are the outputs of a chain of 74HC595.
 """
 
 import json
@@ -17,9 +17,10 @@ import numpy as np
 
 from framestep.rig import Rig
 
-from .. import paths
+from ..board import littlefs_image
+from ..board.on_files import LIST, MAIN, listing, main_py
 from ..building import images
-from ..building.board_files import compiled_tree
+from ..building.board_files import board_data, board_sources, compiled_modules
 from ..errors import ToolError
 from ..judge.trace import Edge, PinDecoder, pins_of
 from . import shift_registers
@@ -28,49 +29,83 @@ from .boards import closed_switches
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-_CHIP = paths.ROOT / "tools" / "micropython" / "esp32"
-_STARTS = _CHIP / "firmware.py"
-_BOARD = _CHIP / "board.json"
+BOARD = "esp32_595"
 RATE = 250_000
 CHAIN = 64  # pin number of the chain's output 0
+PROCESSOR = "rv32imc"  # as mpy-cross calls it
 _HEAP_KB = 1024
+_FLASH_BYTES = 2 << 20  # of the file system
+_ERASED = b"\xff" * _FLASH_BYTES
+_PROG_SIZE = 32  # as MicroPython's port for ESP32 formats it
 _QEMU = "qemu-riscv32"
 _END_S = 5
+_RUNS, _RESET, _NO_POWER = range(3)  # states in an answer: chip.h
 
 
-def board_data() -> dict[str, Any]:
-    """Return the simulated board's data, in the form of boards/*/board.json."""
-    return json.loads(_BOARD.read_text())
+def modules(board: str = BOARD) -> dict[str, bytes]:
+    """Return a board's modules, {"framestep/motors/axis.mpy": content}, for this processor."""
+    return compiled_modules(board_sources(board), PROCESSOR)
+
+
+def installed(board: str = BOARD) -> dict[str, bytes]:
+    """Return the files of a board with framestep, {path: content}."""
+    found = modules(board)
+    files = {f"/{name}": content for name, content in found.items()}
+    return files | {LIST: listing(board, found), MAIN: main_py()}
 
 
 class Esp32Error(ToolError):
-    """The firmware has ended."""
+    """The simulated chip has stopped."""
 
 
 class Esp32Board:
-    """A simulated board. rig: settings of a rig file; the board is in
-    tools/micropython/esp32/board.json."""
+    """A simulated board. rig: settings of a rig file; board: its name in boards/; files: what is in
+    its file system, without it framestep and the rig file; {} is an erased flash. heap_kb: size of
+    MicroPython's heap, beside the machine code of modules."""
 
     slice_ns = 10_000_000
     repl = None
 
-    def __init__(self, rig: Mapping[str, Any] | None = None):
-        data = board_data()
+    def __init__(
+        self,
+        rig: Mapping[str, Any] | None = None,
+        board: str = BOARD,
+        files: Mapping[str, bytes] | None = None,
+        heap_kb: int = _HEAP_KB,
+    ):
+        data = board_data(board)
         self.rig = Rig(dict(rig or {}), data)
         motors = enumerate(self.rig.motors, 1)
         inverted = [number for number, motor in motors if motor["invert"]]
         self._folder = tempfile.TemporaryDirectory(prefix="esp32-")
         folder = Path(self._folder.name)
-        (folder / "board.json").write_text(json.dumps(data))
-        (folder / "rig.json").write_text(json.dumps(rig or {}))
         self._record = folder / "played"
+        self._flash = folder / "flash"
+        if files is None:
+            files = installed(board) | {"/rig.json": json.dumps(rig or {}).encode()}
+        blocks = _FLASH_BYTES // littlefs_image.BLOCK_SIZE
+        image = littlefs_image.make_image(files, blocks, _PROG_SIZE) if files else _ERASED
+        self._flash.write_bytes(image)
         self._errors = (folder / "errors").open("w+b")
+        self._heap_kb = heap_kb
+        self._now = 0
+        self._sent = bytearray()
+        self._played = bytearray()  # of the records, as far as it has not been parsed
+        self._played_to = 0  # position in the present record
+        self._before = 0  # the last played bits
+        self._last: tuple[int, int] | None = None  # the last word and its time
+        self._decoder = PinDecoder(pins_of(data, rig, board), inverted)
+        self._driven: dict[int, int] = {}
+        self.protocol = self
+        self.powered = False
+        self.power_on()
+
+    def power_on(self) -> None:
+        """Start the chip, and wait until its program waits for something."""
         commands, self._commands = os.pipe()
         self._answers, answers = os.pipe()
-        tree = compiled_tree("rv32imc", "stream")
-        words = [_QEMU, images.micropython("esp32"), _HEAP_KB, f"{tree}:.frozen", _STARTS]
-        words += [folder / "board.json", folder / "rig.json", self._record]
-        words += [f"/dev/fd/{commands}", f"/dev/fd/{answers}"]
+        words = [_QEMU, images.micropython("esp32"), self._heap_kb, "board", self._flash]
+        words += [self._record, f"/dev/fd/{commands}", f"/dev/fd/{answers}", self._now]
         self._process = subprocess.Popen(
             [str(word) for word in words],
             pass_fds=(commands, answers),
@@ -80,19 +115,39 @@ class Esp32Board:
         )
         os.close(commands)
         os.close(answers)
-        self._now = 0
-        self._sent = bytearray()
-        self._played_to = 0  # position in the record
-        self._before = 0  # the last played bits
-        self._last: tuple[int, int] | None = None  # the last word and its time
-        self._decoder = PinDecoder(pins_of(data, rig, _BOARD.name), inverted)
-        self.protocol = self
-        self._answer()  # waits until the firmware is up
+        self.powered = True
+        self._answer()
+        for pin, level in self._driven.items():
+            self._command("p", "BB", pin, level)
+
+    def _read_record(self) -> None:
+        with self._record.open("rb") as file:
+            file.seek(self._played_to)
+            more = file.read()
+        self._played_to += len(more)
+        self._played += more
+
+    def power_off(self) -> None:
+        """Cut the power; the flash keeps what is in it."""
+        if self.powered:
+            self._end()
+            self._sent.clear()
+
+    def cut_power_after(self, count: int) -> None:
+        """Cut the power when this many bytes of flash have been written or erased."""
+        self._command("c", "I", count)
+
+    def files(self) -> dict[str, bytes]:
+        """Return {path: content} of what is in its file system."""
+        return littlefs_image.read_image(self._flash.read_bytes(), _PROG_SIZE)
 
     def _answer(self) -> None:
-        head = self._take(12)
-        self._now, count = struct.unpack("<QI", head)
+        self._now, state, count = struct.unpack("<QBI", self._take(13))
         self._sent += self._take(count)
+        if state != _RUNS:
+            self._end()
+        if state == _RESET:
+            self.power_on()
 
     def _take(self, count: int) -> bytes:
         data = b""
@@ -107,6 +162,8 @@ class Esp32Board:
         return data
 
     def _command(self, letter: str, form: str, *values: Any) -> None:
+        if not self.powered:
+            raise Esp32Error("the board has no power")
         os.write(self._commands, letter.encode() + struct.pack("<" + form, *values))
 
     def receive(self, data: bytes) -> None:
@@ -141,6 +198,7 @@ class Esp32Board:
 
     def set_pin(self, pin: int, level: int) -> None:
         """Drive a pin of the chip from outside."""
+        self._driven[pin] = level
         self._command("p", "BB", pin, level)
 
     def wire_switches(self) -> None:
@@ -150,10 +208,9 @@ class Esp32Board:
 
     def edges(self) -> list[Edge]:
         """Return edges of the chain's outputs in what has been played since the last call."""
-        with self._record.open("rb") as file:
-            file.seek(self._played_to)
-            buffers, end = shift_registers.buffers(file.read())
-        self._played_to += end
+        self._read_record()
+        buffers, end = shift_registers.buffers(bytes(self._played))
+        del self._played[:end]
         if not buffers:
             return []
         times, words = shift_registers.outputs(buffers, RATE, self._before)
@@ -166,8 +223,8 @@ class Esp32Board:
         records["pin"] += CHAIN
         return self._decoder.feed(records)
 
-    def close(self) -> None:
-        """End the board."""
+    def _end(self) -> None:
+        self.powered = False
         os.close(self._commands)
         os.close(self._answers)
         try:
@@ -175,6 +232,12 @@ class Esp32Board:
         except subprocess.TimeoutExpired:  # it no longer reads commands
             self._process.kill()
             self._process.wait()
+        self._read_record()
+        self._played_to = 0  # the next one begins anew
+
+    def close(self) -> None:
+        """End the board."""
+        self.power_off()
         self._errors.close()
         self._folder.cleanup()
 

@@ -76,10 +76,8 @@ static MP_DEFINE_CONST_OBJ_TYPE(binary_type, MP_QSTR_FileIO, MP_TYPE_FLAG_ITER_I
 static MP_DEFINE_CONST_OBJ_TYPE(text_type, MP_QSTR_TextIOWrapper, MP_TYPE_FLAG_ITER_IS_STREAM,
     protocol, &text_protocol, locals_dict, &file_dict);
 
-static mp_obj_t builtin_open(size_t count, const mp_obj_t *args, mp_map_t *kw_args) {
-    const char *mode = count > 1 ? mp_obj_str_get_str(args[1]) : "r";
-    int handle = host_open(mp_obj_str_get_str(args[0]),
-        strchr(mode, 'w') ? HOST_WRITE : strchr(mode, 'a') ? HOST_APPEND : HOST_READ);
+static mp_obj_t open_file(const char *path, const char *mode) {
+    int handle = host_open(path, strchr(mode, 'w') ? HOST_WRITE : strchr(mode, 'a') ? HOST_APPEND : HOST_READ);
     if (handle < 0) {
         mp_raise_OSError(MP_ENOENT);
     }
@@ -87,7 +85,6 @@ static mp_obj_t builtin_open(size_t count, const mp_obj_t *args, mp_map_t *kw_ar
     file->handle = handle;
     return MP_OBJ_FROM_PTR(file);
 }
-MP_DEFINE_CONST_FUN_OBJ_KW(mp_builtin_open_obj, 1, builtin_open);
 
 // ---------------------------------------------------------------- import
 
@@ -106,7 +103,7 @@ static bool ends_with(const char *text, const char *end) {
 }
 
 // The host calls do not recognize folders; a folder that can be imported is recognized by its files.
-mp_import_stat_t mp_import_stat(const char *path) {
+static mp_import_stat_t import_stat(const char *path) {
     static const char *const inside[] = { "/__init__.mpy", "/__init__.py" };
     char name[300];
     if (ends_with(path, ".py") || ends_with(path, ".mpy")) {
@@ -126,6 +123,53 @@ mp_import_stat_t mp_import_stat(const char *path) {
     return MP_IMPORT_STAT_NO_EXIST;
 }
 
+#if MICROPY_VFS
+
+#include "extmod/vfs.h"
+
+// The computer's files as a file system: of a script it is the root.
+static mp_import_stat_t computer_import_stat(void *self, const char *path) {
+    return import_stat(path);
+}
+
+static mp_obj_t computer_open(mp_obj_t self, mp_obj_t path, mp_obj_t mode) {
+    return open_file(mp_obj_str_get_str(path), mp_obj_str_get_str(mode));
+}
+static MP_DEFINE_CONST_FUN_OBJ_3(computer_open_obj, computer_open);
+
+static mp_obj_t computer_mount(mp_obj_t self, mp_obj_t readonly, mp_obj_t format) {
+    return mp_const_none;
+}
+static MP_DEFINE_CONST_FUN_OBJ_3(computer_mount_obj, computer_mount);
+
+static const mp_rom_map_elem_t computer_names[] = {
+    { MP_ROM_QSTR(MP_QSTR_open), MP_ROM_PTR(&computer_open_obj) },
+    { MP_ROM_QSTR(MP_QSTR_mount), MP_ROM_PTR(&computer_mount_obj) },
+};
+static MP_DEFINE_CONST_DICT(computer_dict, computer_names);
+static const mp_vfs_proto_t computer_protocol = { .import_stat = computer_import_stat };
+static MP_DEFINE_CONST_OBJ_TYPE(computer_type, MP_QSTR_VfsComputer, MP_TYPE_FLAG_NONE,
+    protocol, &computer_protocol, locals_dict, &computer_dict);
+static const mp_obj_base_t computer = { &computer_type };
+
+void files_mount(void) {
+    mp_vfs_mount_and_chdir_protected(MP_OBJ_FROM_PTR(&computer), MP_OBJ_NEW_QSTR(MP_QSTR__slash_));
+}
+
+#else
+
+static mp_obj_t builtin_open(size_t count, const mp_obj_t *args, mp_map_t *kw_args) {
+    return open_file(mp_obj_str_get_str(args[0]), count > 1 ? mp_obj_str_get_str(args[1]) : "r");
+}
+MP_DEFINE_CONST_FUN_OBJ_KW(mp_builtin_open_obj, 1, builtin_open);
+
+mp_import_stat_t mp_import_stat(const char *path) {
+    return import_stat(path);
+}
+
+void files_mount(void) {
+}
+
 // MicroPython's reader of source and .mpy files calls this.
 int open(const char *path, int flags, ...) {
     return host_open(path, HOST_READ);
@@ -139,6 +183,8 @@ int close(int handle) {
 ssize_t read(int handle, void *buffer, size_t count) {
     return host_read(handle, buffer, count);
 }
+
+#endif
 
 // ---------------------------------------------------------------- standard input and output
 
@@ -218,8 +264,18 @@ mp_uint_t mp_hal_stdout_tx_strn(const char *text, size_t length) {
     return length;
 }
 
+// On a UART a new line also needs a carriage return.
 void mp_hal_stdout_tx_strn_cooked(const char *text, size_t length) {
-    mp_hal_stdout_tx_strn(text, length);
+    if (!uart_on) {
+        mp_hal_stdout_tx_strn(text, length);
+        return;
+    }
+    for (; length; text++, length--) {
+        if (*text == '\n') {
+            uart_write("\r", 1);
+        }
+        uart_write(text, 1);
+    }
 }
 
 void mp_hal_stdout_tx_str(const char *text) {
@@ -234,7 +290,13 @@ uintptr_t mp_hal_stdio_poll(uintptr_t flags) {
     return uart_poll(flags);
 }
 
+extern const mp_obj_base_t mp_sys_stdout_obj;
+
 static mp_uint_t stdout_write(mp_obj_t self, const void *buffer, mp_uint_t size, int *error) {
+    if (MP_OBJ_TO_PTR(self) == &mp_sys_stdout_obj) {
+        mp_hal_stdout_tx_strn_cooked(buffer, size);
+        return size;
+    }
     return mp_hal_stdout_tx_strn(buffer, size);
 }
 

@@ -1,7 +1,7 @@
 // The emulator's services for the program: files of the computer, the command line, the exit.
 #include <stdint.h>
 
-enum { HOST_READ, HOST_WRITE, HOST_APPEND };
+enum { HOST_READ, HOST_WRITE, HOST_APPEND, HOST_UPDATE };
 
 int host_open(const char *path, int mode);   // a handle, or -1
 int host_stdin(void);  // a handle

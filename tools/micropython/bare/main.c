@@ -102,16 +102,21 @@ void gc_collect(void) {
     #endif
 }
 
-// The machine code of .mpy files; as on an ESP32 it is never freed.
+// The machine code of .mpy files; as on an ESP32 it is freed by a soft reset only.
+static size_t code_used;
+
 void allocate_code(size_t bytes, void **place, size_t *taken) {
     static uint32_t memory[CODE_BYTES / sizeof(uint32_t)];
-    static size_t used;
     *taken = (bytes + 3) & ~3;
-    if (*taken > sizeof memory - used) {
+    if (*taken > sizeof memory - code_used) {
         m_malloc_fail(bytes);
     }
-    *place = (char *)memory + used;
-    used += *taken;
+    *place = (char *)memory + code_used;
+    code_used += *taken;
+}
+
+void free_code(void) {
+    code_used = 0;
 }
 
 // ---------------------------------------------------------------- start and end
@@ -206,8 +211,14 @@ void bare_main(void) {
     size_t bytes = MIN(strtoul(words[1], NULL, 10) << 10, LARGEST_HEAP);
     mp_stack_set_top(STACK_TOP);
     mp_stack_set_limit(STACK_BYTES - 8192);
+    #if CHIP_ESP32
+    if (strcmp(words[2], "board") == 0) {
+        board_boot(heap, bytes, words + 3);
+    }
+    #endif
     gc_init(heap, (char *)heap + bytes);
     mp_init();
+    files_mount();
     set_paths(words[2], words[3]);
     mp_obj_list_init(MP_OBJ_TO_PTR(mp_sys_argv), 0);
     for (size_t i = 3; i < count; i++) {

@@ -24,8 +24,6 @@
 #define MICROPY_ENABLE_EMERGENCY_EXCEPTION_BUF (1)
 #define MICROPY_EMERGENCY_EXCEPTION_BUF_SIZE (256)
 #define MICROPY_ENABLE_EXTERNAL_IMPORT      (1)
-#define MICROPY_READER_POSIX                (1)
-#define MICROPY_VFS                         (0)
 #define MICROPY_HELPER_REPL                 (0)
 #define MICROPY_KBD_EXCEPTION               (0)
 #define MICROPY_PY_BUILTINS_INPUT           (0)
@@ -39,6 +37,9 @@
 
 #if CHIP_ESP32
 #include "../esp32/mpconfigchip.h"
+#else
+#define MICROPY_READER_POSIX                (1)
+#define MICROPY_VFS                         (0)
 #endif
 
 // Machine code is outside of the heap, as on an ESP32 and in the unix port.

@@ -1,14 +1,16 @@
 // A whole board, driven by framestep_tools.simulator.esp32_board. Its program is the unchanged firmware; whenever that is
-// idle (machine.idle()), the time of a pass goes by, and at the requested time the next commands are read. A command is
-// a letter and its arguments, lowest byte first:
+// idle (machine.idle()) or waits for a byte, time goes by, and at the requested time the next commands are read. A command
+// is a letter and its arguments, lowest byte first:
 //
 //     r until[8] output[1]     run until this time, ns; with `output`, or until something was sent
 //     w count[4] bytes         the host sends bytes
 //     p pin[1] level[1]        drive a pin from outside
 //     i ns[8]                  the time of a pass from now on
 //     s ns[8]                  the main loop pauses, once
+//     c bytes[4]               the power is cut when this many bytes of flash have been written or erased
 //
-// The answer to `r`: the time, ns [8], the number of bytes sent [4], and the bytes.
+// The answer to `r`: the time, ns [8]; whether the chip runs on, restarts or has no more power [1]; the number of bytes
+// sent [4], and the bytes.
 #include <string.h>
 #include "py/runtime.h"
 #include "../bare/host.h"
@@ -45,10 +47,11 @@ static void receive(void) {
     }
 }
 
-static void answer(void) {
+static void answer(uint8_t state) {
     static uint8_t bytes[1 << 16];
     uint32_t count = uart_sent(bytes, sizeof bytes);
     host_write(answers, &chip_now, sizeof chip_now);
+    host_write(answers, &state, sizeof state);
     host_write(answers, &count, sizeof count);
     if (count) {
         host_write(answers, bytes, count);
@@ -78,6 +81,9 @@ static void command(void) {
         case 's':
             take(&pause_ns, sizeof pause_ns);
             break;
+        case 'c':
+            take(&flash_left, sizeof flash_left);
+            break;
         default:
             host_exit(2);
     }
@@ -87,17 +93,25 @@ static bool reached(void) {
     return chip_now >= until || (until_output && uart_has_sent());
 }
 
-void board_idle(void) {
-    if (commands < 0) {
-        return;
-    }
-    chip_advance(pass_ns);
+void board_wait(uint64_t ns) {
+    chip_advance(ns);
     if (reached()) {
-        answer();
+        answer(STATE_RUNS);
         do {
             command();
         } while (reached());
     }
+}
+
+bool board_serves(void) {
+    return commands >= 0;
+}
+
+void board_idle(void) {
+    if (!board_serves()) {
+        return;
+    }
+    board_wait(pass_ns);
     if (pause_ns) {
         uint64_t ns = pause_ns;
         pause_ns = 0;
@@ -105,13 +119,22 @@ void board_idle(void) {
     }
 }
 
-static mp_obj_t serve(mp_obj_t in, mp_obj_t out) {
-    commands = host_open(mp_obj_str_get_str(in), HOST_READ);
-    answers = host_open(mp_obj_str_get_str(out), HOST_WRITE);
+void board_serve(const char *in, const char *out) {
+    commands = host_open(in, HOST_READ);
+    answers = host_open(out, HOST_WRITE);
     if (commands < 0 || answers < 0) {
         mp_raise_ValueError(MP_ERROR_TEXT("no such file"));
     }
     uart_on = true;
-    return mp_const_none;
 }
-MP_DEFINE_CONST_FUN_OBJ_2(board_serve_obj, serve);
+
+void board_end(int state) {
+    if (board_serves()) {
+        answer(state);
+    }
+    host_exit(0);
+}
+
+void board_reset(void) {
+    board_end(STATE_RESET);
+}

@@ -53,14 +53,17 @@ static mp_obj_t advance(mp_obj_t us) {
 }
 static MP_DEFINE_CONST_FUN_OBJ_1(advance_obj, advance);
 
-static mp_obj_t flash(mp_obj_t us) {
-    uint64_t ns = ns_of(us);
+void chip_flash(uint64_t ns) {
     chip_interrupts = false;
     chip_advance(ns);
     chip_interrupts = true;
     i2s_interrupt();
     timers_interrupt();
     pins_interrupt();
+}
+
+static mp_obj_t flash(mp_obj_t us) {
+    chip_flash(ns_of(us));
     return mp_const_none;
 }
 static MP_DEFINE_CONST_FUN_OBJ_1(flash_obj, flash);
@@ -93,7 +96,26 @@ static mp_obj_t record(mp_obj_t path) {
 }
 static MP_DEFINE_CONST_FUN_OBJ_1(record_obj, record);
 
-extern const mp_obj_fun_builtin_fixed_t board_serve_obj;
+static mp_obj_t serve(mp_obj_t commands, mp_obj_t answers) {
+    board_serve(mp_obj_str_get_str(commands), mp_obj_str_get_str(answers));
+    return mp_const_none;
+}
+static MP_DEFINE_CONST_FUN_OBJ_2(serve_obj, serve);
+
+// machine.freq: the clock can be set, but code takes no time anyway
+static mp_obj_t freq(size_t count, const mp_obj_t *args) {
+    static mp_int_t hz = 160000000;
+    if (count == 0) {
+        return mp_obj_new_int(hz);
+    }
+    mp_int_t wanted = mp_obj_get_int(args[0]);
+    if (wanted != 20000000 && wanted != 40000000 && wanted != 80000000 && wanted != 160000000 && wanted != 240000000) {
+        mp_raise_ValueError(MP_ERROR_TEXT("frequency must be 20MHz, 40MHz, 80Mhz, 160MHz or 240MHz"));
+    }
+    hz = wanted;
+    return mp_const_none;
+}
+MP_DEFINE_CONST_FUN_OBJ_VAR_BETWEEN(chip_freq_obj, 0, 1, freq);
 
 static const mp_rom_map_elem_t names[] = {
     { MP_ROM_QSTR(MP_QSTR___name__), MP_ROM_QSTR(MP_QSTR_chip) },
@@ -103,7 +125,7 @@ static const mp_rom_map_elem_t names[] = {
     { MP_ROM_QSTR(MP_QSTR_drive), MP_ROM_PTR(&drive_obj) },
     { MP_ROM_QSTR(MP_QSTR_now), MP_ROM_PTR(&now_obj) },
     { MP_ROM_QSTR(MP_QSTR_record), MP_ROM_PTR(&record_obj) },
-    { MP_ROM_QSTR(MP_QSTR_serve), MP_ROM_PTR(&board_serve_obj) },
+    { MP_ROM_QSTR(MP_QSTR_serve), MP_ROM_PTR(&serve_obj) },
 };
 static MP_DEFINE_CONST_DICT(globals, names);
 const mp_obj_module_t chip_module = { .base = { &mp_type_module }, .globals = (mp_obj_dict_t *)&globals };

@@ -1,6 +1,7 @@
 // The simulated chip: its time, its interrupts, and its record.
 #pragma once
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 #define NEVER UINT64_MAX
@@ -9,6 +10,7 @@ extern uint64_t chip_now;  // ns since the start
 extern bool chip_interrupts;  // false while flash is written: interrupts wait, hardware continues
 
 void chip_advance(uint64_t ns);  // lets time pass; interrupts come when they are due
+void chip_flash(uint64_t ns);  // the same without interrupts, which come at its end
 void chip_collected(void);  // lets the time of a garbage collection pass
 
 // For each peripheral: when something happens next (at or after now), and what happens then.
@@ -35,3 +37,12 @@ uintptr_t uart_poll(uintptr_t flags);
 void uart_write(const char *text, size_t length);
 
 void board_idle(void);  // the main loop has nothing to do: see board.c
+bool board_serves(void);  // whether an outside program controls time
+void board_wait(uint64_t ns);  // something waits this long for the outside
+void board_serve(const char *commands, const char *answers);
+enum { STATE_RUNS, STATE_RESET, STATE_NO_POWER };
+void board_end(int state) __attribute__((noreturn));  // the chip stops, and is started again from outside
+void board_boot(void *heap, size_t bytes, char **words) __attribute__((noreturn));  // see boot.c
+
+bool flash_open(const char *path);  // see flash.c
+extern uint32_t flash_left;  // bytes that can be written or erased before the power is cut

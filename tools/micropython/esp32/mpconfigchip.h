@@ -1,4 +1,6 @@
 // Additions to mpconfigport.h for the chip.
+#undef MICROPY_HW_MCU_NAME
+#define MICROPY_HW_MCU_NAME                 "ESP32"
 #undef MICROPY_PY_MACHINE
 #define MICROPY_PY_MACHINE                  (1)
 #define MICROPY_PY_MACHINE_INCLUDEFILE      "../esp32/machine.c"
@@ -14,9 +16,15 @@
 #define MICROPY_SCHEDULER_DEPTH             (8)
 #define MICROPY_HW_ENABLE_UART_REPL         (0)
 
+// Files in flash, as in the port for ESP32
+#define MICROPY_VFS                         (1)
+#define MICROPY_READER_VFS                  (1)
+#define MICROPY_PY_MACHINE_RESET            (1)
+#undef MICROPY_HELPER_REPL
+#define MICROPY_HELPER_REPL                 (1)
+
 // The REPL's UART, as in the port for ESP32
 #undef MICROPY_KBD_EXCEPTION
 #define MICROPY_KBD_EXCEPTION               (1)
 #define MICROPY_PY_OS_DUPTERM               (1)
 #define MICROPY_PY_OS_DUPTERM_NOTIFY        (1)
-#define MICROPY_PY_OS_STATVFS               (0)

@@ -70,7 +70,11 @@ int uart_read(void) {
         if (byte >= 0) {
             return byte;
         }
-        chip_advance(BYTE_NS);
+        if (board_serves()) {
+            board_wait(BYTE_NS);
+        } else {
+            chip_advance(BYTE_NS);
+        }
         mp_handle_pending(true);
     }
 }

@@ -4,7 +4,7 @@
 
 enum { SYS_OPEN = 1, SYS_CLOSE = 2, SYS_WRITE = 5, SYS_READ = 6, SYS_SEEK = 10, SYS_GET_CMDLINE = 21, SYS_EXIT_EXTENDED = 32 };
 enum { APPLICATION_EXIT = 0x20026 };
-enum { MODE_READ = 1, MODE_WRITE = 5, MODE_APPEND = 9, MODE_CONSOLE = 4 }; // "rb", "wb", "ab", "w"
+enum { MODE_READ = 1, MODE_UPDATE = 3, MODE_WRITE = 5, MODE_APPEND = 9, MODE_CONSOLE = 4 }; // "rb", "r+b", "wb", "ab", "w"
 
 static int call(int what, const void *arguments) {
     register int a0 __asm__ ("a0") = what;
@@ -17,8 +17,9 @@ static int call(int what, const void *arguments) {
 }
 
 int host_open(const char *path, int mode) {
-    const uint32_t how = mode == HOST_READ ? MODE_READ : mode == HOST_WRITE ? MODE_WRITE : MODE_APPEND;
-    const uint32_t words[] = { (uint32_t)path, how, strlen(path) };
+    static const uint32_t modes[] = {
+        [HOST_READ] = MODE_READ, [HOST_WRITE] = MODE_WRITE, [HOST_APPEND] = MODE_APPEND, [HOST_UPDATE] = MODE_UPDATE };
+    const uint32_t words[] = { (uint32_t)path, modes[mode], strlen(path) };
     return call(SYS_OPEN, words);
 }
 

@@ -4,7 +4,7 @@
 #include "../host.h"
 
 enum { SYS_OPEN = 8, SYS_CLOSE = 9, SYS_READ = 12, SYS_WRITE = 13, SYS_LSEEK = 15, SYS_EXIT_GROUP = 119, SYS_GETTIMEOFDAY = 192 };
-enum { FLAGS_READ = 0, FLAGS_WRITE = 01101, FLAGS_APPEND = 02101 }; // write-only, create, and truncate or append
+enum { FLAGS_READ = 0, FLAGS_UPDATE = 2, FLAGS_WRITE = 01101, FLAGS_APPEND = 02101 }; // write-only, create, and truncate or append
 
 static int argc;
 static char **argv;
@@ -23,8 +23,9 @@ static int or_failed(int result) {
 }
 
 int host_open(const char *path, int mode) {
-    int flags = mode == HOST_READ ? FLAGS_READ : mode == HOST_WRITE ? FLAGS_WRITE : FLAGS_APPEND;
-    return or_failed(call(SYS_OPEN, (int)path, flags, 0644));
+    static const int flags[] = {
+        [HOST_READ] = FLAGS_READ, [HOST_WRITE] = FLAGS_WRITE, [HOST_APPEND] = FLAGS_APPEND, [HOST_UPDATE] = FLAGS_UPDATE };
+    return or_failed(call(SYS_OPEN, (int)path, flags[mode], 0644));
 }
 
 int host_stdin(void) {

@@ -1,0 +1,53 @@
+"""A simulated ESP32 behind a pseudo-terminal, for programs that open a serial port."""
+
+import threading
+import time
+from types import TracebackType
+
+from framestep_tools.client.pty_port import PtyLink
+from framestep_tools.simulator.esp32_board import Esp32Board
+
+_SLICE_NS = 2_000_000
+_REST_S = 0.002  # while nothing is said: a REPL that waits needs no processor
+_MOST = 4096  # bytes for the board at once, as its UART takes its time
+
+
+class Terminal:
+    """Runs a board in a thread as fast as it can, and carries its bytes. `path` is the port's.
+
+    If the power goes (Esp32Board.cut_power_after), the port is gone as well.
+    """
+
+    def __init__(self, board: Esp32Board):
+        self.board = board
+        self._link = PtyLink()
+        self.path = self._link.path
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._over = False
+
+    def _run(self) -> None:
+        board = self.board
+        waiting = b""
+        while not self._over and board.powered:
+            data = self._link.read()
+            for at in range(0, len(data), _MOST):
+                board.receive(data[at : at + _MOST])
+            board.run_until(board.now_ns + _SLICE_NS)
+            waiting += board.transmit()
+            waiting = waiting[self._link.write(waiting) :] if waiting else b""
+            if not data and not waiting:
+                time.sleep(_REST_S)
+        self._link.close()
+
+    def __enter__(self) -> "Terminal":
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        where: TracebackType | None,
+    ) -> None:
+        self._over = True
+        self._thread.join()
