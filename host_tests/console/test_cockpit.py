@@ -149,3 +149,18 @@ def test_a_jog_ends_when_the_device_becomes_silent(opened):
         expect(page.get_by_role("alert")).to_contain_text("The device does not answer.")
     wait_rest(page)
     page.keyboard.up(" ")
+
+
+def test_a_second_page_takes_the_device_over(opened, stage):
+    page, _ = opened
+    page.keyboard.down("ArrowRight")
+    wait_far(page, 1, 0, 50)
+    second = stage.page(page.url)
+    take = second.get_by_role("button", name="Take the device over")
+    take.click()
+    wait_connected(second)
+    expect(take).to_be_hidden()
+    wait_rest(second)
+    expect(page.get_by_role("alert")).to_be_visible()
+    expect(log(page)).to_contain_text("another page has taken the device over")
+    expect(page.get_by_role("button", name="Take the device over")).to_be_visible()

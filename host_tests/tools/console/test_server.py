@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from urllib.parse import urlsplit
 
 import pytest
+import segno
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -24,10 +25,11 @@ from framestep_tools.client.client import BrokenOff, Client, RequestRefused
 from framestep_tools.client.open_port import open_port
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.commands.common import talking
+from framestep_tools.commands.console import show_code
 from framestep_tools.console import page_files
 from framestep_tools.console.board_work import BoardWork
 from framestep_tools.console.bridge import Bridge, Jogs
-from framestep_tools.console.server import ConsoleServer
+from framestep_tools.console.server import ConsoleServer, lan_address
 from framestep_tools.errors import ToolError
 from framestep_tools.payloads import (
     Ack,
@@ -54,10 +56,10 @@ FAR = 2_000_000_000
 class SocketPort:
     """A WebSocket of the console with the interface of a port, for Client."""
 
-    def __init__(self, link):
+    def __init__(self, link, hello=None):
         self.link = link
         self.timeout = 1.0
-        self.hello = json.loads(link.recv(PATIENCE_S))
+        self.hello = hello or json.loads(link.recv(PATIENCE_S))
         self._bytes = bytearray()
 
     def read(self, size=1):
@@ -111,8 +113,12 @@ class Stage:
     def _call(self, coroutine):
         return asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(PATIENCE_S)
 
+    @property
+    def token(self):
+        return self.parts.query.removeprefix("token=")
+
     def link(self, token=None, origin=None, host=None, headers=None):
-        token = self.parts.query.removeprefix("token=") if token is None else token
+        token = self.token if token is None else token
         return connect(
             f"ws://{host or self.parts.netloc}/link?token={token}",
             sock=socket.create_connection((self.parts.hostname, self.parts.port)),
@@ -214,6 +220,79 @@ def test_bytes_go_through_and_the_second_page_is_turned_away(shared):
         client.request(MotorMove(1, 300))
         client.wait_idle(PATIENCE_S)
         assert client.request(MotorGetPosition()).steps[0] == 300
+
+
+def test_a_page_takes_the_device_from_another(shared):
+    with shared.client() as client:
+        before = client.request(MotorGetPosition()).steps[0]
+        client.request(MotorJog(1, 10_000, FAR))
+        wait_far(client, 1, abs(before) + 100)
+        with shared.link(token=shared.token + "&take=1") as second:
+            hello = json.loads(second.recv(PATIENCE_S))
+            assert hello["device"] == shared.device
+            while not isinstance(said := client.port.link.recv(PATIENCE_S), str):
+                pass
+            assert "another page has taken the device over" in said
+            port = SocketPort(second, hello)
+            taker = Client(port, PATIENCE_S)
+            taker.wait_idle(PATIENCE_S)
+            assert taker.request(MotorGetPosition()).steps[0] > before
+
+
+def test_in_the_local_network_the_same_rules_hold(shared):
+    """Another address of this computer stands in for another computer's way here."""
+    served = ConsoleServer(lambda: open_port(shared.device, 1.0), "x", BoardWork(None, "x"))
+    shared._call(served.start(0, "127.0.0.2"))
+    try:
+        here, there = urlsplit(served.url), urlsplit(served.lan_url)
+        assert (here.hostname, there.hostname) == ("127.0.0.1", "127.0.0.2")
+        assert here.query == there.query
+        for place in (here, there):
+            page = http.client.HTTPConnection(place.hostname, place.port, timeout=PATIENCE_S)
+            page.request("GET", "/")
+            assert page.getresponse().status == 200
+        page = http.client.HTTPConnection("127.0.0.3", there.port, timeout=PATIENCE_S)
+        page.request("GET", "/")
+        assert page.getresponse().status == 403
+        for token, origin, status in (
+            ("guessed", f"http://{there.netloc}", 403),
+            (there.query.removeprefix("token="), "http://evil.example", 403),
+        ):
+            with pytest.raises(InvalidStatus) as error:
+                connect(f"ws://{there.netloc}/link?token={token}", origin=origin, legacy=True)
+            assert error.value.response.status_code == status
+        with connect(
+            f"ws://{there.netloc}/link?{there.query}", origin=f"http://{there.netloc}", legacy=True
+        ) as link:
+            assert json.loads(link.recv(PATIENCE_S))["device"] == "x"
+    finally:
+        shared._call(served.stop())
+
+
+def test_the_address_for_a_phone_is_printed_with_a_code(capsys):
+    url = "http://192.168.1.20:7878/?token=" + "x" * 32
+    show_code(url)
+    *code, address, warning = capsys.readouterr().out.splitlines()
+    assert address == url
+    assert "not encrypted" in warning
+    size = segno.make(url, micro=False).symbol_size()[0]
+    assert {len(line) for line in code} == {size}
+    assert len(code) == (size + 1) // 2
+
+
+def test_a_computer_without_a_network_says_so(monkeypatch):
+    def unreachable(probe, address):
+        raise OSError("Network is unreachable")
+
+    probe = type("Probe", (socket.socket,), {"connect": unreachable})
+    monkeypatch.setattr(socket, "socket", probe)
+    with pytest.raises(ToolError, match="this computer is in no network"):
+        lan_address()
+
+
+def test_without_lan_nothing_else_reaches_the_server(shared):
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.2", shared.parts.port), PATIENCE_S)
 
 
 @pytest.mark.parametrize("text", ["x", "[]", '"x"', '{"do": "stop", "id": 1}', '{"do": "load"}'])

@@ -35,11 +35,18 @@ def console(
             help="only write the page into a folder, for your own web server", metavar="DIR"
         ),
     ] = None,
+    lan: Annotated[
+        bool,
+        typer.Option(
+            "--lan",
+            help="serve the page in the local network too, and print a QR code for a phone",
+        ),
+    ] = False,
     axes: AxesFile = None,
 ) -> None:
     """Drive the device from a page in the browser, until Ctrl-C.
 
-    The page is served on this computer alone.
+    The page is served on this computer alone, unless --lan is given.
     """
     if save:
         from ..console import page_files
@@ -48,7 +55,9 @@ def console(
         return
     from ..client import port_finder
     from ..client.client import Client
+    from ..console.server import lan_address
 
+    address = lan_address() if lan else None
     if demo and device:
         raise typer.BadParameter("--demo simulates a device, so leave the other one out")
     found = _simulated() if demo else contextlib.nullcontext(device or port_finder.protocol_port())
@@ -57,7 +66,7 @@ def console(
             client.greet()  # reports a wrong port here instead of on the page
         # a second Ctrl-C while motors ramp down closes the port, and the controller stops them
         with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(_serve(url, repl or _repl_of(url), port, browser, axes))
+            asyncio.run(_serve(url, repl or _repl_of(url), port, address, browser, axes))
 
 
 @contextlib.contextmanager
@@ -99,7 +108,25 @@ def _repl_of(url: str) -> str | None:
     )
 
 
-async def _serve(url: str, repl: str | None, port: int, browser: bool, axes: Path | None) -> None:
+def show_code(url: str) -> None:
+    """Print an address of the local network, as text and as a QR code."""
+    import io
+
+    import segno
+
+    drawn = io.StringIO()
+    segno.make(url, micro=False).terminal(drawn, compact=True)
+    print(f"{drawn.getvalue()}{url}", flush=True)
+    print(
+        "Whoever has this address can move the rig, and the link is not encrypted: "
+        "use a network that you trust.",
+        flush=True,
+    )
+
+
+async def _serve(
+    url: str, repl: str | None, port: int, lan: str | None, browser: bool, axes: Path | None
+) -> None:
     from ..client.open_port import open_port
     from ..console.axes_text import AxesText
     from ..console.board_work import BoardWork
@@ -107,13 +134,16 @@ async def _serve(url: str, repl: str | None, port: int, browser: bool, axes: Pat
 
     work = BoardWork(repl, url)
     server = ConsoleServer(lambda: open_port(url, _OPEN_S), url, work, AxesText(axes))
-    await server.start(port)
+    await server.start(port, lan)
     ending = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         with contextlib.suppress(NotImplementedError):  # Windows: Ctrl-C ends asyncio.run itself
             loop.add_signal_handler(number, ending.set)
-    print(f"{server.url}\nCtrl-C ends it", flush=True)
+    print(server.url, flush=True)
+    if server.lan_url:
+        show_code(server.lan_url)
+    print("Ctrl-C ends it", flush=True)
     if browser:
         import webbrowser
 

@@ -1,8 +1,9 @@
-"""Serves the page on this computer only, and connects one page at a time with the device.
+"""Serves the page, and connects one page at a time with the device.
 
-It rejects foreign requests: a Host other than this computer (DNS rebinding: a foreign name that
-leads here), a WebSocket with the Origin of another page, and one without the token. The token is
-part of the address that the server prints, and new each time.
+It listens on this computer only, or on request in the local network too. It rejects foreign
+requests: a Host other than this computer (DNS rebinding: a foreign name that leads here), a
+WebSocket with the Origin of another page, and one without the token. The token is part of the
+address that the server prints, and new each time.
 """
 
 import asyncio
@@ -10,6 +11,7 @@ import contextlib
 import hmac
 import http
 import secrets
+import socket
 from collections.abc import Callable
 from pathlib import PurePosixPath
 from typing import Any
@@ -27,6 +29,8 @@ from .bridge import Bridge
 from .visit import Visit
 
 ADDRESS = "127.0.0.1"
+_EVERY = "0.0.0.0"  # also reached from the local network
+_ELSEWHERE = ("192.0.2.1", 9)  # an address of no network: a socket toward it sends nothing
 SILENCE_S = 1.5  # a jog ends if its page sends nothing for this long
 _TURN_S = 2.0  # time for the previous page to end, when one is reloaded
 _WATCH_S = 0.5  # interval at which the server asks what still moves
@@ -42,7 +46,8 @@ _HEADERS = {
 
 
 class ConsoleServer:
-    """The server. `url` is the page's address once `start` has been called.
+    """The server. `url` is the page's address once `start` has been called, `lan_url` the same for
+    other computers of the local network.
 
     open_port: returns a port for Client, or raises ToolError; name: the device's name on the page;
     work: the board's REPL; axes: the motors' names and units (None: the page keeps them).
@@ -58,23 +63,25 @@ class ConsoleServer:
         self.name = name
         self.work = work
         self.axes = axes
-        self.url = ""
+        self.url = self.lan_url = ""
         self.keep = False  # all motion but jogs goes on without the page
         self.silence_s = SILENCE_S
         self.bridge: Bridge | None = None
         self._open_port = open_port
         self._token = secrets.token_urlsafe(24)
         self._turn = asyncio.Lock()
+        self._visit: Visit | None = None  # the page that has the device
         self._hosts: set[str] = set()
         self._server: Any = None
         self._watch: asyncio.Task[None] | None = None
 
-    async def start(self, port: int = 0) -> None:
-        """Listen on a port; 0 takes any free one. Raises ToolError if it is taken."""
+    async def start(self, port: int = 0, lan: str | None = None) -> None:
+        """Listen on a port; 0 takes any free one. lan: this computer's address in the local
+        network, to be reached from there too. Raises ToolError if the port is taken."""
         try:
             self._server = await serve(
                 self._connected,
-                ADDRESS,
+                _EVERY if lan else ADDRESS,
                 port,
                 process_request=self._answer,
                 max_size=_LARGEST_MESSAGE,
@@ -87,8 +94,10 @@ class ConsoleServer:
                 f"cannot serve the console on port {port}: {error.strerror}; --port names another"
             ) from None
         number = self._server.sockets[0].getsockname()[1]
-        self._hosts = {f"{host}:{number}" for host in (ADDRESS, "localhost")}
+        hosts = [ADDRESS, "localhost", *([lan] if lan else [])]
+        self._hosts = {f"{host}:{number}" for host in hosts}
         self.url = f"http://{ADDRESS}:{number}/?token={self._token}"
+        self.lan_url = f"http://{lan}:{number}/?token={self._token}" if lan else ""
 
     async def stop(self) -> None:
         """Stop what moves, close the port and end."""
@@ -151,15 +160,19 @@ class ConsoleServer:
 
     async def _connected(self, page: ServerConnection) -> None:
         visit = Visit(self, page)
+        if _asked(page, "take") and self._visit:
+            await self._visit.end("another page has taken the device over")
         try:
             await asyncio.wait_for(self._turn.acquire(), _TURN_S)
         except (TimeoutError, asyncio.TimeoutError):
             await visit.end("another page of the console has the device: close that one first")
             return
         try:
+            self._visit = visit
             await self._back()
             await visit.run()
         finally:
+            self._visit = None
             try:
                 await self._leave()
             finally:
@@ -168,7 +181,9 @@ class ConsoleServer:
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return a file of the page, or None to accept a WebSocket."""
         if not self._hosts.issuperset(hosts := request.headers.get_all("Host")) or len(hosts) != 1:
-            return _refusal(http.HTTPStatus.FORBIDDEN, "The console answers on this computer only.")
+            return _refusal(
+                http.HTTPStatus.FORBIDDEN, "The console answers at the addresses that it prints."
+            )
         address = urlsplit(request.path)
         if address.path == "/link":
             return self._admit(request, address.query)
@@ -189,6 +204,24 @@ class ConsoleServer:
                 "The address lacks its token: take the one that framestep console prints.",
             )
         return None
+
+
+def lan_address() -> str:
+    """Return this computer's address in the local network. Raises ToolError if it has none."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(_ELSEWHERE)
+            address = str(probe.getsockname()[0])
+        except OSError:
+            address = ADDRESS
+    if address.startswith("127."):
+        raise ToolError("this computer is in no network: --lan needs one")
+    return address
+
+
+def _asked(page: ServerConnection, what: str) -> bool:
+    """Return whether the address of a page's link asks for something, such as take=1."""
+    return bool(page.request and parse_qs(urlsplit(page.request.path).query).get(what))
 
 
 def _refusal(status: http.HTTPStatus, text: str) -> Response:

@@ -36,6 +36,7 @@ let openLink = null; // returns {link, hello}; null if the user connects by hand
 let tries = true;
 let shown = null;
 let lost = ""; // why the device is gone
+let takes = false; // take the device from another page with the next try
 
 // ---- the link
 
@@ -52,12 +53,15 @@ async function connect(open) {
 async function serve() {
   let said = "";
   while (tries) {
+    const taking = takes;
+    takes = false;
     try {
-      await device.connect(await openLink());
+      await device.connect(await openLink(taking));
       return;
     } catch (error) {
       if (error.message !== said) device.tell(error.message, true);
       said = error.message;
+      takeOver.hidden = !/another page/.test(said);
     }
     await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
   }
@@ -72,12 +76,21 @@ const byCable = h("button", {
     await connect(() => SerialLink.open());
   },
 }, "Connect over USB…");
-place("connect").append(byCable);
+const takeOver = h("button", {
+  type: "button",
+  hidden: true,
+  onclick: () => {
+    takes = true;
+    takeOver.hidden = true;
+  },
+}, "Take the device over");
+place("connect").append(byCable, takeOver);
 
 device.addEventListener("connected", () => {
   const { info } = device.state;
   setText(place("who"), `${info.name}, firmware ${info.major}.${info.minor}.${info.revision}, on ${device.hello.device}`);
   byCable.hidden = true;
+  takeOver.hidden = true;
   lost = "";
   keep.checked = device.hello.kept;
   keepLine.hidden = !device.client.keeps;
@@ -91,6 +104,7 @@ device.addEventListener("gone", ({ detail }) => {
   if (!detail.known) return;
   lost = "The link to the device has ended.";
   device.tell(`The link has ended: ${detail.why}.`, true);
+  takeOver.hidden = !/another page/.test(detail.why);
   if (openLink && tries && !device.restarts) setTimeout(serve, AGAIN_MS);
 });
 

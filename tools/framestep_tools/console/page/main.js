@@ -5,4 +5,4 @@ import { WebSocketLink } from "./websocket_link.js";
 
 const token = new URLSearchParams(location.search).get("token");
 const scheme = location.protocol === "https:" ? "wss" : "ws";
-start(token && (() => WebSocketLink.open(`${scheme}://${location.host}/link?token=${encodeURIComponent(token)}`)));
+start(token && ((take) => WebSocketLink.open(`${scheme}://${location.host}/link?token=${encodeURIComponent(token)}${take ? "&take=1" : ""}`)));
