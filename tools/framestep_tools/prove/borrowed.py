@@ -32,7 +32,7 @@ _READ, _WRITE, _COUNT, _CONTROL_QUIET = 0x0, 0x4, 0x8, 0x10
 _ENABLED, _WORDS = 1, 2 << 2
 _LEVELS = 0xD0000004
 
-_CHUNK = 256  # stamps in one read: the board has little memory
+_CHUNK = 128  # stamps in one read: the board has little memory
 # Half words of the store's regions and units, see moves/upload/chunks.py
 _ROOM = (
     "w = words()\nprint(addressof(store()), 2 * w[{BOTTOM}], 2 * (w[{SIZE}] - {UNIT} * w[{USED}]))"
