@@ -8,13 +8,14 @@ from framestep_tools.building import images
 from framestep_tools.payloads import Dmx
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_io import Wire, check_timing
+from host_tests.covering import sweep
 from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played
 from host_tests.end_to_end.session import Session, run_request
 
 VREG_1_15_V = 0xC1  # EN, and VSEL of 1.15 V: RP2040 datasheet 2.10.6
 
 
-@pytest.mark.parametrize("mhz", [125, 150, 200])
+@pytest.mark.parametrize("mhz", sweep([125, 150, 200], 125, 200))
 def test_runs_and_lights_at_each_clock(mhz):
     with EmulatedBoard({"clock_mhz": mhz}) as board:
         session = Session(board)

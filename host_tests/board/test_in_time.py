@@ -9,6 +9,7 @@ from framestep_tools import payloads as p
 from framestep_tools.judge.virtual_reference import Axis, Rig
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.timing import Timing
+from host_tests.covering import sweep
 from host_tests.end_to_end.session import Session, run_request
 from host_tests.end_to_end.virtual_axes.judging import BOOM_NODAL, XYZ
 
@@ -59,7 +60,7 @@ def test_a_virtual_move_is_stopped(session, rig, stop):
             session.wait_idle()
 
 
-@pytest.mark.parametrize("velocity", [5000, VELOCITY])
+@pytest.mark.parametrize("velocity", sweep([5000, VELOCITY], VELOCITY))
 def test_a_virtual_jog_is_let_go(session, velocity):
     """By a VIRT_STOP, and by lack of repetition."""
     configured(session, BOOM_NODAL, velocity, 20_000 if velocity == 5000 else ACCELERATION)
