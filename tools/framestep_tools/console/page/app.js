@@ -23,7 +23,7 @@ const holds = new Holds();
 const operation = new Operation(device);
 const moves = new MovesView(device, holds, operation);
 const views = [
-  new MotorsView(device, holds),
+  new MotorsView(device, holds, () => stop()),
   moves,
   new ShootView(device, operation),
   new OutputsView(device),

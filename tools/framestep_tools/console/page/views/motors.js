@@ -1,11 +1,13 @@
 // Motors: positions, jog, move, zero, home, soft limits, speed.
 
 import { check, field, h, number, positionField, read, readSteps, setText, showSteps } from "../dom.js";
+import { Gamepads } from "../gamepads.js";
 import { PositionBar } from "../position_bar.js";
 import { M } from "../protocol.js";
 
 const FARTHEST = 2_000_000_000; // target of a jog, which ends at a soft limit or when it is released
 const FULL_SPEED = 10_000;
+const GAMEPAD = "gamepad"; // key of its hold
 const UNIT_SIZES = [0.1, 1, 10]; // distances of the step buttons, in an axis's unit
 const STEP_SIZES = [1, 10, 100];
 
@@ -20,9 +22,17 @@ export class MotorsView {
   #homeAll = h("div", { class: "row" }, h("button", { type: "button", onclick: () => this.#device.home([]) }, "Home all motors"));
   #chosen = 1;
 
-  constructor(device, holds) {
+  /** stop: stops everything. */
+  constructor(device, holds, stop) {
     this.#device = device;
     this.#holds = holds;
+    new Gamepads({
+      active: () => !this.element.hidden && !this.element.inert && document.hasFocus() && device.connected,
+      begin: (up) => this.#jog(GAMEPAD, this.#chosen, up),
+      end: () => holds.release(GAMEPAD),
+      choose: (by) => this.#choose(Math.min(Math.max(this.#chosen + by, 1), this.#cards.length)),
+      stop,
+    });
     device.axes.addEventListener("change", () => this.#makeCards());
     const shown = h("output");
     const tell = () => setText(shown, `${this.#speed.value} % of each motor's own`);
@@ -30,7 +40,7 @@ export class MotorsView {
     tell();
     this.element.append(
       h("div", { class: "card" }, h("div", { class: "row" }, field("Jog speed", this.#speed), shown),
-        h("p", { class: "faint" }, "Hold − or + to jog.", h("span", { class: "keys" }, " Keys: 1 to 9 choose a motor, ← and → jog the chosen one as long as they are held."))),
+        h("p", { class: "faint" }, "Hold − or + to jog.", h("span", { class: "keys" }, " Keys: 1 to 9 choose a motor, ← and → jog the chosen one as long as they are held. Game controller: L1 or R1 and the left stick; its cross chooses, B stops."))),
       this.#homeAll,
       this.#list,
     );
