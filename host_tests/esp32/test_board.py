@@ -4,6 +4,7 @@ registers. Time is virtual, and a pass takes half a millisecond."""
 import numpy as np
 import pytest
 
+from framestep.motors.positions import BROKEN_OFF, HELD, LOST, RESTORED
 from framestep.rig import Rig, RigError
 from framestep_tools.building.board_files import board_data
 from framestep_tools.judge.judge import frame_times_ns
@@ -266,6 +267,29 @@ def test_outputs_and_inputs(rig):
     assert rig.ask(GioIn()).levels == 0b0010
 
 
+def test_remembered_positions(board):
+    """They survive a power cut at rest. In motion it loses them, and flash is not written."""
+    session = board({"remember_positions": True})
+    session.speed(1, 20000, 100_000)
+    session.accept(MotorResetPosition(1, 100), MotorMove(1, 5100))
+    session.wait_idle()
+    session.run(2.5)  # STILL_MS, and the time to write
+    session.board.power_off()
+    session.board.power_on()
+    again = Session(session.board, reply_s=REPLY_S)
+    assert again.position(1) == 5100
+    trust = again.ask(GetCondition()).positions[0]
+    assert (trust.state, trust.reason) == (HELD, RESTORED)
+    again.speed(1, 20000, 100_000)
+    again.accept(MotorMove(1, 0))
+    again.run(0.15)
+    again.board.power_off()
+    again.board.power_on()
+    last = Session(again.board, reply_s=REPLY_S)
+    trust = last.ask(GetCondition()).positions[0]
+    assert (trust.state, trust.reason) == (LOST, BROKEN_OFF)
+
+
 def test_the_byte_of_ctrl_c_in_a_frame_is_data(rig):
     rig.accept(MotorMove(3, 3), MotorMove(3, 0x0303))
     rig.wait_idle()
@@ -307,6 +331,8 @@ def test_reading_the_upload_port_takes_no_step(rig):
         ({"inputs": [{"pin": 3}]}, r"found 3, which is the board's uart 2 already"),
         ({"motors": [{"servo": {"pin": 4}}]}, r"motors\[1\].servo: found an object"),
         ({"ports": 2}, "ports: found 2, this board has 1"),
+        ({"watchdog": True}, "watchdog: found true, but framestep has none for this board"),
+        ({"dmx": True}, "dmx: found true, but framestep has none for this board"),
     ],
 )
 def test_settings_that_are_not_for_it(found, wanted):

@@ -26,7 +26,7 @@ IMPLEMENTED = {
     "Dmx": ["rp2/dmx.py:Dmx", "host.py:HostDmx", "absent.py:NoDmx"],
     "Watchdog": ["rp2/watchdog.py:Watchdog", "host.py:HostWatchdog", "absent.py:NoWatchdog"],
     "DriverWire": ["rp2/wire.py:Wire", "rp2/one_wire.py:OneWire", "host.py:SilentWire"],
-    "Flash": ["rp2/flash.py:Flash", "host.py:HostFlash"],
+    "Flash": ["flash.py:Flash", "host.py:HostFlash"],
 }
 # Parts that only one kind has, or that another class provides. The host's HAL has no REPL, nor a
 # single object that models engine commands.

@@ -32,6 +32,9 @@ class Rig:
         self.motors = read_list(MOTOR_SETTINGS, settings["motors"], "motors")
         driven = [motor for motor in self.motors if motor["driver"] is not None]
         self.board = fitted({} if board is None else board, settings["motor_count"], driven)
+        for key in self.board.pop("lacks", ()):
+            if (found or {}).get(key):
+                raise RigError("%s: found true, but framestep has none for this board" % key)
         self._count_motors(settings, len((board or {}).get("step", ())))
         servos = self._read_servos()
         self.drivers = self._read_drivers() if driven else None

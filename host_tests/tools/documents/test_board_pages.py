@@ -206,7 +206,11 @@ def test_what_is_for_the_page_stays_off_the_board(name):
     exec(board_module(name), found)
     data = board_data(name)
     data.pop("page", None)
-    assert found["BOARD"] == data
+    assert data | found["BOARD"] == data
+    assert {key: data[key] for key in data.keys() - found["BOARD"].keys()}.items() <= {
+        "ports": 2,
+        "lacks": [],
+    }.items()
 
 
 def test_motors_free_pins():

@@ -74,6 +74,7 @@ _OF_HAL = {
     "rp2": ("framestep/leftovers", "framestep/hal/ports/usb_", "framestep/hal/rp2/"),
     "esp32": ("framestep/hal/esp32/",),
 }
+_USUAL = {"lacks": [], "ports": 2}  # what framestep.rig takes for granted
 _P = ParamSpec("_P")
 
 
@@ -197,13 +198,14 @@ def files_boards() -> list[str]:
 
 
 def board_data(board: str) -> dict[str, Any]:
-    """Return the data of boards/<board>/board.json, with the chip's `hal`, its numbers of `ports`
-    and `pins`, and its `clocks` in MHz. Raises ToolError if there is no such board or chip."""
+    """Return the data of boards/<board>/board.json, with the chip's `hal`, what that `lacks`, its
+    numbers of `ports` and `pins`, and its `clocks` in MHz. Raises ToolError if there is no such
+    board or chip."""
     if board not in board_names():
         raise ToolError(f"no board {board!r}: there are {', '.join(board_names())}")
     data = json.loads((paths.BOARDS / board / "board.json").read_text())
     found = chip(data["chip"])
-    return data | {key: getattr(found, key) for key in ("hal", "ports", "pins", "clocks")}
+    return data | {key: getattr(found, key) for key in ("hal", "lacks", "ports", "pins", "clocks")}
 
 
 def board_chip(board: str) -> Chip:
@@ -225,8 +227,10 @@ def board_module(board: str) -> str:
 
 
 def data_module(data: Mapping[str, Any]) -> str:
-    """Return the source of framestep/board.py for a board's data."""
-    return f'"""Pins and counts, made from the board\'s board.json."""\n\nBOARD = {dict(data)!r}\n'
+    """Return the source of framestep/board.py for a board's data. What is as with most boards is
+    left out, as a Pico has hardly any memory to spare."""
+    data = {key: value for key, value in data.items() if _USUAL.get(key) != value}
+    return f'"""Pins and counts, made from the board\'s board.json."""\n\nBOARD = {data!r}\n'
 
 
 def without_meanings(text: str) -> str:

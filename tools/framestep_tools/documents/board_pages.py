@@ -37,7 +37,13 @@ _KEYS = {
     ),
     *("outputs", "inputs", "stops", "led", "rgb", "jumper", "freed", "with_drivers", "page"),
     *("chain", "buffers", "button", "uart", "usb", "flash"),
-    *("hal", "ports", "pins", "clocks"),  # not in the file: board_files.board_data adds them
+    *(
+        "hal",
+        "lacks",
+        "ports",
+        "pins",
+        "clocks",
+    ),  # not in the file: board_files.board_data adds them
 }
 
 

@@ -1,7 +1,7 @@
 """Times of a board's flash to erase a sector and to program a page, each by itself.
 
 This bypasses the file system, as framestep does for remembered positions
-(firmware/framestep/hal/rp2/flash.py), and touches one sector of a file that it makes itself. The
+(firmware/framestep/hal/flash.py), and touches one sector of a file that it makes itself. The
 file is one sector long, so it fills one; its random first bytes show which. If the power fails
 meanwhile, only that file has lost its content. The next measurement writes it again.
 """

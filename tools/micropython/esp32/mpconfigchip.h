@@ -28,3 +28,5 @@
 #define MICROPY_KBD_EXCEPTION               (1)
 #define MICROPY_PY_OS_DUPTERM               (1)
 #define MICROPY_PY_OS_DUPTERM_NOTIFY        (1)
+#define MICROPY_PY_OS_INCLUDEFILE           "../esp32/random.c"
+#define MICROPY_PY_OS_URANDOM               (1)

@@ -9,7 +9,7 @@ from framestep.base.native import const
 _CHAIN = const(64)  # pin number of the chain's output 0
 _OUTPUTS = const(32)
 
-SPENT = ("framestep.hal.esp32.start",)
+SPENT = ("framestep.hal.flash_blocks", "framestep.hal.esp32.start")
 
 
 def clear():

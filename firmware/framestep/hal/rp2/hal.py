@@ -161,9 +161,11 @@ class Rp2Hal:
             return RgbLed(board["rgb"], machine).show
 
     def flash(self):
-        from framestep.hal.rp2.flash import Flash
+        import rp2
 
-        return Flash()
+        from framestep.hal.flash import Flash
+
+        return Flash(rp2.Flash())
 
     def _make_port(self, ports):
         if ports == 2:

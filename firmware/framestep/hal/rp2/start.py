@@ -9,7 +9,7 @@ from framestep.hal.rp2.pins import drivers_off  # noqa: F401 -- part of the cont
 from framestep.leftovers import stop_dma as clear  # noqa: F401
 
 SPENT = (
-    "framestep.hal.rp2.flash_blocks",
+    "framestep.hal.flash_blocks",
     "framestep.hal.rp2.clock",
     "framestep.hal.rp2.stack",
     "framestep.hal.ports.usb_descriptor",

@@ -8,8 +8,6 @@ block is found by its first bytes, which are random, and these are compared agai
 If somebody has deleted the file, the block may belong to another file and is left alone.
 """
 
-import rp2
-
 from framestep.base.native import const, micropython, ptr8
 
 _BLOCKS = const(4)
@@ -29,15 +27,16 @@ def put_head(page: ptr8, head: ptr8):
 
 
 class Flash:
-    """See hal/contract.py. Raises OSError if there is no room for its files."""
+    """See hal/contract.py. device: the block device of the file system, as MicroPython has it.
+    Raises OSError if there is no room for its files."""
 
     blocks = _BLOCKS
     bytes = _BLOCK_BYTES - _PAGE_BYTES  # the first page has the head
 
-    def __init__(self):
-        from framestep.hal.rp2.flash_blocks import claim
+    def __init__(self, device):
+        from framestep.hal.flash_blocks import claim
 
-        self._flash = rp2.Flash()
+        self._flash = device
         self._look = bytearray(_HEAD_BYTES)
         self._heads = [b""] * _BLOCKS
         self._places = [claim(self._flash, i, self._heads) for i in range(_BLOCKS)]

@@ -1,4 +1,4 @@
-"""Claims blocks of flash for hal/rp2/flash.py. A module of its own, as it is needed only once at
+"""Claims blocks of flash for hal/flash.py. A module of its own, as it is needed only once at
 power-up."""
 
 import os
