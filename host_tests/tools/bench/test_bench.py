@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from framestep_tools.bench import esp32
 from framestep_tools.bench.figures import AT_200, FIGURES, keyed, table
-from framestep_tools.bench.moves import FPS, RAMP, ROLL_MS, STEADY_RATES, mixed_move
+from framestep_tools.bench.moves import FPS, MOTORS, RAMP, ROLL_MS, STEADY_RATES, mixed_move
 from framestep_tools.judge.reference import Reference
 from framestep_tools.judge.trace import PinDecoder, Trace, load_board
+from framestep_tools.simulator.esp32_board import Esp32Board
 
 KEYS = [
     "steps_per_s_8",
@@ -110,3 +112,19 @@ def test_trace_from_records():
     for signal, (times, values) in slow.signals.items():
         assert np.array_equal(fast.signals[signal][0], times)
         assert np.array_equal(fast.signals[signal][1], values)
+
+
+def test_figures_of_an_esp32():
+    """One motor at the highest rate, and a stop. A run that the main loop holds up is not taken for
+    one that lost nothing."""
+    with Esp32Board({"motors": [{"pulse_us": esp32.GRID_US}] * MOTORS}) as board:
+        session = esp32.ChainSession(board)
+        assert esp32.top_rate(session, 1) == 125_000
+        assert 25 < esp32.stop_ms(session) < 50
+        assert esp32.pause_ms(session, (60,)) == 0
+    values = {figure.key: 1.0 for figure in esp32.FIGURES}
+    out = io.StringIO()
+    Console(file=out, width=150).print(esp32.table(values, True))
+    for figure in esp32.FIGURES:
+        assert figure.key in out.getvalue()
+        assert figure.how[:20] in out.getvalue()

@@ -12,7 +12,7 @@ from rich.console import Console
 from ..building import images
 from ..building.board_files import ROOT
 from ..errors import Command
-from . import tick_cost
+from . import esp32, tick_cost
 from .figures import TRUST, keyed, table
 from .loops import loop_table, loops
 from .measure import measure
@@ -31,7 +31,7 @@ def main(
     ] = False,
     out: Annotated[Path, typer.Option(help="file for the figures", metavar="FILE")] = RESULT,
 ) -> None:
-    """Measure the firmware on the emulated board against its goals."""
+    """Measure the firmware on the emulated board and the simulated ESP32 against its goals."""
     console = Console(highlight=False)
     if not console.is_terminal:
         console.width = _WIDTH
@@ -52,12 +52,15 @@ def main(
     modelled = {125: slow, 200: fast}
     parts = tick_cost.both()
     passes = loops()
+    console.print("the simulated ESP32")
+    chain = esp32.measure()
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(json.dumps(keyed(modelled), indent=2) + "\n")
+    out.write_text(json.dumps(keyed(modelled) | chain, indent=2) + "\n")
     console.print(table(modelled, ideal, explain))
     console.print(loop_table(passes))
     console.print(tick_cost.table(parts))
     console.print(TRUST)
+    console.print(esp32.table(chain, explain))
     console.print(f"figures with the cache model in {out}")
 
 
