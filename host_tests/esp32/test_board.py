@@ -6,7 +6,8 @@ import pytest
 
 from framestep.motors.positions import BROKEN_OFF, HELD, LOST, RESTORED
 from framestep.rig import Rig, RigError
-from framestep_tools.building.board_files import board_data
+from framestep_tools.board.rig_file import read
+from framestep_tools.building.board_files import ROOT, board_data, files_boards
 from framestep_tools.judge.judge import frame_times_ns
 from framestep_tools.payloads import (
     Ack,
@@ -53,6 +54,34 @@ def rig(board):
     for motor in range(1, 9):
         session.speed(motor, 20000, 100_000)
     return session
+
+
+@pytest.mark.parametrize("name", files_boards())
+def test_each_board_with_its_example(name):
+    """Its motors move, its drivers are on meanwhile, and its E-stop is where its data says.
+
+    The simulated chip is a first-generation ESP32, which has the pins that the S3 uses.
+    """
+    rig = read(ROOT / "boards" / name / "rig.json")
+    count = rig["motor_count"]
+    with Esp32Board(rig, name) as board:
+        session = Session(board, motors=count, reply_s=REPLY_S)
+        board.wire_switches()
+        session.run(0.1)
+        for motor in range(1, count + 1):
+            session.speed(motor, 20000, 100_000)
+            session.accept(MotorMove(motor, 100 * motor))
+        session.wait_idle()
+        assert [session.made(motor) for motor in range(1, count + 1)] == [
+            100 * motor for motor in range(1, count + 1)
+        ]
+        board.set_pin(board_data(name)["estop"], 1)
+        session.run(0.1)
+        assert session.code(MotorMove(1, 0)) != Ack.OK
+        levels = session.trace().signals
+        lines = [line for line in levels if line.startswith("enable")]
+        assert len(lines) == (count if isinstance(board_data(name)["enable"], list) else 1)
+        assert all({0, 1} <= set(map(int, levels[line][1])) for line in lines)
 
 
 def test_memory():
