@@ -99,6 +99,24 @@ def test_from_an_erased_flash_to_the_first_move(boards, packaged, capsys):
     assert steps(board) == 507
 
 
+def test_a_rig_file_and_a_move_from_the_shell(boards, capsys, monkeypatch, tmp_path):
+    """The commands of the first move, each over the one port."""
+    (tmp_path / "rig.json").write_text('{"name": "turntable", "motor_count": 2}')
+    monkeypatch.setenv("EDITOR", f"cp {tmp_path}/rig.json")
+    board = boards(installed())
+    with Terminal(board) as terminal:
+        port = terminal.path
+        for words in (
+            ["rig", "edit", "--port", port],
+            ["move", port, "2", "200"],
+            ["status", port],
+        ):
+            assert cli.app.status(words) == 0, capsys.readouterr()
+    said = capsys.readouterr().out
+    assert "turntable, firmware 0.1.0: 2 motors" in said
+    assert "motor 2: 200" in said
+
+
 def test_power_cuts(boards, packaged, capsys):
     """At each moment of an update the board has all old modules, all new ones, or a REPL and a
     sentence, and another attempt completes it."""
