@@ -10,4 +10,6 @@ list(APPEND MICROPY_DEF_BOARD FRAMESTEP_VERSION=${FRAMESTEP_VERSION})
 # Parts of MicroPython that are left out (headers are searched for in MICROPY_BOARD_DIR)
 if(PICO_PLATFORM STREQUAL "rp2040")
     list(APPEND MICROPY_DEF_BOARD MP_CONFIGFILE="../rp2040_port.h")
+    # eight machine.Timers at once instead of sixteen leave more memory for uploaded moves
+    list(APPEND MICROPY_DEF_BOARD PICO_TIME_DEFAULT_ALARM_POOL_MAX_TIMERS=8)
 endif()

@@ -3,7 +3,7 @@
 #
 # The functions named here run from RAM. The flash cache of an RP2040 (16 kB) is too small for MicroPython's interpreter
 # and framestep's own code together. The functions for calls and look-ups, and those that lead to the tick, are copied
-# to RAM at the start: pico-sdk's linker script copies sections called .time_critical. They take 9.7 kB; `make bench` shows
+# to RAM at the start: pico-sdk's linker script copies sections called .time_critical. They take 9.8 kB; `make bench` shows
 # their effect.
 set -euo pipefail
 
@@ -21,7 +21,7 @@ FUNCTIONS=(
     # calls
     nlr_push nlr_push_tail mp_native_swap_globals fun_builtin_0_call
     # from the timer's interrupt to the tick
-    alarm_pool_irq_handler alarm_callback mp_sched_schedule mp_irq_dispatch
+    alarm_pool_irq_handler alarm_callback mp_sched_schedule mp_irq_dispatch mp_sched_lock mp_sched_unlock gc_lock gc_unlock
 )
 
 # pico-sdk has these in RAM, but framestep rarely or never calls them
