@@ -32,6 +32,8 @@ _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledg
 STALL_MS = const(200)
 _QUIET_MS = const(10)
 
+_SHALLOW_MS = const(20)  # a fifth of what is queued before a motion begins
+
 # The LED: a bit for each 128 ms, the lowest first, and the colour for LEDs that have colours
 LED_WAITING = (0x0001, 0x000030)
 LED_CONNECTED = (0xFFFF, 0x080808)
@@ -179,6 +181,7 @@ class Controller:
             m.MSG_MOTOR_STOP_ALL: self.stops.stop_all,
             m.MSG_MOTOR_GET_POSITION: self._get_position,
             m.MSG_CONDITION: self._condition,
+            m.MSG_LOAD: self._load,
         }
         for part in parts:
             self.handlers.update(part.handlers)
@@ -442,6 +445,12 @@ class Controller:
             bits |= m.CONDITION_DRIVER
         if self.operations.exceeded[WHAT]:
             bits |= m.CONDITION_EXCEEDED
+        header = self.header
+        if (
+            header[stepper.WORST_LATE] * 5 > header[stepper.LATEST] * 4
+            or header[stepper.SHALLOWEST] < _SHALLOW_MS
+        ):
+            bits |= m.CONDITION_LOAD
         if self.rig.remember_positions:
             if self.journal is None or not self.journal.working:
                 bits |= m.CONDITION_POSITIONS_UNSAVABLE
@@ -467,4 +476,22 @@ class Controller:
             writer.u8(positions.states[i])
             writer.u8(positions.reasons[i])
         writer.end()
+        return 0
+
+    def _load(self):
+        """MSG_LOAD, framestep's own (field note 4.10): m.Load, field by field; starts anew."""
+        header = self.header
+        writer = self.writer
+        writer.begin(m.MSG_LOAD, self.reader)
+        asked = header[stepper.ASKED]
+        writer.u32(0 if asked < 0 else elapsed(self.now, asked))
+        writer.u32(header[stepper.SPENT])
+        writer.u32(header[stepper.PASSES])
+        writer.u16(min(header[stepper.WORST_LATE], 0xFFFF))
+        writer.u16(min(header[stepper.LATEST], 0xFFFF))
+        writer.u16(header[stepper.SHALLOWEST])
+        writer.end()
+        header[stepper.ASKED] = self.now
+        header[stepper.SPENT] = header[stepper.PASSES] = header[stepper.WORST_LATE] = 0
+        header[stepper.SHALLOWEST] = stepper.UNSTRAINED
         return 0

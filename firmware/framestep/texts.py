@@ -1,6 +1,7 @@
 """Conditions as text: for the REPL, and for `framestep status` on the host. Loaded on demand.
 Allocates."""
 
+from framestep.base.native import const
 from framestep.faults import FAULTS, outcome
 from framestep.motors.positions import (
     BEFORE,
@@ -25,6 +26,7 @@ from framestep.protocol.messages import (
     CONDITION_DRIVER,
     CONDITION_ESTOP,
     CONDITION_EXCEEDED,
+    CONDITION_LOAD,
     CONDITION_OVERLAY,
     CONDITION_OVERLAY_LEFT_OUT,
     CONDITION_POSITIONS_PENDING,
@@ -42,6 +44,7 @@ from framestep.protocol.messages import (
     EXCEEDED_UPPER,
     EXCEEDED_VELOCITY,
 )
+from framestep.pulse.stepper import UNSTRAINED
 
 STATES = {LOST: "lost", HELD: "held", KNOWN: "known"}
 REASONS = {
@@ -60,6 +63,7 @@ REASONS = {
     NOT_OPENED: "its home switch did not open",
     SERVO: "a servo goes where its pulses say",
 }
+_LONGEST_MS = const(1 << 20)  # the counts of MSG_LOAD wrap after 2^30 us
 CONDITIONS = {
     CONDITION_RIG_FILE_INVALID: "the rig file has a mistake: nothing moves (the REPL shows it)",
     CONDITION_ESTOP: "the E-stop is held",
@@ -76,6 +80,10 @@ CONDITIONS = {
     CONDITION_OVERLAY: "an overlay is in use: edited modules replace the image's (framestep flash)",
     CONDITION_OVERLAY_LEFT_OUT: (
         "an overlay was left out: the image's own modules run (framestep flash, or flash --clean)"
+    ),
+    CONDITION_LOAD: (
+        "the board is close to its limit: a tick was late, or a motor had little queued; "
+        "fewer steps/s, fewer motors or a higher clock_mhz help"
     ),
 }
 LIMITS_COUNT = "soft limits do not protect a motor whose position is lost; RESET_POSITION sets it"
@@ -145,3 +153,16 @@ def positions(controller):
     if LOST in list(found.states):  # MicroPython does not look for a number in a bytearray
         lines.append(LIMITS_COUNT)
     return lines
+
+
+def load(ms, interrupt_us, passes_us, late_us, latest_us, queued_ms):
+    """Return lines about how busy the board was. The numbers are those of MSG_LOAD."""
+    found = ["worst lateness of a tick in motion: %d us, the limit is %d us" % (late_us, latest_us)]
+    if queued_ms < UNSTRAINED:
+        found.append("shortest queue of a moving motor: %d ms" % queued_ms)
+    if 0 < ms < _LONGEST_MS and interrupt_us and passes_us:
+        found.append(
+            "load of the last %d s: %d %% ticks, %d %% passes of the main loop"
+            % ((ms + 500) // 1000, interrupt_us // ms // 10, passes_us // ms // 10)
+        )
+    return found

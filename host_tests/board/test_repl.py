@@ -5,7 +5,7 @@ import pytest
 
 from framestep_emulator import Emulator
 from framestep_tools.building import images
-from framestep_tools.payloads import Ack, HardStop, RtEnd, RtGo, RtJogAll
+from framestep_tools.payloads import Ack, GetLoad, HardStop, RtEnd, RtGo, RtJogAll
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_end_to_end import assert_played, load, move
 from host_tests.end_to_end.io.test_led import CONNECTED, FAULT, MOVING
@@ -47,11 +47,16 @@ def test_bench_commands_beside_a_run(session):
     stands = load(session, positions)
     session.accept(RtGo())
     before = repl.eval("(__import__('gc').collect(), __import__('gc').mem_free())[1]")
+    session.ask(GetLoad())
     repl.exec("import framestep.repl")
     lines = repl.exec("status()").splitlines()
     assert lines[2].startswith("a run is on, at frame ")
     assert repl.exec("move(8, 200)").startswith("refused: a run is on")
     figures = repl.exec("timing()").splitlines()
+    busy = session.ask(GetLoad())
+    assert 1 < busy.interrupt_us / busy.ms / 10 < 12, "percent"
+    assert 1 < busy.passes_us / busy.ms / 10 < 60, "percent"
+    assert busy.late_us < 200
     assert shows(MOVING, led(board, 3))
     repl.exec("import gc, json; gc.collect()")
     assert session.client.wait_event(RtEnd, 10)

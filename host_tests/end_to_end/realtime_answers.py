@@ -33,8 +33,9 @@ _SWING_PAN = p.VirtConfig(2, (p.VirtualAxis(1, 1000), p.VirtualAxis(2, 1000)))
 # Rows: name in the table, request, answers in the order of STATES
 ANSWERS = (
     ("HI", p.Hi(), _ALWAYS),
-    ("CONDITION, EXCEEDED (framestep's own)", p.GetCondition(), _ALWAYS),
+    ("CONDITION, EXCEEDED, LOAD (framestep's own)", p.GetCondition(), _ALWAYS),
     ("", p.GetExceeded(), _ALWAYS),
+    ("", p.GetLoad(), _ALWAYS),
     ("HOME (framestep's own), where no motor has `home`", p.Home(), _NEVER),
     ("MOTOR_STATUS", p.MotorStatus(), _ALWAYS),
     ("MOTOR_GET_POSITION", p.MotorGetPosition(), _ALWAYS),

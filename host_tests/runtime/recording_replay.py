@@ -384,6 +384,7 @@ class Replay:
         self.us = ms * 1000
         self.hal = hal = Hal(head, rig)
         hal.kernel.state[stepper.TICKS] = ticks
+        hal.kernel.state[stepper.DUE] = self.us & 0x3FFFFFFF
         hal.kernel.state[stepper.CUE_WRITE_INDEX] = hal.kernel.state[stepper.CUE_READ_INDEX] = (
             WRAP - 3 if ticks else 0
         )

@@ -9,6 +9,7 @@ from framestep.motors.backlash import BACKLASH
 from framestep.motors.feeder import ALL_BITS, coupled, emptiest_queue
 from framestep.motors.positions import Positions
 from framestep.motors.samples import ALARM, choose, make_samples, renumber
+from framestep.motors.splice import queued
 from framestep.pulse import stepper
 
 AHEAD = const(11)  # segments to keep queued
@@ -85,7 +86,7 @@ class Axes:
         left = _PIECE
         more = True
         while True:
-            found = emptiest_queue(state, LOW, stepper.RUN)
+            low = found = emptiest_queue(state, LOW, stepper.RUN)
             if not found:
                 if left <= 0:
                     break
@@ -95,6 +96,8 @@ class Axes:
                     more = False
                     break
             axis = self.axes[(found >> 5) - 1]
+            if low and axis.block[stepper.MODE] == stepper.RUN:
+                state[stepper.SHALLOWEST] = queued(axis.block, 1, state[stepper.SHALLOWEST])
             tail = axis.block[stepper.WRITE_INDEX]
             axis.feed(min((found & 31) + AHEAD, MOST_SEGMENTS))
             left -= ((axis.block[stepper.WRITE_INDEX] - tail) & ALL_BITS) + _CALL

@@ -30,6 +30,8 @@ class StepKernel:
         state[sw.LEAD] = state[sw.BEHIND] = engine.LEAD
         state[sw.AHEAD] = engine.LEAD * cycles - engine.SHORT_US * state[sw.CYCLES_PER_US]
         state[sw.SQUARE] = (1 << 25) // cycles
+        state[sw.SHALLOWEST] = sw.UNSTRAINED
+        state[sw.ASKED] = -1
         following = 0
         for i in range(motors - 1, -1, -1):
             block = self.blocks[i]

@@ -48,7 +48,15 @@ CUE_WRITE_INDEX = const(15)  # cues put, modulo 2^29
 OUT_SET = const(16)
 OUT_CLEAR = const(17)  # address that lowers them
 BEHIND = const(18)  # ticks from kernel to pins: LEAD, or more if ticks are done in batches
-HEADER_WORDS = const(19)
+# Load since it was last asked for: microseconds of ticks and of passes (without ticks), modulo
+# 2^30, and the fewest milliseconds that a moving motor had queued (at most UNSTRAINED)
+SPENT = const(19)
+PASSES = const(20)
+SHALLOWEST = const(21)
+ASKED = const(22)  # when that was, in milliseconds modulo 2^29; -1: not since the start
+HEADER_WORDS = const(23)
+
+UNSTRAINED = const(1000)
 
 # A cue is a change of output pins at a tick; a slot of the ring has four words
 CUE_SLOTS = const(32)

@@ -448,3 +448,4 @@ class Header(array):
                         else:
                             fifo[0] = m[sw.WORD] + ((d - engine.WAIT_CYCLES) << engine.GAP)
                         m[sw.CARRY] = m[sw.RESERVE]
+        h[sw.SPENT] = (clock[0] - now + h[sw.SPENT]) & WIDE_WRAP

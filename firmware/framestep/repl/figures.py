@@ -1,15 +1,19 @@
-"""timing(): the cost of a tick. live(): the same as numbers, for a program that asks repeatedly."""
+"""timing(): the load of the board. live(): numbers for a program that asks repeatedly."""
 
 from array import array
 
-from framestep import boot
+from framestep import boot, texts
 from framestep.base.clock import WIDE_WRAP, elapsed
 from framestep.base.native import CPYTHON, const, micropython, ptr32
 from framestep.pulse.stepper import (
+    ASKED,
     CLOCK,
     LATEST,
+    PASSES,
     READ_INDEX,
     SEGMENTS,
+    SHALLOWEST,
+    SPENT,
     TICKS,
     WORST_LATE,
     WRITE_INDEX,
@@ -52,10 +56,11 @@ def timing():
             "interrupts: %d us in a tick of 1000 on average, %d us at a time at most"
             % _interrupts(state, _WINDOWS, _WINDOW_US)
         )
-    print(
-        "worst lateness of a tick in motion: %d us, the limit is %d us"
-        % (state[WORST_LATE], state[LATEST])
-    )
+    asked = state[ASKED]
+    ms = 0 if asked < 0 else elapsed(boot.controller.now, asked)
+    load = (ms, state[SPENT], state[PASSES], state[WORST_LATE], state[LATEST], state[SHALLOWEST])
+    for line in texts.load(*load):
+        print(line)
     for motor, waiting in _queues(kernel):
         print("motor %d: %d of %d segments wait" % (motor, waiting, SEGMENTS))
 
@@ -63,7 +68,8 @@ def timing():
 def live():
     """Print the figures of timing() as a list: [µs of interrupts in a tick, µs of the longest,
     worst lateness of a tick in µs, its limit, segments that a queue holds, [[motor, waiting
-    segments], …] of the moving motors]. Takes three milliseconds; passes come in between."""
+    segments], …] of the moving motors, then counts of ms, of µs in ticks and of µs in passes, the
+    latter modulo 2^30]. Takes three milliseconds; passes come in between."""
     why = dead()
     if why:
         print(why)
@@ -71,7 +77,8 @@ def live():
     kernel = boot.hal.kernel
     state = kernel.state
     mean, longest = (0, 0) if CPYTHON else _interrupts(state, _LIVE_WINDOWS, _LIVE_US)
-    print([mean, longest, state[WORST_LATE], state[LATEST], SEGMENTS, _queues(kernel)])
+    counts = [boot.controller.now, state[SPENT], state[PASSES]]
+    print([mean, longest, state[WORST_LATE], state[LATEST], SEGMENTS, _queues(kernel)] + counts)
 
 
 def _interrupts(state, windows, us):

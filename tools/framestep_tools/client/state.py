@@ -21,7 +21,9 @@ from ..payloads import (
     Exceeded,
     GetCondition,
     GetExceeded,
+    GetLoad,
     HardStop,
+    Load,
     MotorGetPosition,
     MotorStatus,
 )
@@ -45,14 +47,15 @@ class Stopped(ClientError):
 
 
 class State(NamedTuple):
-    """`condition` is None if the device does not report it; `exceeded` is None if no limit was
-    exceeded."""
+    """`condition` and `load` are None if the device does not report them; `exceeded` is None if no
+    limit was exceeded."""
 
     info: DeviceInfo
     moving: list[int]
     positions: list[int]
     condition: Condition | None
     exceeded: Exceeded | None
+    load: Load | None
     axes: Axes
 
 
@@ -69,7 +72,14 @@ def ask(client: Client) -> State:
             exceeded = client.request(GetExceeded())
     except RequestRefused:
         pass
-    return State(info, moving, positions, condition, exceeded, client.axes)
+    return State(info, moving, positions, condition, exceeded, _load(client), client.axes)
+
+
+def _load(client: Client) -> Load | None:
+    try:
+        return client.request(GetLoad())
+    except RequestRefused:
+        return None
 
 
 def position(client: Client, motor: int) -> int:
@@ -154,6 +164,8 @@ def _conditions(state: State) -> list[str]:
         )
     if any(each.state == LOST for each in state.condition.positions):
         found.append(f"{texts.LIMITS_COUNT} (framestep zero)")
+    if state.load and state.load.interrupt_us:
+        found += texts.load(*vars(state.load).values())
     return [state.axes.named(text) for text in found]
 
 
@@ -216,4 +228,5 @@ def for_programs(state: State) -> dict[str, Any]:
         "capabilities": info.capabilities,
         "conditions": texts.conditions(state.condition.bits) if state.condition else None,
         "exceeded": vars(state.exceeded) if state.exceeded else None,
+        "load": vars(state.load) if state.load else None,
     }

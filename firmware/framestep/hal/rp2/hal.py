@@ -8,7 +8,7 @@ import machine
 from machine import Pin, Timer, mem32
 from micropython import alloc_emergency_exception_buf
 
-from framestep.base.native import const, micropython
+from framestep.base.native import addressof, const, micropython
 from framestep.hal import PASS, REPL_STACK
 from framestep.hal.rp2.pin_guard import Claim, held_pin, mend, wrong
 from framestep.hal.rp2.pins import (
@@ -252,7 +252,8 @@ class Rp2Hal:
         return 1 << pin
 
     def pass_callback(self, work):
-        return WholeStack(self._stack, work, self.inside).callback
+        header = addressof(self.kernel.state)
+        return WholeStack(self._stack, work, self.inside, header).callback
 
     def watch(self, bits, handler):
         handler = WholeStack(self._stack, handler, NOWHERE).callback

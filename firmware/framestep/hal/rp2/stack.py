@@ -15,8 +15,10 @@ from array import array
 
 from machine import mem32
 
+from framestep.base.clock import WIDE_WRAP
 from framestep.base.native import addressof, const, micropython
 from framestep.hal import PASS, REPL_STACK, STACK
+from framestep.pulse.stepper import CLOCK, PASSES, SPENT
 
 # mp_obj_type_t: the type's own type, flags and name, twelve numbers of slots, slots. py/obj.h,
 # MicroPython 1.20 to 1.28
@@ -51,9 +53,10 @@ class WholeStack:
     `callback` is the function to call. If the type of `call` is `unchecked`, it always begins.
     """
 
-    def __init__(self, limit, work, inside):
-        """limit: result of set_limit(); inside: words; PASS is 1 during the call."""
-        self.words = array("i", [limit, addressof(inside)])
+    def __init__(self, limit, work, inside, header=0):
+        """limit: result of set_limit(); inside: words; PASS is 1 during the call. header: address
+        of the kernel's words, to add the time of the calls to PASSES, less that of the ticks."""
+        self.words = array("i", [limit, addressof(inside), header])
         self.work = work
         self.callback = self.call
 
@@ -62,12 +65,20 @@ class WholeStack:
         words = ptr32(self.words)
         limit = ptr32(words[0])
         inside = ptr32(words[1])
+        header = words[2]
         before = limit[0]
         limit[0] = STACK
         inside[PASS] = 1
+        begun = 0
+        if header:
+            h = ptr32(header)
+            begun = ptr32(h[CLOCK])[0] - h[SPENT]
         try:
             self.work(x)
         finally:
+            if header:
+                h = ptr32(header)
+                h[PASSES] = (ptr32(h[CLOCK])[0] - h[SPENT] - begun + h[PASSES]) & WIDE_WRAP
             inside[PASS] = 0
             limit[0] = before
 

@@ -87,6 +87,20 @@ class Condition(Payload):
     positions: Annotated[Sequence[PositionTrust], PositionTrust] = ()
 
 
+class Load(Payload):
+    """How busy the board has been since the last GetLoad: for how long (ms; 0: it is the first),
+    microseconds of ticks and of passes of the main loop without them (modulo 2^30; 0: not
+    measured), the worst lateness of a tick in motion and the one that is a fault (µs), the fewest
+    milliseconds that a moving motor had queued (1000: never few)."""
+
+    ms: U32
+    interrupt_us: U32
+    passes_us: U32
+    late_us: U16
+    latest_us: U16
+    queued_ms: U16
+
+
 class Exceeded(Payload):
     """The limit that the last move exceeded: a number of framestep.protocol.messages EXCEEDED_ (0:
     none), the motor, the scene frame, and by how many steps/s or steps/s². Then the settings of a

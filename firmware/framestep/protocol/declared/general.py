@@ -7,6 +7,7 @@ from .device import (
     DeviceInfo,
     Exceeded,
     InputLevels,
+    Load,
     Moving,
     Positions,
     Status,
@@ -89,6 +90,14 @@ class Home(Request[Ack], number=MSG_HOME, moves=True):
     note 4.9)."""
 
     motors: Levels = b""
+
+
+MSG_LOAD = 0x4603  # how busy the board is (field note 4.10)
+
+
+class GetLoad(Request[Load], number=MSG_LOAD, keeps_plan=True):
+    """Ask how busy the board has been since the last of these requests; only framestep answers
+    (field note 4.10)."""
 
 
 MSG_MOTOR_MOVE = 0x0031

@@ -15,6 +15,7 @@ export class LoadCard {
   #live = h("input", { onchange: () => this.#turn() });
   #drawing = s("svg", { class: "drawing", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": "Interrupts in the last minute" });
   #shares = [];
+  #before = null; // the counts of the last answer
   #timer = 0;
   #round = 0;
 
@@ -51,6 +52,7 @@ export class LoadCard {
     this.#round += 1;
     this.#drawing.style.display = this.#live.checked ? "" : "none";
     this.#shares = [];
+    this.#before = null;
     if (this.#live.checked) this.#look(this.#round);
     else this.#ask("rest").catch(() => {}); // closes the port
   }
@@ -68,7 +70,17 @@ export class LoadCard {
     }
   }
 
-  #show([mean, longest, latest, limit, holds, queues]) {
+  /** Percent of the time since the last answer that ticks and passes took; counts are modulo 2^30. */
+  #busy(counts) {
+    const before = this.#before;
+    this.#before = counts;
+    if (!before) return "";
+    const [ms, ticks, passes] = counts.map((count, i) => (count - before[i]) & 0x3fffffff);
+    if (ms === 0 || passes === 0 || ticks + passes > 1000 * ms) return ""; // not measured, or counted anew meanwhile
+    return `Last second: ${(ticks / ms / 10).toFixed(0)} % ticks, ${(passes / ms / 10).toFixed(0)} % passes of the main loop`;
+  }
+
+  #show([mean, longest, latest, limit, holds, queues, ...counts]) {
     this.#shares.push(mean);
     if (this.#shares.length > KEPT) this.#shares.shift();
     const filled = queues.map(([motor, waiting]) => `motor ${motor} ${waiting}`).join(", ");
@@ -76,7 +88,8 @@ export class LoadCard {
       `Interrupts: ${mean} µs of each ${TICK_US}, ${longest} µs at a time at most`,
       `Worst lateness of a tick in motion: ${latest} µs, the limit is ${limit} µs`,
       queues.length ? `Segments that wait, of ${holds}: ${filled}` : "No motor moves.",
-    ].join("\n"));
+      this.#busy(counts),
+    ].filter(Boolean).join("\n"));
     const points = this.#shares.map((share, i) => `${((i * WIDTH) / (KEPT - 1)).toFixed(1)},${(HEIGHT * (1 - Math.min(share / TICK_US, 1))).toFixed(1)}`);
     this.#drawing.replaceChildren(
       s("polyline", { fill: "none", stroke: "#2f7fb8", "stroke-width": 2, points: points.join(" ") }),
