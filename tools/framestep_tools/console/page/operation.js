@@ -12,6 +12,7 @@ export class Operation extends EventTarget {
   #state = NONE;
   #last = null; // frame at which it ends by itself
   #stopped = false; // a stop has been requested
+  #asked = false; // GO has been sent and not answered, and nothing has ended since
 
   constructor(device) {
     super();
@@ -55,7 +56,10 @@ export class Operation extends EventTarget {
 
   /** Start the operation. */
   async go() {
-    if (await this.#device.ask("RtGo")) this.#set(PLAYING);
+    this.#asked = true;
+    const taken = await this.#device.ask("RtGo");
+    if (taken && this.#asked) this.#set(PLAYING); // a short one may have ended before this line
+    this.#asked = false;
   }
 
   /** Note that everything has been stopped. */
@@ -65,11 +69,12 @@ export class Operation extends EventTarget {
   }
 
   #end() {
-    if (this.#state === PLAYING) {
+    if (this.#state === PLAYING || this.#asked) {
       const { playHead } = this.#device.state;
       const early = this.#stopped || (this.#last !== null && playHead !== this.#last * 1000);
       this.#device.tell(early ? `${this.name} was stopped at frame ${(playHead / 1000).toFixed(3)}.` : `${this.name} is over.`, early);
     }
+    this.#asked = false;
     this.#set(NONE);
   }
 
