@@ -162,7 +162,11 @@ def load(ms, interrupt_us, passes_us, late_us, latest_us, queued_ms):
         found.append("shortest queue of a moving motor: %d ms" % queued_ms)
     if 0 < ms < _LONGEST_MS and interrupt_us and passes_us:
         found.append(
-            "load of the last %d s: %d %% ticks, %d %% passes of the main loop"
-            % ((ms + 500) // 1000, interrupt_us // ms // 10, passes_us // ms // 10)
+            "load of the last %d s: %s ticks, %s passes of the main loop"
+            % ((ms + 500) // 1000, _percent(interrupt_us // ms), _percent(passes_us // ms))
         )
     return found
+
+
+def _percent(thousandths):
+    return "%d.%d %%" % (thousandths // 10, thousandths % 10)

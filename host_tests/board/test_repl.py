@@ -54,7 +54,7 @@ def test_bench_commands_beside_a_run(session):
     assert repl.exec("move(8, 200)").startswith("refused: a run is on")
     figures = repl.exec("timing()").splitlines()
     busy = session.ask(GetLoad())
-    assert 1 < busy.interrupt_us / busy.ms / 10 < 12, "percent"
+    assert 0.2 < busy.interrupt_us / busy.ms / 10 < 12, "percent"
     assert 1 < busy.passes_us / busy.ms / 10 < 60, "percent"
     assert busy.late_us < 200
     assert shows(MOVING, led(board, 3))
@@ -69,7 +69,8 @@ def test_bench_commands_beside_a_run(session):
     assert tick[0] <= tick[2] < 400
     late = int(figures[1].split(": ")[1].split()[0])
     assert late < 100
-    assert [line.split(":")[0] for line in figures[2:]] == [f"motor {i}" for i in positions]
+    assert figures[2].startswith("load of the last ")
+    assert [line.split(":")[0] for line in figures[3:]] == [f"motor {i}" for i in positions]
     assert "lost" in lines[3]
     assert repl.exec("rig()").count("\n") > 15
     assert "output 1, pin 22: off" in repl.exec("io()")
