@@ -3,7 +3,7 @@
 #
 # The functions named here run from RAM. The flash cache of an RP2040 (16 kB) is too small for MicroPython's interpreter
 # and framestep's own code together. The functions for calls and look-ups, and those that lead to the tick, are copied
-# to RAM at the start: pico-sdk's linker script copies sections called .time_critical. They take 9.8 kB; `make bench` shows
+# to RAM at the start: pico-sdk's linker script copies sections called .time_critical. They take 10.6 kB; `make bench` shows
 # their effect.
 set -euo pipefail
 
