@@ -154,8 +154,8 @@ def unix32f(tmp_path_factory) -> Runtime:
 
 @pytest.fixture(scope="session", autouse=True)
 def _shared_ports(tmp_path_factory):
-    """Programs that share a port find one another by a temporary file with its name: not those of
-    other processes of tests, which may use the same name."""
+    """Give each process of tests a folder for temporary files. Programs find a shared port there by
+    its name, and another process may use the same name."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setenv("TMPDIR", str(tmp_path_factory.mktemp("ports")))
         patched.setattr(tempfile, "tempdir", None)

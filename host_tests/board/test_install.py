@@ -19,7 +19,7 @@ from host_tests.tools.board.test_install import drive_in
 
 
 def free_port():
-    """Return a port below those that a system gives out, as other tests may get these meanwhile."""
+    """Return a free port that the system does not give to other tests meanwhile."""
     for port in range(20_000 + os.getpid() % 10_000, 32_768):
         with contextlib.suppress(OSError), socket.socket() as probe:
             probe.bind(("127.0.0.1", port))
