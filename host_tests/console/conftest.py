@@ -13,6 +13,7 @@ from playwright.sync_api import sync_playwright
 from framestep_tools.client.client import BrokenOff, Client
 from framestep_tools.client.open_port import open_port
 from framestep_tools.console.board_work import BoardWork
+from framestep_tools.console.device import ConsoleDevice
 from framestep_tools.console.server import ConsoleServer
 from framestep_tools.simulator.boards import SimulatedBoard
 from framestep_tools.simulator.serve import Server
@@ -120,8 +121,9 @@ class Console:
         self.server = self.call(self._make(url, work))
 
     async def _make(self, url, work):
-        server = ConsoleServer(lambda: open_port(url, 1.0), url, work or BoardWork(None, url))
-        server.silence_s = PATIENCE_MS / 1000  # a busy computer may hold up the browser
+        device = ConsoleDevice(lambda: open_port(url, 1.0), url, work or BoardWork(None, url))
+        server = ConsoleServer(device)
+        device.silence_s = PATIENCE_MS / 1000  # a busy computer may hold up the browser
         await server.start()
         return server
 

@@ -119,8 +119,8 @@ def crane(stage, speed=1.0):
     device = stage.simulated(RIG, MOTORS, speed)
     device.at_board(lambda board: board.wire_switches())
     served = stage.console(device.url)
-    served.server.name = DEVICE
-    served.server.axes = Names()
+    served.server.device.name = DEVICE
+    served.server.device.axes = Names()
     return served
 
 

@@ -48,7 +48,7 @@ def opened(stage, rig):
     with device.client() as client:
         client.request(MotorSetSpeed(2, 4000, 20_000))
     served = stage.console(device.url)
-    served.server.axes = AxesText(rig)
+    served.server.device.axes = AxesText(rig)
     page = stage.page(served.url)
     expect(page.get_by_label("Position of pan in deg")).to_have_text("-90.000°")
     return page, device
@@ -174,12 +174,12 @@ def test_a_file_with_a_mistake_is_reported_and_kept(stage, rig):
     rig.write_text("[[axis]]\nname = 5\n")
     device = stage.simulated(motors=1)
     served = stage.console(device.url)
-    served.server.axes = AxesText(rig)
+    served.server.device.axes = AxesText(rig)
     page = stage.page(served.url)
     expect(log(page)).to_contain_text('"name": expected a text, found 5; the page shows steps.')
     expect(position(page)).to_have_text("0")
     with pytest.raises(ToolError, match="not valid TOML"):
-        served.server.axes.write("[[axis")
+        served.server.device.axes.write("[[axis")
     assert rig.read_text() == "[[axis]]\nname = 5\n"
     assert page.errors == []
 

@@ -29,6 +29,7 @@ from framestep_tools.commands.console import show_code
 from framestep_tools.console import page_files
 from framestep_tools.console.board_work import BoardWork
 from framestep_tools.console.bridge import Bridge, Jogs
+from framestep_tools.console.device import ConsoleDevice
 from framestep_tools.console.server import ConsoleServer, lan_address
 from framestep_tools.errors import ToolError
 from framestep_tools.payloads import (
@@ -104,9 +105,13 @@ class Stage:
 
     async def _start(self, work):
         server = ConsoleServer(
-            lambda: open_port(self.device, 1.0), self.device, work or BoardWork(None, self.device)
+            ConsoleDevice(
+                lambda: open_port(self.device, 1.0),
+                self.device,
+                work or BoardWork(None, self.device),
+            )
         )
-        server.silence_s = PATIENCE_S  # nothing here is silent on purpose
+        server.device.silence_s = PATIENCE_S  # nothing here is silent on purpose
         await server.start()
         return server
 
@@ -203,7 +208,7 @@ def test_only_the_page_itself_connects(shared, wrong):
 
 
 def test_each_server_has_a_token_of_its_own(shared):
-    other = ConsoleServer(lambda: None, "x", BoardWork(None, "x"))
+    other = ConsoleServer(ConsoleDevice(lambda: None, "x", BoardWork(None, "x")))
     assert other._token != shared.server._token
     assert len(other._token) >= 32
 
@@ -241,7 +246,8 @@ def test_a_page_takes_the_device_from_another(shared):
 
 def test_in_the_local_network_the_same_rules_hold(shared):
     """Another address of this computer stands in for another computer's way here."""
-    served = ConsoleServer(lambda: open_port(shared.device, 1.0), "x", BoardWork(None, "x"))
+    device = ConsoleDevice(lambda: open_port(shared.device, 1.0), "x", BoardWork(None, "x"))
+    served = ConsoleServer(device)
     shared._call(served.start(0, "127.0.0.2"))
     try:
         here, there = urlsplit(served.url), urlsplit(served.lan_url)
@@ -350,7 +356,7 @@ def test_the_port_is_let_go_when_what_went_on_has_come_to_rest(shared):
         before = client.request(MotorGetPosition()).steps[1]
         client.port.link.send('{"keep": true}')
         client.request(MotorMove(2, before - 700))
-    while shared.server.bridge:
+    while shared.server.device.bridge:
         threading.Event().wait(0.02)
     with shared.client() as client:
         assert not client.port.hello["kept"]
@@ -358,13 +364,14 @@ def test_the_port_is_let_go_when_what_went_on_has_come_to_rest(shared):
 
 
 def test_a_device_that_is_not_there_is_told(shared, monkeypatch):
-    monkeypatch.setattr(shared.server, "_open_port", lambda: open_port("socket://127.0.0.1:1", 1.0))
+    nowhere = "socket://127.0.0.1:1"
+    monkeypatch.setattr(shared.server.device, "_open_port", lambda: open_port(nowhere, 1.0))
     with shared.link() as page:
         assert "cannot open socket://127.0.0.1:1" in json.loads(page.recv(PATIENCE_S))["ended"]
 
 
 def test_a_port_that_is_taken(shared):
-    other = ConsoleServer(lambda: None, "x", BoardWork(None, "x"))
+    other = ConsoleServer(ConsoleDevice(lambda: None, "x", BoardWork(None, "x")))
     with pytest.raises(ToolError, match="cannot serve the console on port"):
         shared._call(other.start(shared.parts.port))
 
@@ -412,7 +419,7 @@ def test_framestep_stop_stops_what_a_page_jogs(stage, capsys):
             answers = [frame for frame in decoder.feed(data) if frame.id == 2]
         assert int.from_bytes(answers[0].payload, "little") == Ack.ERR_GENERAL
         page.send('{"released": true}')
-        while stage.server.bridge.stopped:
+        while stage.server.device.bridge.stopped:
             time.sleep(0.01)
         jog(2, 3)
         with talking(stage.device) as other:  # while it moves, another program gets its own answers
@@ -427,7 +434,7 @@ def test_framestep_stop_stops_what_a_page_jogs(stage, capsys):
 def test_a_page_that_hangs_lets_go(shared, monkeypatch, request_):
     """Its script sends nothing any more, but its link exists. Until it says that it holds nothing,
     no jog begins."""
-    monkeypatch.setattr(shared.server, "silence_s", 0.3)
+    monkeypatch.setattr(shared.server.device, "silence_s", 0.3)
     with shared.client() as client:
         link = client.port.link
         link.send(encode(request_.TYPE, request_.pack(), 1))
@@ -437,9 +444,9 @@ def test_a_page_that_hangs_lets_go(shared, monkeypatch, request_):
         with pytest.raises(RequestRefused, match="ERR_GENERAL"):
             client.request(MotorJog(1, 10_000, FAR))
         link.send('{"released": true}')
-        while shared.server.bridge.stopped:
+        while shared.server.device.bridge.stopped:
             time.sleep(0.01)
-        shared.server.silence_s = PATIENCE_S
+        shared.server.device.silence_s = PATIENCE_S
         client.request(MotorJog(2, 10_000, FAR))
         assert client.request(MotorStatus()).moving == [2]
         client.request(MotorStop(2))
@@ -515,7 +522,7 @@ def test_what_a_page_sends_after_the_port_was_closed_is_dropped():
 
 def test_a_page_gets_the_port_however_often_the_watch_has_to_be_told():
     async def play():
-        server = ConsoleServer(lambda: None, "x", BoardWork(None, "x"))
+        server = ConsoleServer(ConsoleDevice(lambda: None, "x", BoardWork(None, "x")))
 
         async def deaf(times):
             while times:

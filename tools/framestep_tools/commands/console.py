@@ -130,10 +130,12 @@ async def _serve(
     from ..client.open_port import open_port
     from ..console.axes_text import AxesText
     from ..console.board_work import BoardWork
+    from ..console.device import ConsoleDevice
     from ..console.server import ConsoleServer
 
     work = BoardWork(repl, url)
-    server = ConsoleServer(lambda: open_port(url, _OPEN_S), url, work, AxesText(axes))
+    device = ConsoleDevice(lambda: open_port(url, _OPEN_S), url, work, AxesText(axes))
+    server = ConsoleServer(device)
     await server.start(port, lan)
     ending = asyncio.Event()
     loop = asyncio.get_running_loop()

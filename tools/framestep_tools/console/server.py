@@ -12,7 +12,6 @@ import hmac
 import http
 import secrets
 import socket
-from collections.abc import Callable
 from pathlib import PurePosixPath
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -23,15 +22,13 @@ from websockets.http11 import Request, Response
 
 from ..errors import ToolError
 from . import page_files
-from .axes_text import AxesText
-from .board_work import BoardWork
 from .bridge import Bridge
+from .device import ConsoleDevice
 from .visit import Visit
 
 ADDRESS = "127.0.0.1"
 _EVERY = "0.0.0.0"  # also reached from the local network
 _ELSEWHERE = ("192.0.2.1", 9)  # an address of no network: a socket toward it sends nothing
-SILENCE_S = 1.5  # a jog ends if its page sends nothing for this long
 _TURN_S = 2.0  # time for the previous page to end, when one is reloaded
 _WATCH_S = 0.5  # interval at which the server asks what still moves
 _LARGEST_MESSAGE = 1 << 20
@@ -47,27 +44,11 @@ _HEADERS = {
 
 class ConsoleServer:
     """The server. `url` is the page's address once `start` has been called, `lan_url` the same for
-    other computers of the local network.
+    other computers of the local network."""
 
-    open_port: returns a port for Client, or raises ToolError; name: the device's name on the page;
-    work: the board's REPL; axes: the motors' names and units (None: the page keeps them).
-    """
-
-    def __init__(
-        self,
-        open_port: Callable[[], Any],
-        name: str,
-        work: BoardWork,
-        axes: AxesText | None = None,
-    ):
-        self.name = name
-        self.work = work
-        self.axes = axes
+    def __init__(self, device: ConsoleDevice):
+        self.device = device
         self.url = self.lan_url = ""
-        self.keep = False  # all motion but jogs goes on without the page
-        self.silence_s = SILENCE_S
-        self.bridge: Bridge | None = None
-        self._open_port = open_port
         self._token = secrets.token_urlsafe(24)
         self._turn = asyncio.Lock()
         self._visit: Visit | None = None  # the page that has the device
@@ -105,39 +86,26 @@ class ConsoleServer:
             self._server.close()
             await self._server.wait_closed()
         await self._back()
-        await self.let_go()
+        await self.device.let_go()
 
     # ---- the device's port
 
-    async def attach(self) -> Bridge:
-        """Return the device's port, and open it if necessary. Raises ToolError."""
-        if self.bridge is None:
-            self.bridge = Bridge(await asyncio.to_thread(self._open_port), self.name)
-        return self.bridge
-
-    async def let_go(self) -> None:
-        """Stop everything and close the port."""
-        self.keep = False
-        if self.bridge:
-            await self.bridge.close()
-            self.bridge = None
-
     async def _leave(self) -> None:
         """End jogs after the page has gone, and all other motion unless `keep` is set."""
-        bridge = self.bridge
+        bridge = self.device.bridge
         if bridge is None:
             return
         bridge.on_bytes = lambda data: None
         bridge.on_end = lambda why: None
         bridge.on_stopped = lambda why: None
         bridge.released()
-        if not self.keep:
-            await self.let_go()
+        if not self.device.keep:
+            await self.device.let_go()
             return
         try:
             await bridge.stop_jogs()
         except OSError:
-            await self.let_go()
+            await self.device.let_go()
         else:
             self._watch = asyncio.create_task(self._until_it_stands(bridge))
 
@@ -147,7 +115,7 @@ class ConsoleServer:
             while await bridge.moves():
                 await asyncio.sleep(_WATCH_S)
         async with self._turn:  # no page may connect while the port is being closed
-            await self.let_go()
+            await self.device.let_go()
 
     async def _back(self) -> None:
         """Give the port to a page that has connected."""
@@ -159,7 +127,7 @@ class ConsoleServer:
     # ---- requests of a browser
 
     async def _connected(self, page: ServerConnection) -> None:
-        visit = Visit(self, page)
+        visit = Visit(self.device, page)
         if _asked(page, "take") and self._visit:
             await self._visit.end("another page has taken the device over")
         try:

@@ -10,15 +10,13 @@ answers `{"released": true}` once it holds no jog. Before it closes, it sends `{
 import asyncio
 import contextlib
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from ..errors import ToolError
-
-if TYPE_CHECKING:
-    from .server import ConsoleServer
+from .device import ConsoleDevice
 
 _LOOK_S = 0.1
 _WITH_TEXT = ("check_rig", "write_rig", "write_axes")
@@ -28,8 +26,8 @@ _TASKS = ("read_rig", "load", "live", "rest", *_WITH_TEXT)
 class Visit:
     """A connected page."""
 
-    def __init__(self, server: "ConsoleServer", page: ServerConnection):
-        self._server = server
+    def __init__(self, device: ConsoleDevice, page: ServerConnection):
+        self._device = device
         self._page = page
         self._outbox: asyncio.Queue[bytes] = asyncio.Queue()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -41,14 +39,14 @@ class Visit:
         dead_man = asyncio.create_task(self._watch_the_page())
         try:
             await self._attach()
-            server = self._server
+            device = self._device
             hello: dict[str, Any] = {
-                "device": server.name,
-                "repl": server.work.path is not None,
-                "kept": server.keep,
+                "device": device.name,
+                "repl": device.work.path is not None,
+                "kept": device.keep,
             }
-            if server.axes:
-                hello["axes"] = server.axes.read()
+            if device.axes:
+                hello["axes"] = device.axes.read()
             await self._say(hello)
             await self._listen()
         except ToolError as error:
@@ -57,7 +55,7 @@ class Visit:
             if self._tasks:  # lets the board finish its tasks
                 await asyncio.wait(self._tasks)
             with contextlib.suppress(ToolError):
-                await asyncio.to_thread(self._server.work.rest)
+                await asyncio.to_thread(self._device.work.rest)
             sender.cancel()
             dead_man.cancel()
 
@@ -67,7 +65,7 @@ class Visit:
         await self._page.close()
 
     async def _attach(self) -> None:
-        bridge = await self._server.attach()
+        bridge = await self._device.attach()
         bridge.on_bytes = self._outbox.put_nowait
         bridge.on_end = lambda why: self._start(self.end(why))
         bridge.on_stopped = lambda why: self._start(self._say({"stopped": why}))
@@ -78,11 +76,11 @@ class Visit:
                 self._heard_s = asyncio.get_running_loop().time()
                 if isinstance(message, str):
                     self._start(self._told(message))
-                elif self._server.bridge:
+                elif self._device.bridge:
                     try:
-                        await self._server.bridge.send(message)
+                        await self._device.bridge.send(message)
                     except OSError as error:
-                        await self.end(f"the connection to {self._server.name} broke off: {error}")
+                        await self.end(f"the connection to {self._device.name} broke off: {error}")
 
     async def _send(self) -> None:
         """Send the device's bytes to the page, in their order."""
@@ -98,9 +96,9 @@ class Visit:
         loop = asyncio.get_running_loop()
         while True:
             await asyncio.sleep(_LOOK_S)
-            bridge = self._server.bridge
+            bridge = self._device.bridge
             silent_s = loop.time() - self._heard_s
-            if bridge and bridge.jogging and silent_s > self._server.silence_s:
+            if bridge and bridge.jogging and silent_s > self._device.silence_s:
                 with contextlib.suppress(OSError):  # another task reports a lost port
                     await bridge.let_go("The page was silent, so its jog has been stopped.")
 
@@ -119,11 +117,11 @@ class Visit:
         try:
             said = json.loads(text)
             if isinstance(said.get("keep"), bool):
-                self._server.keep = said["keep"]
+                self._device.keep = said["keep"]
                 return
             if said.get("released") is True:
-                if self._server.bridge:
-                    self._server.bridge.released()
+                if self._device.bridge:
+                    self._device.bridge.released()
                 return
             if said["do"] not in _TASKS:
                 raise ValueError(f"there is no task {said['do']!r}")
@@ -139,14 +137,14 @@ class Visit:
 
     async def _do(self, task: str, arguments: list[str]) -> Any:
         if task == "write_axes":
-            if not self._server.axes:
+            if not self._device.axes:
                 raise ToolError("this server keeps no axes.toml")
-            return await asyncio.to_thread(self._server.axes.write, *arguments)
-        work = getattr(self._server.work, task)
+            return await asyncio.to_thread(self._device.axes.write, *arguments)
+        work = getattr(self._device.work, task)
         if task != "write_rig":
             return await asyncio.to_thread(work, *arguments)
-        await asyncio.to_thread(self._server.work.see_that_all_stands)
-        await self._server.let_go()  # the board restarts, and so do its ports
+        await asyncio.to_thread(self._device.work.see_that_all_stands)
+        await self._device.let_go()  # the board restarts, and so do its ports
         try:
             return await asyncio.to_thread(work, *arguments)
         finally:

@@ -1,0 +1,47 @@
+"""The device of a console: what its pages take turns with."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from .axes_text import AxesText
+from .board_work import BoardWork
+from .bridge import Bridge
+
+SILENCE_S = 1.5  # a jog ends if its page sends nothing for this long
+
+
+class ConsoleDevice:
+    """A device, its port while that is open, and its settings for all pages.
+
+    open_port: returns a port for Client, or raises ToolError; name: the device's name on the page;
+    work: the board's REPL; axes: the motors' names and units (None: the page keeps them).
+    """
+
+    def __init__(
+        self,
+        open_port: Callable[[], Any],
+        name: str,
+        work: BoardWork,
+        axes: AxesText | None = None,
+    ):
+        self.name = name
+        self.work = work
+        self.axes = axes
+        self.keep = False  # all motion but jogs goes on without the page
+        self.silence_s = SILENCE_S
+        self.bridge: Bridge | None = None  # the open port
+        self._open_port = open_port
+
+    async def attach(self) -> Bridge:
+        """Return the device's port, and open it if necessary. Raises ToolError."""
+        if self.bridge is None:
+            self.bridge = Bridge(await asyncio.to_thread(self._open_port), self.name)
+        return self.bridge
+
+    async def let_go(self) -> None:
+        """Stop everything and close the port."""
+        self.keep = False
+        if self.bridge:
+            await self.bridge.close()
+            self.bridge = None
