@@ -22,7 +22,7 @@ from host_tests.runtimes import Runtime
 
 _IN_CI = bool(os.environ.get("CI"))
 
-# No axes.toml of whoever runs the tests names a motor.
+# Hide the axes.toml of whoever runs the tests.
 os.environ["XDG_CONFIG_HOME"] = str(CACHE / "no-settings")
 
 # Tools wait this much longer for an emulated board, as the computer may be busy.

@@ -1,5 +1,4 @@
-"""Fakes of the parts around a module under test, in one place, so that a fake is right for all
-tests or none.
+"""Fakes of the parts around a module under test, in one place, so that all tests use the same ones.
 
 Motors that are only numbers, an uploaded move that is only lists, switches that nobody touches,
 lights and a camera that record their calls. `Pins` in host_tests/io/pins.py does the same for a HAL

@@ -396,10 +396,9 @@ def wrapping_at(ms: int) -> tuple[int, int]:
 
 def growth(weights: list[int]) -> str:
     """Return "" unless the heap goes on growing. No pass can take memory, since the heap is locked;
-    nor may anything between passes (a port that opens, bytes that come) keep any.
-
-    A single rise, after which two more weights stay as they are, is no leak: MicroPython keeps some
-    things at their first use. Whether that shows depends even on the length of paths.
+    nor may anything between passes (a port that opens, bytes that come) keep any. A single rise is
+    no leak if the next two weights are the same: MicroPython keeps some objects from their first
+    use on, and even the length of a path decides whether that shows.
     """
     rises = [i for i, (a, b) in enumerate(itertools.pairwise(weights)) if b > a]
     if not rises or (len(rises) == 1 and rises[0] + 4 <= len(weights)):

@@ -121,7 +121,7 @@ def start(again=False):
     gc.threshold(_DENSE)
     settings = _settings(BOARD)
     del BOARD
-    # first of all: while the rest is loaded they would float
+    # first, because they would float while the rest is loaded
     chip.drivers_off(settings.board, settings)
     if again and settings.ports != 2:
         gc.threshold(-1)

@@ -32,7 +32,7 @@ _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledg
 STALL_MS = const(200)
 _QUIET_MS = const(10)
 
-_SHALLOW_MS = const(20)  # a fifth of what is queued before a motion begins
+_SHALLOW_MS = const(20)  # a fifth of the time that is queued before a motion begins
 
 # The LED: a bit for each 128 ms, the lowest first, and the colour for LEDs that have colours
 LED_WAITING = (0x0001, 0x000030)
@@ -479,7 +479,7 @@ class Controller:
         return 0
 
     def _load(self):
-        """MSG_LOAD, framestep's own (field note 4.10): m.Load, field by field; starts anew."""
+        """MSG_LOAD, framestep's own (field note 4.10): write m.Load, then reset its counts."""
         header = self.header
         writer = self.writer
         writer.begin(m.MSG_LOAD, self.reader)

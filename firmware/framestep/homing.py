@@ -42,7 +42,7 @@ _WORDS = const(4)
 
 
 class Homing:
-    """Homes motors. `Gate.homing` has the bits of those that are not done. Whoever stops motors
+    """Homes motors. `Gate.homing` has the bits of motors that are not done. Whoever stops motors
     ends homing (end()).
 
     operations: of uploaded moves. faults: a FaultLog.

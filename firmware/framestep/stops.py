@@ -187,7 +187,7 @@ class Stops:
     def on_driver_failure(self, bits):
         """Handle a failure of these motors' drivers (io/tmc2209.py).
 
-        Those that were on have lost their positions, and everything comes to rest.
+        Motors whose drivers were on have lost their positions, and everything comes to rest.
         """
         gate = self.gate
         bits &= gate.powered

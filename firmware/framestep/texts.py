@@ -156,7 +156,7 @@ def positions(controller):
 
 
 def load(ms, interrupt_us, passes_us, late_us, latest_us, queued_ms):
-    """Return lines about how busy the board was. The numbers are those of MSG_LOAD."""
+    """Return lines about how busy the board was. The arguments are the fields of MSG_LOAD."""
     found = ["worst lateness of a tick in motion: %d us, the limit is %d us" % (late_us, latest_us)]
     if queued_ms < UNSTRAINED:
         found.append("shortest queue of a moving motor: %d ms" % queued_ms)

@@ -31,7 +31,7 @@ def jogs(page):
 
 
 class Pad:
-    """The controller in a test's hand."""
+    """A fake game controller."""
 
     def __init__(self, page):
         self._page = page

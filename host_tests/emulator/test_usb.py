@@ -84,8 +84,7 @@ def test_double_buffered_endpoints(paths):
 
 
 def test_waiting_takes_the_boards_time(emulator):
-    """A read ends at its timeout, however little it is; a client counts in the
-    same time."""
+    """A read ends at its timeout, even at a short one, and a client counts in the board's time."""
     emu = emulator()
     port = emu.serial()
     emu.advance(100)

@@ -8,14 +8,14 @@ from framestep_tools.client.pty_port import PtyLink
 from framestep_tools.simulator.esp32_board import Esp32Board
 
 _SLICE_NS = 2_000_000
-_REST_S = 0.002  # while nothing is said: a REPL that waits needs no processor
+_REST_S = 0.002  # while both sides are silent: a waiting REPL needs no processor
 _MOST = 4096  # bytes for the board at once, as its UART takes its time
 
 
 class Terminal:
-    """Runs a board in a thread as fast as it can, and carries its bytes. `path` is the port's.
+    """Runs a board in a thread at full speed, and passes its bytes on. `path` is the port's path.
 
-    If the power goes (Esp32Board.cut_power_after), the port is gone as well.
+    If the power is cut (Esp32Board.cut_power_after), the port disappears.
     """
 
     def __init__(self, board: Esp32Board):

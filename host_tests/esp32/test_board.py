@@ -85,7 +85,7 @@ def test_each_board_with_its_example(name):
 
 
 def test_memory():
-    """Eight motors need 256 kB of heap. With less than there is, a sentence says so."""
+    """Eight motors need 256 kB of heap. If there is less, a sentence says so."""
     with Esp32Board(heap_kb=256) as board:
         assert Session(board, reply_s=REPLY_S).ask(Hi()).upload_frames > 0
     with Esp32Board(heap_kb=192) as board:

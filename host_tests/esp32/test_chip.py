@@ -1,5 +1,5 @@
-"""The simulated ESP32 under MicroPython's own bindings: what these accept, and what a driver must
-know of the chip."""
+"""The simulated ESP32 under MicroPython's own bindings: which arguments they accept, and how the
+chip behaves for a driver."""
 
 import pytest
 
@@ -42,8 +42,8 @@ def filled(number):
 
 @pytest.fixture
 def on_chip(chip, tmp_path):
-    """Return on_chip(script): what it prints, and what was played: a list of (µs, first byte, how
-    many bytes are the same)."""
+    """Return on_chip(script), which returns the lines printed and the buffers played: (µs, first
+    byte, how many bytes equal it)."""
 
     def run(script):
         record = tmp_path / "played"

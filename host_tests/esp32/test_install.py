@@ -32,7 +32,7 @@ def changed():
 
 @pytest.fixture
 def packaged(monkeypatch):
-    """Set what is installed: the modules, for the processor that QEMU has."""
+    """Replace the installed modules by modules for QEMU's processor."""
 
     def use(changes=None, chip="ESP32", processor=PROCESSOR):
         found = Package(BOARD, modules() | (changes or {}), main_py(), chip, processor)
@@ -58,7 +58,7 @@ def boards():
 
 
 def command(board, capsys, *words, status=0):
-    """Run a command with the board's port behind --port. Return what it prints."""
+    """Run a command with the board's port as its --port. Return its output."""
     with Terminal(board) as terminal:
         result = cli.app.status([*words, "--port", terminal.path])
     said = "".join(capsys.readouterr())
@@ -67,7 +67,7 @@ def command(board, capsys, *words, status=0):
 
 
 def power_cycle(board):
-    """Return a session with the board after its power was off."""
+    """Return a session with the board after a power cycle."""
     board.power_off()
     board.power_on()
     return Session(board, reply_s=REPLY_S)

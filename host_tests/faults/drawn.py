@@ -4,9 +4,9 @@
     make drawn-faults ARGS="--try 3 17"  put these in and look again; or left: the untried
     make drawn-faults ARGS="--draw 60 --seed 5"   another list
 
-A fault is an operator, a number or a condition that is another, a call that is left out, or two
-statements in the other order. Each is tried in a copy of the tree, first with the tests nearest to
-its file (near.py), then with others of the core's; the first test that fails has found it.
+A fault changes an operator, a number or a condition, leaves out a call, or swaps two statements.
+Each is tried in a copy of the tree, first with the tests nearest to its file (near.py), then with
+others of the core's; the first test that fails has found it.
 """
 
 import argparse
@@ -36,7 +36,7 @@ TESTS = (
     *("fuzz", "conform", "end_to_end", "runtime"),
 )
 NOTHING = "nothing"
-STAGE_S = 300  # of processor time: tests that take more hang, and so have found the fault
+STAGE_S = 300  # of processor time: tests that take longer hang, so they have found the fault
 LINKED = ("tools/framestep_emulator/board/node_modules",)
 
 COMPARISONS = {
@@ -50,9 +50,10 @@ OPERATORS = {
 
 @dataclass
 class Fault:
-    """Lines of a file that become others. at: which of the places with these lines it is.
+    """Lines of a file, and others in their place. at: which one, if several places have these
+    lines.
 
-    found: what has found it, or why nothing can.
+    found: the test that finds it, or why none can.
     """
 
     file: str
@@ -79,13 +80,13 @@ class Fault:
 
 
 def places(lines: list[str], wanted: list[str]) -> list[int]:
-    """Where these lines stand."""
+    """Return the places of these lines."""
     count = len(wanted)
     return [i for i in range(len(lines) - count + 1) if lines[i : i + count] == wanted]
 
 
 def kept() -> list[Fault]:
-    """The faults of the list."""
+    """Return the faults of the list."""
     found = []
     for block in LIST.read_text().strip().split("\n\n"):
         head, *lines = block.split("\n")
@@ -108,7 +109,7 @@ def keep(faults: list[Fault]) -> None:
 
 
 def other(node: ast.AST) -> Iterator[ast.AST]:
-    """What may stand in the place of an expression or a statement."""
+    """Yield replacements of an expression or a statement."""
     if isinstance(node, ast.Compare) and type(node.ops[0]) in COMPARISONS:
         sign = COMPARISONS[type(node.ops[0])]
         yield parsed(f"a {sign} b", left=node.left, comparators=node.comparators)
@@ -279,7 +280,7 @@ def stages(file: str) -> Iterator[list[str]]:
 
 
 def attempt(tree: Path, fault: Fault, more: list[str]) -> str:
-    """Put a fault in, and take it out again; what has found it, or ""."""
+    """Try a fault. Return the test that finds it, or ""."""
     path = tree / fault.file
     text = path.read_text()
     sound: list[str] = []  # tests that fail without the fault as well

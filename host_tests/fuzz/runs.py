@@ -53,7 +53,7 @@ class Runs(Part):
             self.upload.finish()
 
     def _takers(self):
-        """Return the motors that take part in the upload."""
+        """Return the motors of the upload."""
         return [
             motor
             for motor in self.motors

@@ -108,7 +108,7 @@ def test_every_chip_is_held_to_the_contract():
 
 @pytest.mark.parametrize("hal", sorted({chip.hal for chip in chips().values()} | {"esp32"}))
 def test_every_hal_has_a_start(hal):
-    """The names of the module are those of the contract; boot.py uses all of them."""
+    """The module has the contract's names; boot.py uses all of them."""
     contract = classes(CONTRACT)["Start"]
     tree = ast.parse((HAL / hal / "start.py").read_text())
     found = {

@@ -35,7 +35,7 @@ class Motion:
             self.bounds[bounds.UPPER] = 1000 + room
 
     def rate(self, acceleration):
-        """Return the deceleration in units of what is set."""
+        """Return the deceleration as a multiple of the set one."""
         rate = kernel_rate(acceleration)
         return bounds.stop_rate(self.block, self.bounds, rate) / rate
 

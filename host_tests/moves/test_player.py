@@ -1,5 +1,5 @@
-"""What all plays of an uploaded move share: which motors take part, whether they can follow (field
-note 5.5), how fast."""
+"""What all plays of an uploaded move share: which motors move, whether they can follow (field note
+5.5), how fast."""
 
 from array import array
 

@@ -203,7 +203,7 @@ class Emulator:
         return self.cmd("advance", ms=ms, **until)
 
     def run_until_ns(self, ns, **until):
-        """The same, to this moment."""
+        """Let virtual time pass until this moment; see advance()."""
         return self.cmd("run_until_ns", ns=ns, **until)
 
     def wait_event(self, kind, ms):

@@ -53,7 +53,7 @@ class Serial:
         self.emu.cmd("open", port=self.port, on=bool(value))
 
     def clock(self):
-        """Return the board's time in seconds, in which a Client then counts."""
+        """Return the board's time in seconds, for a Client to count in."""
         return self.emu.ns * 1e-9
 
     def _fetch(self):
@@ -82,7 +82,7 @@ class Serial:
         return True
 
     def _deadline(self):
-        """Return when a read that begins now has waited long enough, ns."""
+        """Return the time in ns at which a read that begins now times out."""
         if self.timeout is None:
             return float("inf")
         return self.emu.ns + round(self.timeout * 1e9)

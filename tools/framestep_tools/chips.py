@@ -17,10 +17,10 @@ class Chip:
 
     name: str  # as it is usually written
     hal: str  # its HAL is the folder framestep/hal/<hal>
-    lacks: list[str]  # settings of a rig file that ask for what the HAL does not have
+    lacks: list[str]  # settings of a rig file that need parts which the HAL lacks
     engine: str  # what makes the pulses: a key of board_files.ENGINES
     motors: int  # as many as the engine can step
-    ports: int  # 2 if the protocol can have one of its own, beside the REPL's
+    ports: int  # 2 if the protocol can have a port besides the REPL's
     pins: int  # board data and rig files may name 0 to one less
     clocks: list[int]  # MHz that the processor may run at
     uarts: list[dict[str, list[int]]]  # the pins that each UART can have as TX and RX

@@ -112,10 +112,10 @@ class Hal:
 
 
 class Start:
-    """Module hal/<hal>/start.py: what framestep.boot needs to know of a chip. It is loaded before
-    everything else, and unloaded once the board is up.
+    """Module hal/<hal>/start.py: what framestep.boot does differently on each chip. It is loaded
+    first, and unloaded once the board is up.
 
-    SPENT   names of modules, itself included, that are not needed any more then
+    SPENT   modules that are no longer needed then, itself included
     """
 
     def clear():
@@ -123,16 +123,16 @@ class Start:
         raise NotImplementedError
 
     def held(board):
-        """Return what keeps framestep from starting, as text: a button or the jumper; or None.
-        board: the data of boards/<board>/board.json."""
+        """Return why framestep must not start, as text (a button is held, the jumper is set), or
+        None. board: the data of boards/<board>/board.json."""
         raise NotImplementedError
 
     def drivers_off(board, rig):
-        """Switch all drivers off. board: with the changes by the rig file."""
+        """Switch all drivers off. board: the board's data, as the rig file changes it."""
         raise NotImplementedError
 
     def prepare(board):
-        """Set the processor up for all that follows: its clock, its stack."""
+        """Set the processor's clock and the limit of its stack."""
         raise NotImplementedError
 
     def make(board, rig):
@@ -140,7 +140,7 @@ class Start:
         raise NotImplementedError
 
     def release(block):
-        """Free the memory of a bytearray that is not used any more."""
+        """Free the memory of a bytearray that is no longer used."""
         raise NotImplementedError
 
 

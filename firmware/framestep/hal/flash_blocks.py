@@ -1,5 +1,4 @@
-"""Claims blocks of flash for hal/flash.py. A module of its own, as it is needed only once at
-power-up."""
+"""Claims blocks of flash for hal/flash.py. A module of its own, because only power-up needs it."""
 
 import os
 

@@ -98,7 +98,7 @@ class HostBoard:
     def run_until(self, ns, until_output=False):
         """Let virtual time pass, with a tick and a pass of the main loop each millisecond.
 
-        until_output: only to the end of a tick in which the controller has sent something.
+        until_output: stop after a tick in which the controller has sent something.
         """
         hal = self.hal
         self.controller.poll(hal.ticks_ms())

@@ -66,7 +66,7 @@ def checksum(data: ptr8, count: int, out: ptr32, i: int):
 
 @micropython.viper
 def _fill(page: ptr32):
-    """Set all bytes to those of erased flash."""
+    """Set all bytes to 0xFF, as in erased flash."""
     i = 0
     while i < PAGE_BYTES // 4:
         page[i + 0] = -1

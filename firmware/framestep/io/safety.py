@@ -294,7 +294,7 @@ class Safety:
 
     @property
     def estop_held(self):
-        """Whether the E-stop is held, even if no pass has seen it yet."""
+        """Return whether the E-stop is held, even if no pass has seen it yet."""
         return self.tripped or self.words[CAUGHT] & self._estop != 0
 
     def motors_at_limit(self):

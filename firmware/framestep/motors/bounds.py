@@ -30,10 +30,11 @@ def stop_rate(m: ptr32, bounds: ptr32, rate: int) -> int:
     """Return the deceleration at which a motor that follows a path stops within its bounds: `rate`,
     or more. Q22 steps per tick². m: the motor's block.
 
-    An uploaded path may end on a soft limit. It has whole steps at its frames, so between them it
-    may be faster than the move it stands for, by about a step per frame, and a stop at `rate` would
-    end that much past the limit. At most four times `rate`, as the limit may be new; below 100
-    steps/s whatever is needed, because there each step is a start and a stop of its own.
+    An uploaded path may end on a soft limit. Its frames are rounded to whole steps, so between them
+    it may be faster than the original move by about a step per frame, and a stop at `rate` would
+    overrun the limit. The result is at most four times `rate`, because the limit may be new. Below
+    100 steps/s it is whatever is needed, because at that speed each step starts and stops the
+    motor.
     """
     v = m[sw.VELOCITY] - ((m[sw.ACCEL] - m[sw.JERK]) >> 5)  # see stepper.halt()
     part = m[sw.FRACTION]

@@ -75,7 +75,7 @@ class JogPhases:
         self.whole = 0  # ticks to the end of what is queued
 
     def begin(self, ticks):
-        """Set the beginning of the next phase: `ticks` whole ticks after that of the jog."""
+        """Set the beginning of the next phase: `ticks` whole ticks after the jog's."""
         self.whole = ticks
         reals.put(self.numbers, SINCE, 0, 0)
 

@@ -51,7 +51,7 @@ ENDING = const(5)  # ramping down
 STARTING = const(6)  # the first phases are planned, one motor after the other
 
 # State of the early plan, in READY
-_NOT_YET = const(0)  # it is to be made once nothing moves
+_NOT_YET = const(0)  # make it once nothing moves
 _BEGUN = const(1)
 _DONE = const(2)
 _IDLE = const(3)  # it is not made: the motors are not where the operation begins
@@ -87,7 +87,7 @@ class OperationRunner:
         self.directions = None
         self.waiting = 0  # bits of motors that have yet to be sent there, or to get first phases
         self.early_plan = _NOT_YET
-        self.hidden = 0  # bits of motors for which more is to be queued than the early plan has
+        self.hidden = 0  # bits of motors that need more queued than the early plan has
         # a setting that concerns the operation has changed: see settings_changed()
         self.changed = False
         self.changed_at = 0  # tick of that

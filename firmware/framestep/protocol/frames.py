@@ -248,7 +248,7 @@ class FrameReader:
 
 @micropython.viper
 def _open(buffer: ptr8, state: ptr32, source: ptr8, head: int, kind: int):
-    """Write a header without its length. Its ID is that of the frame at `head` in `source`, or 0 if
+    """Write a header without its length. Take its ID from the frame at `head` in `source`; 0 if
     `head` is -1.
 
     Bytes that wait to be taken move to the front if the largest frame would not fit after them.

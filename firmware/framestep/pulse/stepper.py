@@ -48,8 +48,8 @@ CUE_WRITE_INDEX = const(15)  # cues put, modulo 2^29
 OUT_SET = const(16)
 OUT_CLEAR = const(17)  # address that lowers them
 BEHIND = const(18)  # ticks from kernel to pins: LEAD, or more if ticks are done in batches
-# Load since it was last asked for: microseconds of ticks and of passes (without ticks), modulo
-# 2^30, and the fewest milliseconds that a moving motor had queued (at most UNSTRAINED)
+# Load since the last GetLoad: microseconds of ticks and of passes (without ticks), modulo 2^30, and
+# the fewest milliseconds that a moving motor had queued (at most UNSTRAINED)
 SPENT = const(19)
 PASSES = const(20)
 SHALLOWEST = const(21)

@@ -15,7 +15,7 @@ _BOARD_PINS = (
     "step", "dir", "enable", "estop", "shutter", "meter", "led", "rgb", "jumper", "button", "flash",
     "uart", "usb",
 )  # fmt: skip
-# On a board with a chain of shift registers: its outputs. The chip's own pins are for inputs there
+# Outputs of a board with a chain of shift registers; the chip's own pins are its inputs
 _CHAIN = (64, 93)
 
 

@@ -26,7 +26,7 @@ CHANGES = [
     (p.MotorConfigure(1, 0x00), p.Ack.ERR_GENERAL),
     (p.MotorConfigure(1, 0x09), p.Ack.ERR_GENERAL),
     (p.MotorConfigure(2, 0x11), p.Ack.OK),
-    # motor 2 would follow it, but takes part itself
+    # motor 2 would follow it, but has a path of its own
     (p.MotorConfigure(1, 0x11), p.Ack.ERR_GENERAL),
     (p.MotorResetPosition(1, 5), p.Ack.ERR_NOT_IN_POSITION),
     (p.MotorResetPosition(1, LOWER), p.Ack.OK),

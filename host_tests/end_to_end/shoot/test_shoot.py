@@ -164,7 +164,7 @@ def test_only_motors_that_blur_move(ready):
     before, _, opened, closed = shoot(ready, p.RtShootFrame(FRAME, 1, 300, 1000, pairs))
     assert ready.trace().motors == [2, 3]
     assert_window(ready, 3, before, opened, closed, 0, 300)
-    # SHOOT_FRAME2: each listed motor takes part in the blur (spec), except a disabled one
+    # SHOOT_FRAME2: each listed motor blurs (spec), except a disabled one
     ready.speed(3, VELOCITY, ACCELERATION)
     shoot(ready, p.RtShootFrame2(FRAME, 300, 0, 360, pairs))
     assert ready.trace().motors == [1, 2, 3]

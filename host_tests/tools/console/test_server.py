@@ -245,7 +245,7 @@ def test_a_page_takes_the_device_from_another(shared):
 
 
 def test_in_the_local_network_the_same_rules_hold(shared):
-    """Another address of this computer stands in for another computer's way here."""
+    """Another address of this computer plays another computer."""
     device = ConsoleDevice(lambda: open_port(shared.device, 1.0), "x", BoardWork(None, "x"))
     served = ConsoleServer(device)
     shared._call(served.start(0, "127.0.0.2"))

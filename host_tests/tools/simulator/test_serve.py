@@ -372,7 +372,7 @@ def test_time_that_was_lost_is_told(speed, lost_ns, said, capsys):
     server = Server(FakeBoard(), speed)
     try:
         server.pace.lost_ns = lost_ns
-        server.tell_lost_time()
+        server.report_lost_time()
         assert capsys.readouterr().err == said
     finally:
         server.close()

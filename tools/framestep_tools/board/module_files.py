@@ -50,7 +50,7 @@ def put(
     say: Callable[[str], None],
     others: Mapping[str, bytes] | None = None,
 ) -> int:
-    """Make these modules, {"framestep/motors/axis.mpy": content}, those of the place. others:
+    """Make the place hold these modules only, {"framestep/motors/axis.mpy": content}. others:
     {path: content} of files elsewhere that belong to them. Return the number of files written and
     removed."""
     there = board.files(place.folder)

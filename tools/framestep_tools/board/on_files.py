@@ -14,7 +14,7 @@ from . import module_files
 from .module_files import Files, Place
 from .repl_device import RIG_FILE, Device, DeviceError
 from .restart import greeting, hello
-from .rig_file import tell_rig
+from .rig_file import report_rig
 
 PLACE = Place("", "/framestep", "/framestep/modules")
 LIST = PLACE.list
@@ -76,7 +76,7 @@ def package(board: str) -> Package:
 
 
 def board_of(board: Files) -> str | None:
-    """Return the name in boards/ of the board whose framestep is complete in this file system."""
+    """Return the board's name in boards/; None if framestep is not complete in this file system."""
     words = (board.read(LIST) or b"").decode(errors="replace").split()
     return words[0] if words else None
 
@@ -118,7 +118,7 @@ def bring(device: Device, wanted: Package, say: Callable[[str], None]) -> None:
     device.halt()
     if not put(device, wanted, say):
         say(f"all of framestep ({len(wanted.modules)} modules) is on the board")
-    tell_rig(device.read(RIG_FILE), wanted.board, say)
+    report_rig(device.read(RIG_FILE), wanted.board, say)
 
 
 def install(wanted: Package, path: str, say: Callable[[str], None]) -> None:

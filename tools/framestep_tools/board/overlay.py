@@ -19,7 +19,7 @@ from . import module_files, on_files
 from .module_files import Files, Place
 from .repl_device import RIG_FILE, Device, DeviceError
 from .restart import condition, greeting, hello
-from .rig_file import tell_rig
+from .rig_file import report_rig
 
 FOLDER = "/overlay"
 LIST = FOLDER + "/modules"
@@ -153,4 +153,4 @@ def _overlay(
     if not put(device, image.ident, modules, say):
         what = f"all of the overlay ({len(modules)} modules)" if modules else "no overlay"
         say(f"{what} is on the board")
-    return modules, tell_rig(device.read(RIG_FILE), image.board, say)
+    return modules, report_rig(device.read(RIG_FILE), image.board, say)

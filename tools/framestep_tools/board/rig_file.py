@@ -295,7 +295,7 @@ def edit(device: "Device", protocol: str | None, file: Path | None = None) -> No
     shutil.rmtree(folder)
 
 
-def tell_rig(content: bytes | None, board: str, say: Callable[[str], None]) -> int:
+def report_rig(content: bytes | None, board: str, say: Callable[[str], None]) -> int:
     """Say what is wrong with the board's rig file; return the number of ports that it asks for."""
     from ..building.board_files import board_data
     from .repl_device import RIG_FILE

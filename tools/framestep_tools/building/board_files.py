@@ -227,8 +227,8 @@ def board_module(board: str) -> str:
 
 
 def data_module(data: Mapping[str, Any]) -> str:
-    """Return the source of framestep/board.py for a board's data. What is as with most boards is
-    left out, as a Pico has hardly any memory to spare."""
+    """Return the source of framestep/board.py for a board's data. Values that most boards share are
+    left out, because a Pico has hardly any memory to spare."""
     data = {key: value for key, value in data.items() if _USUAL.get(key) != value}
     return f'"""Pins and counts, made from the board\'s board.json."""\n\nBOARD = {data!r}\n'
 

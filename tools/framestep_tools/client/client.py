@@ -448,7 +448,7 @@ class Client:
                 if self.on_event:
                     self.on_event(event)
                 if self.shared_port:
-                    self.shared_port.tell(frame)
+                    self.shared_port.pass_on(frame)
             elif not (self.shared_port and self.shared_port.answer(frame)):
                 self.stray += 1
 

@@ -25,7 +25,7 @@ _RASPBERRY_PI = 0x2E8A  # USB vendor of MicroPython on RP2040 and RP2350
 # USB vendors of an ESP32 board: Espressif, or of the bridge to its UART Silicon Labs, WCH, FTDI
 _ESP32 = (0x303A, 0x10C4, 0x1A86, 0x0403)
 _NOT_MICROPYTHON = (0x0003, 0x0004, 0x000C, 0x000F)  # its BOOTSEL drives and debug probes
-_TOLD = re.compile(r":(?:x|\d+)\.(\d+)$")
+_INTERFACE = re.compile(r":(?:x|\d+)\.(\d+)$")
 _MAC = re.compile(r"usbmodem.*?(\d{1,2})$")
 GET = (
     "put framestep on one (hold BOOTSEL while plugging it in, then drop the .uf2 "
@@ -54,7 +54,7 @@ class Port(NamedTuple):
 def interface_number(record: Any) -> int | None:
     """Return the number of a port's first USB interface, or None if the system does not know it."""
     for text in (record.location, getattr(record, "hwid", None)):
-        if found := _TOLD.search(text or ""):
+        if found := _INTERFACE.search(text or ""):
             return int(found[1])
     if found := _MAC.search(record.device):
         name, serial = os.path.basename(record.device), record.serial_number or ""
@@ -72,7 +72,7 @@ def is_board(record: Any) -> bool:
 
 
 def _board_of(record: Any) -> str:
-    return record.serial_number or _TOLD.sub("", record.location or "") or record.device
+    return record.serial_number or _INTERFACE.sub("", record.location or "") or record.device
 
 
 def _uses(records: list[Any]) -> list[str]:

@@ -97,7 +97,7 @@ class Host(Protocol):
 
 
 class SharedPort:
-    """The sharing of a host's port with guests. The host calls `look`, `answer` and `tell`."""
+    """The sharing of a host's port with guests. The host calls `look`, `answer` and `pass_on`."""
 
     def __init__(self, client: Host, path: str, who: str):
         self._client = client
@@ -148,7 +148,7 @@ class SharedPort:
         for frame in guest.decoder.feed(data[missing:]) if missing < len(data) else []:
             if frame.type in STOPS:
                 self._client.stopped = True
-                self.tell(frame, guest)
+                self.pass_on(frame, guest)
             self._asked[self._client.forward(frame.type, frame.payload)] = guest, frame.id
         return True
 
@@ -159,7 +159,7 @@ class SharedPort:
             guest.send(frame, id)
         return guest is not None
 
-    def tell(self, frame: Frame, but: _Guest | None = None) -> None:
+    def pass_on(self, frame: Frame, but: _Guest | None = None) -> None:
         """Forward an unasked message or a stop to all guests, except one."""
         for guest in self._guests:
             if guest is not but and len(guest.secret) == _SECRET_BYTES:

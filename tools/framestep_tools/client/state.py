@@ -29,7 +29,7 @@ from ..payloads import (
 )
 from .client import Client, ClientError, RequestRefused
 
-_NOT_TOLD = "this device does not report how far its positions can be trusted"
+_NOT_REPORTED = "this device does not report how far its positions can be trusted"
 _STOPS = {
     HARD_STOP_GENERAL: "the E-stop was pressed",
     HARD_STOP_UPPER: "{} ran into its upper limit switch",
@@ -152,7 +152,7 @@ def _heading(info: DeviceInfo) -> str:
 def _conditions(state: State) -> list[str]:
     """List sentences about the device as a whole."""
     if state.condition is None:
-        return [_NOT_TOLD]
+        return [_NOT_REPORTED]
     found = texts.conditions(state.condition.bits)
     if state.exceeded:
         found += texts.exceeded(

@@ -77,13 +77,13 @@ def conform(
             raise ValueError
     except (OSError, ValueError, KeyError, TypeError):
         raise ToolError(f"{baseline} is not a report written by --json") from None
-    url = device or port_finder.protocol_port()  # before the question
+    url = device or port_finder.protocol_port()  # report a missing device first
     if not yes and not typer.confirm(
         "Motors will move, and velocities and limits will change. Is the rig clear?", err=True
     ):
         raise typer.Abort
 
-    def tell(result: kit.Result) -> None:
+    def show(result: kit.Result) -> None:
         results.append(result)
         if not json and result.verdict not in (kit.PASSED, kit.LEFT_OUT):
             print(report.line(result), flush=True)
@@ -98,7 +98,7 @@ def conform(
         tail = TraceTail(trace) if trace else None
         link.pump(0.3)
         bench = Bench(link, full, tail, _person() if hands else None, hold_ups)
-        kit.run(bench, checks, tell)
+        kit.run(bench, checks, show)
         bench.recover()
     except Failed as failed:
         at = f" after {len(results)} checks" if results else ""

@@ -35,10 +35,10 @@ def home(
         client.request(Home(bytes(numbers)))
         chosen = numbers or client.request(MotorStatus()).moving
         client.wait_idle(timeout_s=float("inf"))
-        _tell(client, sorted(set(chosen)))
+        _report(client, sorted(set(chosen)))
 
 
-def _tell(client: "Client", motors: list[int]) -> None:
+def _report(client: "Client", motors: list[int]) -> None:
     """Print which motors are homed. Raises Stopped if any is not."""
     from framestep import texts
     from framestep.motors.positions import HOMED, HOMING

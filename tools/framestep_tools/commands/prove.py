@@ -57,7 +57,7 @@ def prove(
     if board:
         board_data(board)  # raises ToolError for an unknown name
     emulated = report.emulated_boards()
-    device = device or port_finder.protocol_port()  # before the question
+    device = device or port_finder.protocol_port()  # report a missing board first
     if not yes:
         text = _ASK.format(drivers=_ON if with_drivers else _OFF)
         if not typer.confirm(text, err=True):

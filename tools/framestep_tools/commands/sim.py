@@ -78,7 +78,7 @@ def sim(
     else:
         server = Server(simulated, pace, tcp, trace)
     server.run()
-    server.tell_lost_time()
+    server.report_lost_time()
 
 
 def add(app: typer.Typer) -> None:

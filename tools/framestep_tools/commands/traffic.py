@@ -72,11 +72,11 @@ def _listen(device: str, log: Path | None) -> None:
         close_port(port)
         raise
 
-    def tell(entry: Entry) -> None:
+    def show(entry: Entry) -> None:
         for each in tellers:
             each(entry)
 
-    recorder = Recorder(tell)
+    recorder = Recorder(show)
     relay = Relay(port, open_device, link, recorder)
     try:
         print(link.path, "ready", sep="\n", flush=True)

@@ -43,13 +43,13 @@ class Result(NamedTuple):
 def run(
     bench: Bench,
     checks: Iterable[Check],
-    tell: Callable[[Result], None] = lambda result: None,
+    show: Callable[[Result], None] = lambda result: None,
 ) -> list[Result]:
     """Run checks. After each one the device is at rest and has no limits."""
     results = []
     for result in results_of(bench, checks):
         results.append(result)
-        tell(result)
+        show(result)
     return results
 
 

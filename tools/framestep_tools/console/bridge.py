@@ -263,7 +263,7 @@ class Bridge:
         """Forward messages to other programs. The page ignores their IDs."""
         for frame in self._decoder.feed(data):
             if frame.id == 0:
-                shared_port.tell(frame)
+                shared_port.pass_on(frame)
             else:
                 shared_port.answer(frame)
 

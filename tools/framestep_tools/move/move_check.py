@@ -200,13 +200,13 @@ def settings_of(client: Client, motors: list[int]) -> dict[int, Setting]:
     for motor in motors:
         if motor > there:
             continue
-        told = client.request(GetExceeded(motor))
-        bits = told.bits or 0
+        reported = client.request(GetExceeded(motor))
+        bits = reported.bits or 0
         found[motor] = Setting(
-            told.velocity or DEFAULT_VELOCITY,
-            told.acceleration or DEFAULT_ACCELERATION,
-            told.lower if bits & SET_LOWER else None,
-            told.upper if bits & SET_UPPER else None,
+            reported.velocity or DEFAULT_VELOCITY,
+            reported.acceleration or DEFAULT_ACCELERATION,
+            reported.lower if bits & SET_LOWER else None,
+            reported.upper if bits & SET_UPPER else None,
         )
     return found
 
@@ -247,7 +247,7 @@ def lines(found: MoveVerdict, axes: Axes) -> list[str]:
 
 
 def _of_it(reason: str, name: str) -> str:
-    """Return a reason that begins with the motor's name without it."""
+    """Remove the motor's name from the beginning of a reason."""
     rest = reason.removeprefix(f"{name} ")
     return reason if rest == reason else rest.replace("would", "it would", 1)
 
@@ -266,7 +266,7 @@ def _setting(peak: Peak, setting: int) -> str:
 def for_programs(found: MoveVerdict) -> dict[str, Any]:
     """Return the verdict as values for JSON."""
 
-    def told(peak: Peak) -> dict[str, Any]:
+    def as_values(peak: Peak) -> dict[str, Any]:
         part, frame = found.place(peak)
         return {"value": round(peak.value, 3), "frame": frame, "part": part}
 
@@ -283,7 +283,7 @@ def for_programs(found: MoveVerdict) -> dict[str, Any]:
                 "verdict": each.verdict,
                 "reason": each.reason or None,
                 "set": vars(each.setting),
-                **{name: told(peak) for name, peak in each.peaks._asdict().items()},
+                **{name: as_values(peak) for name, peak in each.peaks._asdict().items()},
             }
             for each in found.motors
         ],

@@ -29,7 +29,7 @@ class AxesError(ToolError):
 
 
 def user_file() -> Path:
-    """Return the path of the axes.toml that counts in every folder without one."""
+    """Return the path of the user's axes.toml, for folders without one."""
     return Path(typer.get_app_dir("framestep")) / FILE
 
 
@@ -171,7 +171,7 @@ class Axes:
         return f"motor{'s' * (len(listed) > 1)} {', '.join(map(str, listed))}"
 
     def named(self, text: str) -> str:
-        """Put names for numbers of motors into a sentence that does not know them."""
+        """Replace motors' numbers in a sentence by their names."""
         return _MOTOR.sub(lambda found: self.name(int(found[1])), text)
 
     def position(self, motor: int, steps: int) -> str:
@@ -180,7 +180,7 @@ class Axes:
         return f"{shown} ({steps})" if shown else str(steps)
 
     def value(self, motor: int, steps: int) -> str:
-        """Return a position in its unit, such as "12.4°"; empty if that is the steps again."""
+        """Return a position in its unit, such as "12.4°"; empty if the unit is the step."""
         axis = self._of.get(motor)
         return "" if not axis or _plain(axis) else _shown(axis, axis.position(steps))
 

@@ -87,7 +87,7 @@ def shoot(
 
     Raises Stopped, with the reason, if something stops the motors, and RequestRefused (client.py).
     """
-    client.events.clear()  # what has stopped motors before counts no more
+    client.events.clear()  # forget what has stopped motors before
     client.on_event = display.show
     try:
         for count, frame in enumerate(frames):

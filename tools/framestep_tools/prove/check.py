@@ -21,17 +21,17 @@ ROOM_UP, ROOM_DOWN = 150_000, 12_000  # steps
 _FORGET = "reset the board, which forgets what a host has set, and begin again"
 
 
-def check(client: Client, motors: Sequence[int], stand: Sequence[int]) -> None:
+def check(client: Client, motors: Sequence[int], positions: Sequence[int]) -> None:
     """Raise ToolError if one of these motors could not move as far as it has to. The text says what
-    to do. stand: positions of motors 1, 2, …"""
+    to do. positions: positions of motors 1, 2, …"""
     why = what_stops(client)
     if why:
         raise ToolError(f"{why}: correct that first, as nothing can be measured")
     if _aims(client):
         raise ToolError(f"the camera is aimed at a point, and motors move together: {_FORGET}")
     for motor in motors:
-        told = client.request(GetExceeded(motor))
-        bits, at = told.bits or 0, stand[motor - 1]
+        settings = client.request(GetExceeded(motor))
+        bits, at = settings.bits or 0, positions[motor - 1]
         if bits & SET_FOLLOWS:
             raise ToolError(f"motor {motor} is coupled to the one before it: {_FORGET}")
         if not bits & SET_ENABLED:
@@ -41,7 +41,7 @@ def check(client: Client, motors: Sequence[int], stand: Sequence[int]) -> None:
                 f"motor {motor} is at a limit switch: move it off, or if no switch is connected "
                 "take `limits` out of the rig file (framestep rig edit)"
             )
-        upper, lower = told.upper, told.lower
+        upper, lower = settings.upper, settings.lower
         if (bits & SET_UPPER and upper is not None and upper < at + ROOM_UP) or (
             bits & SET_LOWER and lower is not None and lower > at - ROOM_DOWN
         ):

@@ -55,7 +55,7 @@ def main(
     emulated.wire_switches()
     server = Server(emulated, pace, tcp, trace, repl, repl_tcp)
     server.run()
-    server.tell_lost_time()
+    server.report_lost_time()
 
 
 if __name__ == "__main__":

@@ -59,9 +59,9 @@ class Esp32Error(ToolError):
 
 
 class Esp32Board:
-    """A simulated board. rig: settings of a rig file; board: its name in boards/; files: what is in
-    its file system, without it framestep and the rig file; {} is an erased flash. heap_kb: size of
-    MicroPython's heap, beside the machine code of modules."""
+    """A simulated board. rig: settings of a rig file; board: its name in boards/; files: the
+    content of its file system (None: framestep and the rig file; {}: erased flash); heap_kb: size
+    of MicroPython's heap, without the machine code of modules."""
 
     slice_ns = 10_000_000
     repl = None
@@ -90,7 +90,7 @@ class Esp32Board:
         self._heap_kb = heap_kb
         self._now = 0
         self._sent = bytearray()
-        self._played = bytearray()  # of the records, as far as it has not been parsed
+        self._played = bytearray()  # bytes of records that have not been parsed
         self._played_to = 0  # position in the present record
         self._before = 0  # the last played bits
         self._last: tuple[int, int] | None = None  # the last word and its time
@@ -128,7 +128,7 @@ class Esp32Board:
         self._played += more
 
     def power_off(self) -> None:
-        """Cut the power; the flash keeps what is in it."""
+        """Cut the power; the flash keeps its content."""
         if self.powered:
             self._end()
             self._sent.clear()
@@ -138,7 +138,7 @@ class Esp32Board:
         self._command("c", "I", count)
 
     def files(self) -> dict[str, bytes]:
-        """Return {path: content} of what is in its file system."""
+        """Return {path: content} of its file system."""
         return littlefs_image.read_image(self._flash.read_bytes(), _PROG_SIZE)
 
     def _answer(self) -> None:
@@ -207,7 +207,7 @@ class Esp32Board:
             self.set_pin(pin, 0)
 
     def edges(self) -> list[Edge]:
-        """Return edges of the chain's outputs in what has been played since the last call."""
+        """Return the edges of the chain's outputs since the last call."""
         self._read_record()
         buffers, end = shift_registers.buffers(bytes(self._played))
         del self._played[:end]
@@ -233,7 +233,7 @@ class Esp32Board:
             self._process.kill()
             self._process.wait()
         self._read_record()
-        self._played_to = 0  # the next one begins anew
+        self._played_to = 0  # a new process writes a new record
 
     def close(self) -> None:
         """End the board."""

@@ -26,7 +26,7 @@ class FaultyLine:
             return
         self.plugged = on
         if self._open:
-            self._tell_board(on)
+            self._notify_board(on)
 
     def damage(self, who: str) -> None:
         """Flip a bit of the next bytes from HOST or DEVICE."""
@@ -52,14 +52,14 @@ class FaultyLine:
         """Open or close the host's end."""
         self._open = on
         if self.plugged:
-            self._tell_board(on)
+            self._notify_board(on)
 
     @property
     def pending(self) -> int:
         """Number of bytes that the board has not read yet."""
         return self._channel.pending
 
-    def _tell_board(self, on: bool) -> None:
+    def _notify_board(self, on: bool) -> None:
         self._recorder.port(on)
         self._channel.open_port(on)
 

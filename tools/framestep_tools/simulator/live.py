@@ -50,7 +50,7 @@ class LiveServer(Server):
         console: Console | None = None,
     ):
         self._console = console or Console()
-        self.line = FaultyLine(board.protocol, Recorder(self._tell, lambda: board.now_ns * 1e-9))
+        self.line = FaultyLine(board.protocol, Recorder(self._show, lambda: board.now_ns * 1e-9))
         board.protocol = self.line
         self._simulated = board
         super().__init__(board, speed, tcp, trace)
@@ -58,8 +58,8 @@ class LiveServer(Server):
         self._live: Live | None = None
         self._drawn = 0.0
 
-    def _tell(self, entry: Any) -> None:
-        self.view.tell(entry)
+    def _show(self, entry: Any) -> None:
+        self.view.add(entry)
 
     def run(self) -> None:
         """Run until q or Ctrl-C."""

@@ -319,7 +319,7 @@ class Server:
                 signal.signal(number, handler)
             self.close()
 
-    def tell_lost_time(self) -> None:
+    def report_lost_time(self) -> None:
         """Report on standard error if the computer did not keep up with the speed."""
         if self.pace.speed is not None and self.pace.lost_ns:
             print(

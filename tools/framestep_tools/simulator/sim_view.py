@@ -18,7 +18,7 @@ from ..traffic.sniffer import timed
 if TYPE_CHECKING:
     from framestep.hal.host_board import HostBoard
 
-_TOLD = 12  # lines of traffic
+_TRAFFIC_LINES = 12
 _LIGHTS = 24  # number of DMX channels in the picture
 
 
@@ -45,21 +45,21 @@ def switches_of(rig: Any) -> list[Switch]:
 
 
 class View:
-    """Draws a HostBoard; `told` has the latest traffic."""
+    """Draws a HostBoard. `traffic` has the latest messages."""
 
     def __init__(self, board: "HostBoard", heading: str, keys: str):
         self.board = board
         self.message = ""
         self.switches = switches_of(board.rig)
-        self.told: deque[str] = deque(maxlen=_TOLD)
+        self.traffic: deque[str] = deque(maxlen=_TRAFFIC_LINES)
         self._heading, self._keys = heading, keys
         self._steps = [0] * board.hal.motors
         self._velocities = [0.0] * board.hal.motors
         self._since = board.now_ns
 
-    def tell(self, entry: Entry) -> None:
+    def add(self, entry: Entry) -> None:
         """Add a line of traffic."""
-        self.told.append(timed(entry))
+        self.traffic.append(timed(entry))
 
     def draw(self, plugged: bool) -> Group:
         """Return the present picture."""
@@ -71,7 +71,7 @@ class View:
             Text(self._state(plugged)),
             self._motors(),
             Columns([self._levels(), self._lights()], padding=(0, 3)),
-            Panel(Text("\n".join(self.told), no_wrap=True), title="traffic", title_align="left"),
+            Panel(Text("\n".join(self.traffic), no_wrap=True), title="traffic", title_align="left"),
         ]
         return Group(*parts)
 

@@ -188,13 +188,13 @@ def _near(old: tuple[int, ...], new: tuple[int, ...] | None, rules: Rules) -> bo
 
 def _unasked(old: Conversation, new: Conversation, rules: Rules) -> Iterator[str]:
     """Compare HARD_STOP, RT_END and RT_GO with their values and their order."""
-    was, told = (
+    before, after = (
         [(t, f) for t, f in each.turns if type_name(f.type) not in rules.ignored]
         for each in (old, new)
     )
-    for i in range(max(len(was), len(told))):
-        one = was[i] if i < len(was) else None
-        other = told[i] if i < len(told) else None
+    for i in range(max(len(before), len(after))):
+        one = before[i] if i < len(before) else None
+        other = after[i] if i < len(after) else None
         if one and other and one[1][1:] == other[1][1:]:
             continue
         at = (one or other or (0.0,))[0]

@@ -53,13 +53,15 @@ class Entry(NamedTuple):
 
 
 class Recorder:
-    """Makes entries of passing bytes, however they are divided, and calls `tell` with each.
+    """Makes entries of passing bytes, however they are divided, and calls `report` with each.
 
     clock: returns seconds; the first entry is at 0.
     """
 
-    def __init__(self, tell: Callable[[Entry], None], clock: Callable[[], float] = time.monotonic):
-        self._tell, self._clock = tell, clock
+    def __init__(
+        self, report: Callable[[Entry], None], clock: Callable[[], float] = time.monotonic
+    ):
+        self._report, self._clock = report, clock
         self._began: float | None = None
         self._decoders = {HOST: FrameDecoder(), DEVICE: FrameDecoder()}
 
@@ -78,25 +80,25 @@ class Recorder:
                 loose += raw
                 continue
             if loose:
-                self._tell(Entry(now, who, loose))
+                self._report(Entry(now, who, loose))
                 loose = b""
-            self._tell(Entry(now, who, raw))
+            self._report(Entry(now, who, raw))
         if loose:
-            self._tell(Entry(now, who, loose))
+            self._report(Entry(now, who, loose))
 
     def port(self, is_open: bool) -> None:
         """Record that the host opens or closes its port."""
         now = self._now()
         if not is_open:
             self.end()
-        self._tell(Entry(now, OPEN if is_open else CLOSE))
+        self._report(Entry(now, OPEN if is_open else CLOSE))
 
     def end(self) -> None:
         """End the recording; an unfinished frame becomes bytes outside frames."""
         now = self._now()
         for who, decoder in self._decoders.items():
             if begun := decoder.reset():
-                self._tell(Entry(now, who, begun))
+                self._report(Entry(now, who, begun))
 
 
 class LogWriter:

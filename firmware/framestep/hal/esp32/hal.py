@@ -112,7 +112,7 @@ class Esp32Hal:
         self._shared = not isinstance(enable, list)
         self._enable_bits = [bit_of(pin) for pin in ([enable] if self._shared else enable)]
         self._on_high = [rig.motor(i)["enable_high"] for i in range(len(self._enable_bits))]
-        self._enabled = 0  # motors whose drivers are to be on, a bit each
+        self._enabled = 0  # motors whose drivers should be on, a bit each
         self._drive_enables(0)
 
     def _drive_enables(self, motors):
@@ -276,8 +276,8 @@ class Esp32Hal:
         return not self._cut
 
     def flash(self):
-        """See hal/contract.py. Writing holds interrupts up for 45 ms. The journal of positions
-        writes at rest only, and then a ring that runs out repeats levels."""
+        """See hal/contract.py. A write delays interrupts by 45 ms. That does no harm: the journal
+        of positions writes only at rest, when a ring that runs out repeats the same levels."""
         from esp32 import Partition
 
         from framestep.hal.flash import Flash

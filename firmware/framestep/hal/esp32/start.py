@@ -1,5 +1,4 @@
-"""What framestep.boot needs to know of an ESP32; unloaded once the board is up. See
-hal.contract.Start."""
+"""The start of an ESP32; unloaded once the board is up. See hal.contract.Start."""
 
 import machine
 from machine import Pin
@@ -24,8 +23,8 @@ def held(board):
 
 
 def drivers_off(board, rig):
-    """At power-up the shift registers contain anything. Fill them by hand, as I2S begins only when
-    all is loaded."""
+    """At power-up the shift registers hold random bits. Fill them by hand, because I2S begins only
+    when all is loaded."""
     enable = board["enable"]
     word = 0
     for i, pin in enumerate(enable if isinstance(enable, list) else [enable]):
@@ -54,4 +53,4 @@ def make(board, rig):
 
 
 def release(block):
-    """Do nothing: to drop the block is enough, as memory need not be in one piece here."""
+    """Do nothing: it is enough to drop the block, because memory need not be in one piece here."""

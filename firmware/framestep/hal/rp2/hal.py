@@ -152,8 +152,7 @@ class Rp2Hal:
             return _no_led
         from framestep.hal.rp2.rgb import RgbLed
 
-        # The next state machine after those of the motors, unless the drivers' lines (one_wire.py)
-        # begin with it.
+        # The first state machine that neither motors nor the drivers' lines (one_wire.py) use.
         machine = self.motors
         if machine % 4 == 0:
             machine += 2 * len(board.get("drivers", {}).get("pins", ()))

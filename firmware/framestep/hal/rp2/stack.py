@@ -55,7 +55,7 @@ class WholeStack:
 
     def __init__(self, limit, work, inside, header=0):
         """limit: result of set_limit(); inside: words; PASS is 1 during the call. header: address
-        of the kernel's words, to add the time of the calls to PASSES, less that of the ticks."""
+        of the kernel's words; the time of the calls, without ticks, is added to its PASSES."""
         self.words = array("i", [limit, addressof(inside), header])
         self.work = work
         self.callback = self.call

@@ -1,5 +1,4 @@
-"""What framestep.boot needs to know of an RP2040 or RP2350; unloaded once the board is up. See
-hal.contract.Start."""
+"""The start of an RP2040 or RP2350; unloaded once the board is up. See hal.contract.Start."""
 
 import rp2
 from machine import Pin
@@ -28,7 +27,7 @@ def prepare(board):
     from framestep.hal.rp2.clock import set_clock
     from framestep.hal.rp2.stack import set_limit
 
-    # After a soft reset the limit is still that of REPL programs, but modules import each other.
+    # A soft reset leaves the lower limit of REPL programs, too low for modules that import others.
     set_limit(STACK)
     set_clock(board["clock_mhz"])
 

@@ -45,7 +45,7 @@ READY = const(2)
 
 _MARK = const(2)  # io.lights.MARK
 _LONGEST = const(1030)  # levels in a section: as many as the protocol's largest frame holds
-_SAVED = const(380)  # index of the copy of a unit that is to be written again, after SCRATCH
+_SAVED = const(380)  # index of the copy of a unit to rewrite, after SCRATCH
 
 # Words of the block, after those of the codec
 _STATE = const(3)

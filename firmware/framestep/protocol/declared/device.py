@@ -88,10 +88,10 @@ class Condition(Payload):
 
 
 class Load(Payload):
-    """How busy the board has been since the last GetLoad: for how long (ms; 0: it is the first),
-    microseconds of ticks and of passes of the main loop without them (modulo 2^30; 0: not
-    measured), the worst lateness of a tick in motion and the one that is a fault (µs), the fewest
-    milliseconds that a moving motor had queued (1000: never few)."""
+    """How busy the board has been. ms: since the last GetLoad (0: this is the first); interrupt_us,
+    passes_us: time in ticks, and in passes of the main loop without ticks (modulo 2^30; 0: not
+    measured); late_us: worst lateness of a tick in motion; latest_us: lateness that is a fault;
+    queued_ms: the least that a moving motor had queued (1000: never little)."""
 
     ms: U32
     interrupt_us: U32

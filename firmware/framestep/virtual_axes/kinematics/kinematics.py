@@ -356,7 +356,7 @@ class Kinematics:
         reals.copy(r, to, registers.X)
 
     def host_offset(self, to, i):
-        """r[to] = the host's number i minus that of POSE."""
+        """r[to] = the host's number i minus POSE's."""
         r = self.r
         reals.put_difference(r, registers.X, self.host_pose, i, _word, 1)
         reals.copy(r, registers.Y, registers.FIRST_POSE + 2 * i)
