@@ -10,7 +10,7 @@ HOME_SETTINGS = {
     "limit": (int, 1, 12, None, "",
         "number of the limit switch set (in `limits`) that contains the home switch"),
     "toward": (str, ("low", "high"), None, "low", "",
-        "the end at which the switch is: that of lower or of higher positions"),
+        "the end with the switch: toward lower or toward higher positions"),
     "position": (int, -1000000000, 1000000000, 0, "steps",
         "the motor's position where the switch is found"),
     "speed": (int, 10, 500000, 1000, "steps/s",

@@ -80,7 +80,7 @@ def test_what_may_be_computed_twice_or_not_at_all_calls_nothing(result):
     wanted: dict = {"now": 1, "then": 7}
     exec(f"x = {result}", wanted)
     assert found["x"] == wanted["x"]
-    with pytest.raises(FoldError, match="none of which calls anything if it stands more than once"):
+    with pytest.raises(FoldError, match="none of which calls anything if it is used more"):
         inlined("from a.clock import elapsed\nx = elapsed(f(), 1)\n", clock)
 
 

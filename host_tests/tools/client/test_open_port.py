@@ -302,7 +302,7 @@ def test_a_repl_is_left_as_it_was(terminal, capsys):
 def test_another_programs_bytes(terminal, capsys):
     terminal.answer = lambda data: b"T=21.5\r\n" * 3
     assert cli.app.status(["status", terminal.path]) == NO_CONTROLLER
-    assert "what comes from there (24 bytes) is not this protocol" in capsys.readouterr().err
+    assert "sends 24 bytes that are not this protocol" in capsys.readouterr().err
     assert not terminal.got.endswith(b"\x03"), "nothing is broken into"
 
 

@@ -107,7 +107,7 @@ def _inlined(path: str, text: str, source: str, functions: Mapping[str, _Functio
         if isinstance(left, ast.Name) and left.id in here:
             raise FoldError(
                 f"{path}, line {left.lineno}: {left.id} has to be called, with all arguments"
-                ", none of which calls anything if it stands more than once"
+                ", none of which calls anything if it is used more than once"
             )
     return text
 

@@ -218,8 +218,7 @@ class Client:
                 ) from None
             if self._noise:
                 raise WrongPort(
-                    f"{self.name}: what comes from there ({len(self._noise)} bytes) "
-                    "is not this protocol: "
+                    f"{self.name} sends {len(self._noise)} bytes that are not this protocol: "
                     "is another device at this port, or another program's output?"
                 ) from None
             raise error

@@ -26,7 +26,7 @@ Url = Annotated[
     typer.Option(
         "--device", "-d", envvar="FRAMESTEP_DEVICE", metavar="DEVICE", show_default=False,
         help=(
-            "path of a port or socket://HOST:PORT; may also stand without --device. "
+            "path of a port or socket://HOST:PORT; --device itself may be left out. "
             "Without it: the only board on USB"
         ),
     ),

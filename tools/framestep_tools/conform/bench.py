@@ -215,7 +215,7 @@ class Bench:
         """Require a motor at a position, counted from home."""
         found = self.positions().steps[motor - 1] - self.home[motor - 1]
         if abs(found - steps) > within:
-            raise Failed(f"motor {motor} stands {found} steps from its start, expected {steps}")
+            raise Failed(f"motor {motor} is {found} steps from its start, expected {steps}")
 
     def go(self, motor: int, steps: int) -> None:
         """Move a motor to a position, in steps from home, and wait."""

@@ -192,7 +192,7 @@ device.addEventListener("change", () => {
   });
 });
 
-device.addEventListener("told", ({ detail }) => {
+device.addEventListener("message", ({ detail }) => {
   const log = place("log");
   const time = new Date().toLocaleTimeString("en-GB");
   log.prepend(h("p", { class: detail.bad ? "bad" : "" }, h("time", {}, time), " ", h("span", {}, detail.text)));

@@ -10,7 +10,7 @@ const TEXT_CHUNK = 200; // characters of a rig file in one script: little memory
 const MARK = "\x02";
 
 /** Run a script and return its output after the mark. */
-async function told(repl, script) {
+async function output(repl, script) {
   return (await repl.run(script)).split(MARK).at(-1).trim();
 }
 
@@ -58,7 +58,7 @@ export class BoardWork {
   }
 
   load() {
-    return this.#with(async (repl) => ({ lines: lines(await told(repl, SCRIPTS.load)) }));
+    return this.#with(async (repl) => ({ lines: lines(await output(repl, SCRIPTS.load)) }));
   }
 
   /** Return the load as numbers. The port stays open until `rest`, or until another task. */
@@ -69,7 +69,7 @@ export class BoardWork {
           this.#watched = await Repl.open(this.#port);
           await this.#watched.run(SCRIPTS.live_begin);
         }
-        const said = await told(this.#watched, SCRIPTS.live);
+        const said = await output(this.#watched, SCRIPTS.live);
         if (!said.startsWith("[")) throw new LinkError(said);
         return { figures: JSON.parse(said) };
       } catch (error) {
@@ -95,7 +95,7 @@ export class BoardWork {
   }
 
   async #read(repl) {
-    const pieces = lines(await told(repl, SCRIPTS.read)).map((line) => JSON.parse(line));
+    const pieces = lines(await output(repl, SCRIPTS.read)).map((line) => JSON.parse(line));
     return { text: pieces.length ? pieces.join("") : "{}\n", there: pieces.length > 0 };
   }
 
@@ -106,7 +106,7 @@ export class BoardWork {
     const wrong = mistake(JSON.parse(text), this.#schema);
     if (wrong) throw new LinkError(`rig.json: ${wrong}`);
     await this.#put(repl, text);
-    const [right, said] = JSON.parse(await told(repl, SCRIPTS.check));
+    const [right, said] = JSON.parse(await output(repl, SCRIPTS.check));
     if (right === null) return "each setting is right; the board has no memory left to check them together";
     if (!right) throw new LinkError(`rig.json: ${said}`);
     return said;
@@ -114,13 +114,13 @@ export class BoardWork {
 
   /** Stop framestep, write the file (null: remove it) and restart. Changes nothing while motors move. */
   async #replace(repl, text) {
-    if (await told(repl, SCRIPTS.halt) !== "0") throw new LinkError("motors move, or a run is prepared; nothing has been changed");
+    if (await output(repl, SCRIPTS.halt) !== "0") throw new LinkError("motors move, or a run is prepared; nothing has been changed");
     let arrived = true;
     try {
       if (text === null) await repl.run(SCRIPTS.remove);
       else {
         await this.#put(repl, text);
-        arrived = await told(repl, SCRIPTS.write) === "1";
+        arrived = await output(repl, SCRIPTS.write) === "1";
       }
     } finally {
       await repl.runAndLeave(SCRIPTS.restart);

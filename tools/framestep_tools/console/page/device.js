@@ -31,7 +31,7 @@ const NOTHING = {
   virtual: null,
 };
 
-/** Events: "change" for anything new, "told" {text, bad} for the user, "hardstop", "ended" after RT_END,
+/** Events: "change" for anything new, "message" {text, bad} for the user, "hardstop", "ended" after RT_END,
  * "stopped" with the reason when another program has stopped motors, "connected", "gone". */
 export class Device extends EventTarget {
   client = null;
@@ -76,15 +76,15 @@ export class Device extends EventTarget {
   /** Return a motor's settings, as Exceeded has them; null if the device does not report them. */
   async settingsOf(motor) {
     const { client } = this;
-    const told = client && await this.#mayAsk(client, "GetExceeded", { motor }).catch(() => null);
-    return told?.velocity === undefined ? null : told;
+    const reported = client && await this.#mayAsk(client, "GetExceeded", { motor }).catch(() => null);
+    return reported?.velocity === undefined ? null : reported;
   }
 
   /** Ask for the soft limits of a motor. */
   async seeLimits(motor) {
-    const told = await this.settingsOf(motor);
+    const reported = await this.settingsOf(motor);
     const both = M.SET_LOWER | M.SET_UPPER;
-    this.#limits[motor - 1] = told && (told.bits & both) === both ? [told.lower, told.upper] : null;
+    this.#limits[motor - 1] = reported && (reported.bits & both) === both ? [reported.lower, reported.upper] : null;
     this.#changed();
   }
 
@@ -167,7 +167,7 @@ export class Device extends EventTarget {
 
   /** Show a sentence to the user. */
   tell(text, bad = false) {
-    this.dispatchEvent(new CustomEvent("told", { detail: { text, bad } }));
+    this.dispatchEvent(new CustomEvent("message", { detail: { text, bad } }));
   }
 
   /** Return how far a motor's position can be trusted, {state, text}, or null if the device does not report it. */

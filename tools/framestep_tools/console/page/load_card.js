@@ -76,7 +76,7 @@ export class LoadCard {
     this.#before = counts;
     if (!before) return "";
     const [ms, ticks, passes] = counts.map((count, i) => (count - before[i]) & 0x3fffffff);
-    if (ms === 0 || passes === 0 || ticks + passes > 1000 * ms) return ""; // not measured, or counted anew meanwhile
+    if (ms === 0 || passes === 0 || ticks + passes > 1000 * ms) return ""; // not measured, or the counts were reset meanwhile
     return `Last second: ${(ticks / ms / 10).toFixed(0)} % ticks, ${(passes / ms / 10).toFixed(0)} % passes of the main loop`;
   }
 

@@ -40,27 +40,27 @@ function pastLimit(set, { motor, position, destination }, code, axes) {
 }
 
 /** Say what the last move exceeds. */
-function beyond(told, values, axes) {
-  const { what, motor, frame, by } = told;
+function beyond(exceeded, values, axes) {
+  const { what, motor, frame, by } = exceeded;
   const axis = axes.of(motor);
   const where = `${axis.name} at frame ${frame}`;
   const rate = values?.fps_milli ? ` at ${values.fps_milli / 1000} frames/s` : "";
   switch (what) {
     case M.EXCEEDED_NOTHING: return null;
     case M.EXCEEDED_VELOCITY:
-      if (told.velocity === undefined) break;
-      return `${where} would need ${axis.fullRate(told.velocity + by, "s")}${rate}, its velocity is ${axis.fullRate(told.velocity, "s")}: ${SPEED}`;
+      if (exceeded.velocity === undefined) break;
+      return `${where} would need ${axis.fullRate(exceeded.velocity + by, "s")}${rate}, its velocity is ${axis.fullRate(exceeded.velocity, "s")}: ${SPEED}`;
     case M.EXCEEDED_ACCELERATION:
-      if (told.acceleration === undefined) break;
-      return `${where} would need ${axis.fullRate(told.acceleration + by, "s²")}${rate}, its acceleration is ${axis.fullRate(told.acceleration, "s²")}: ${SPEED}`;
+      if (exceeded.acceleration === undefined) break;
+      return `${where} would need ${axis.fullRate(exceeded.acceleration + by, "s²")}${rate}, its acceleration is ${axis.fullRate(exceeded.acceleration, "s²")}: ${SPEED}`;
     case M.EXCEEDED_BOARD: return `${where} would need a change of velocity that the board cannot make: fewer steps or frames/s`;
-    case M.EXCEEDED_UPPER: return `${where} would be past its upper soft limit${limited(axis, told.upper, told.bits & M.SET_UPPER)}`;
-    case M.EXCEEDED_LOWER: return `${where} would be past its lower soft limit${limited(axis, told.lower, told.bits & M.SET_LOWER)}`;
+    case M.EXCEEDED_UPPER: return `${where} would be past its upper soft limit${limited(axis, exceeded.upper, exceeded.bits & M.SET_UPPER)}`;
+    case M.EXCEEDED_LOWER: return `${where} would be past its lower soft limit${limited(axis, exceeded.lower, exceeded.bits & M.SET_LOWER)}`;
     case M.EXCEEDED_PREROLL:
     case M.EXCEEDED_POSTROLL: {
       const roll = what === M.EXCEEDED_PREROLL ? "pre-roll" : "post-roll";
-      if (by && told.acceleration !== undefined) {
-        return `in its ${roll} ${axis.name} would need ${axis.fullRate(told.acceleration + by, "s²")}, its acceleration is ${axis.fullRate(told.acceleration, "s²")}: give it a longer one, or raise the acceleration`;
+      if (by && exceeded.acceleration !== undefined) {
+        return `in its ${roll} ${axis.name} would need ${axis.fullRate(exceeded.acceleration + by, "s²")}, its acceleration is ${axis.fullRate(exceeded.acceleration, "s²")}: give it a longer one, or raise the acceleration`;
       }
       return `in its ${roll} ${axis.name} would pass its soft limits: give it a shorter one`;
     }

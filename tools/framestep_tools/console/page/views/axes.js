@@ -38,7 +38,7 @@ export class AxesView {
     const { axes } = this.#device.hello;
     if (axes?.error) this.#device.tell(`${axes.error}; the page shows steps.`, true);
     else if (axes) this.#take(axes.text);
-    setText(this.#about, axes ? `They are in ${axes.path}. Saving writes that file anew, without comments.` : "They are kept in this browser. Download them for the commands of framestep.");
+    setText(this.#about, axes ? `They are in ${axes.path}. Saving rewrites that file, without its comments.` : "They are kept in this browser. Download them for the commands of framestep.");
     this.#fill();
   }
 

@@ -271,16 +271,16 @@ class MotorSettings {
   /** Read the settings; only framestep reports them. */
   async #fill() {
     try {
-      const told = await this.#device.demand("GetExceeded", { motor: this.#motor });
-      if (told.velocity === undefined) return;
-      this.#velocity.value = this.#axis.short(this.#axis.rate(told.velocity));
-      this.#acceleration.value = this.#axis.short(this.#axis.rate(told.acceleration));
+      const reported = await this.#device.demand("GetExceeded", { motor: this.#motor });
+      if (reported.velocity === undefined) return;
+      this.#velocity.value = this.#axis.short(this.#axis.rate(reported.velocity));
+      this.#acceleration.value = this.#axis.short(this.#axis.rate(reported.acceleration));
       const [[lowOn, low], [highOn, high]] = this.#ends;
-      showSteps(this.#axis, low, told.lower);
-      showSteps(this.#axis, high, told.upper);
-      lowOn.checked = (told.bits & M.SET_LOWER) !== 0;
-      highOn.checked = (told.bits & M.SET_UPPER) !== 0;
-      this.#enabled.checked = (told.bits & M.SET_ENABLED) !== 0;
+      showSteps(this.#axis, low, reported.lower);
+      showSteps(this.#axis, high, reported.upper);
+      lowOn.checked = (reported.bits & M.SET_LOWER) !== 0;
+      highOn.checked = (reported.bits & M.SET_UPPER) !== 0;
+      this.#enabled.checked = (reported.bits & M.SET_ENABLED) !== 0;
     } catch {
       this.#device.tell("This device does not report its settings; the fields show defaults.");
     }
