@@ -130,7 +130,7 @@ def test_what_was_measured_before_it_broke_off_is_in_the_report(board, monkeypat
         raise ToolError("the board stumbled")
 
     with monkeypatch.context() as at_once:
-        at_once.setattr(Measuring, "_stands", broken)
+        at_once.setattr(Measuring, "_positions", broken)
         with pytest.raises(ToolError, match="the board stumbled"):
             prove(board, Options(short=True), emulated_boards(), lambda line: None)
 

@@ -166,7 +166,7 @@ def jog(
     number = known.motor(motor)
     target = known.steps(number, destination)
     with moving(device, known) as client:
-        _stands(client, number)
+        _position(client, number)
         with shown(client, number):
             _jog(client, number, target, speed, seconds)
             client.request(MotorStop(number))
@@ -174,7 +174,7 @@ def jog(
         _arrived(client, number)
 
 
-def _stands(client: "Client", motor: int) -> int:
+def _position(client: "Client", motor: int) -> int:
     """Return a motor's position, and forget earlier stops."""
     from ..client import state
 
@@ -328,7 +328,7 @@ def buzz(
     number = known.motor(motor)
     far = known.distance(number, steps, _BUZZ)
     with moving(device, known) as client:
-        home = _stands(client, number)
+        home = _position(client, number)
         for k in range(2 * times + 1):
             target = home if k == 2 * times else home + (far if k % 2 == 0 else -far)
             _jog(client, number, target, speed, STOP_TIME_S)

@@ -244,9 +244,9 @@ class Bench:
     def off_path(self, frame: int, position: Position) -> str:
         """Name the motor that is more than a step off its path at a frame, or return ""."""
         for motor in range(1, min(2, self.hello.motors) + 1):
-            stands, uploaded = position.steps[motor - 1], self.path(motor)[frame - 1]
-            if abs(stands - uploaded) > 1:
-                return f"at frame {frame} motor {motor} is at {stands}, uploaded is {uploaded}"
+            reported, uploaded = position.steps[motor - 1], self.path(motor)[frame - 1]
+            if abs(reported - uploaded) > 1:
+                return f"at frame {frame} motor {motor} is at {reported}, uploaded is {uploaded}"
         return ""
 
     def upload(self) -> None:

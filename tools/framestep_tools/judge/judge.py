@@ -175,10 +175,10 @@ def judge(
         edges, after = made[motor]
         one = _Motor(motor, steps, origin + times, edges, after, start.get(motor, 0), limits)
         verdict.motors.append(one.judge(path, verdict.complaints))
-        stands = start.get(motor, 0) + int(np.sum(trace.steps(motor)[1]))
-        if end and end.get(motor, stands) != stands:
+        counted = start.get(motor, 0) + int(np.sum(trace.steps(motor)[1]))
+        if end and end.get(motor, counted) != counted:
             verdict.complaints.append(
-                f"motor {motor}: is at {stands} by its steps, but reports {end[motor]}"
+                f"motor {motor}: is at {counted} by its steps, but reports {end[motor]}"
             )
     strangers = [
         m

@@ -19,7 +19,7 @@ class Gathering:
         self.complaints: list[str] = []
         self._began_at: Sequence[int] = ()
 
-    def _stands(self) -> Sequence[int]:
+    def _positions(self) -> Sequence[int]:
         return self.client.request(MotorGetPosition()).steps[: self.board.layout.motors]
 
     def _clocks(self) -> tuple[float, int]:
@@ -43,9 +43,9 @@ class Gathering:
             self.figures["steps_wrong"] += abs(made - moved)
             self.complaints.append(f"motor {motor}: {made} steps at its pin, {moved} reported")
 
-    def _away(self, motor: int, stands: Sequence[int], way: int) -> int:
+    def _away(self, motor: int, origins: Sequence[int], way: int) -> int:
         """Return a target `way` steps below, or above if that would be below the motor's start."""
-        at = stands[motor - 1]
+        at = origins[motor - 1]
         return at - way if at - way >= self._began_at[motor - 1] else at + way
 
     def _up(self, motor: int) -> int:

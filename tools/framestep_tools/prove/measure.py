@@ -21,7 +21,7 @@ class Measuring(Pins, Processor):
         Raises ToolError, before anything moves, if something would keep a motor from moving.
         """
         layout = self.board.layout
-        self._began_at = self._stands()
+        self._began_at = self._positions()
         check(self.client, layout.measured, self._began_at)
         begun = self._clocks()
         self.figures["upload_frames"] = self.board.info.upload_frames

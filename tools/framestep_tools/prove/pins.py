@@ -75,7 +75,7 @@ class Pins(Gathering):
         """Move motors at this rate, which has been set, and watch some of them."""
         ramp = rate * rate // (2 * STEEPEST)
         cruise = SHORT_CRUISE if self._short else CRUISE
-        before = self._stands()
+        before = self._positions()
 
         def move() -> None:
             for motor in motors:
@@ -89,7 +89,7 @@ class Pins(Gathering):
             skip=ramp + cruise // 4,
             most=KEPT // 4 if self._short else KEPT,
         )
-        after = self._stands()
+        after = self._positions()
         for motor, edges in zip(watched, found, strict=True):
             self._count(motor, edges.count, abs(after[motor - 1] - before[motor - 1]))
             times = edges.times_ns
@@ -121,7 +121,7 @@ class Pins(Gathering):
             self._turn(machines, watched)
 
     def _turn(self, machines: Sequence[int], motors: Sequence[int]) -> None:
-        before = self._stands()
+        before = self._positions()
         client = self.client
 
         def move() -> None:
@@ -146,7 +146,7 @@ class Pins(Gathering):
         board = self.board
         pins = [pin for m in motors for pin in (board.step(m), board.direction(m))]
         found = board.instrument.capture(machines, pins, move, both=True)
-        after = self._stands()
+        after = self._positions()
         for i, motor in enumerate(motors):
             steps, turns = found[2 * i], found[2 * i + 1]
             self._count(
@@ -170,9 +170,9 @@ class Pins(Gathering):
         return up - (len(levels) - up)
 
     def _run_frames(self, motors: Sequence[int], fps_milli: int, key: str) -> None:
-        stands = self._stands()
+        origins = self._positions()
         positions = {
-            motor: steps * (1 if motor % 2 else -1) + stands[motor - 1]
+            motor: steps * (1 if motor % 2 else -1) + origins[motor - 1]
             for motor, steps in zip(motors, trapezoids(fps_milli), strict=False)
         }
         for machines, watched in self._watched(motors):
@@ -195,7 +195,7 @@ class Pins(Gathering):
         client.request(RtRunMove(fps_milli, 1, count, ROLL_MS, ROLL_MS))
         client.wait_idle()
         client.pump(0.05)
-        before = self._stands()
+        before = self._positions()
         client.events.clear()
         host, own = self._clocks()
         gone: list[float] = []
@@ -208,7 +208,7 @@ class Pins(Gathering):
 
         pins = [board.step(motor) for motor in motors]
         found = board.instrument.capture(machines, pins, play)
-        after = self._stands()
+        after = self._positions()
         signals = {}
         for motor, edges in zip(motors, found, strict=True):
             sign = 1 if motor % 2 else -1

@@ -55,11 +55,11 @@ class Processor(Gathering):
 
     def _turning(self, seconds: float, motors: Sequence[int] = ()) -> None:
         """Keep these motors, or the first four, moving for at least this long."""
-        stands = self._stands()
+        origins = self._positions()
         for motor in motors or self.board.layout.groups[0]:
             way = round(TICK_HZ * (seconds + 0.2))
             self.client.request(MotorSetSpeed(motor, TICK_HZ, STEEPEST))
-            self.client.request(MotorMove(motor, self._away(motor, stands, way)))
+            self.client.request(MotorMove(motor, self._away(motor, origins, way)))
 
     def _replies(self) -> None:
         client = self.client

@@ -122,7 +122,7 @@ def _compare(found: np.ndarray, expected: np.ndarray, grain: np.ndarray, when: s
             raise Failed(f"{when} {name} is {is_:.3f}, expected {should:.3f}")
 
 
-def _stands(bench: Bench, rig: Rig, when: str) -> None:
+def _check_pose(bench: Bench, rig: Rig, when: str) -> None:
     """Require that the reported pose matches the motors' steps."""
     joints = _joints(bench, rig)
     _compare(_pose(bench), rig.host_pose(rig.forward(joints)), _grain(rig, joints), when)
@@ -132,7 +132,7 @@ def _cut_short(bench: Bench, rig: Rig) -> None:
     """A short message is refused, and the previous configuration stays."""
     request = Request(spec.VIRT_CONFIG, rig.payload()[:-1])
     bench.expect(request, spec.ERR_RANGE)
-    _stands(bench, rig, "after a VIRT_CONFIG that was refused")
+    _check_pose(bench, rig, "after a VIRT_CONFIG that was refused")
 
 
 def _at_first(bench: Bench, rig: Rig) -> None:
@@ -147,7 +147,7 @@ def _jointwise(name: str, steps: int):
         motor = rig.axes[NAMES[rig.kind].index(name)].motor
         for went in (steps, -steps):
             bench.go(motor, went)
-            _stands(bench, rig, f"with {name} at {went} steps from its start")
+            _check_pose(bench, rig, f"with {name} at {went} steps from its start")
 
     return check
 
@@ -159,7 +159,7 @@ def _turned_out(first: str, second: str):
     def check(bench: Bench, rig: Rig) -> None:
         for name, steps in ((first, 300), (second, -260)):
             bench.go(rig.axes[NAMES[rig.kind].index(name)].motor, steps)
-        _stands(bench, rig, f"with {first} and {second} turned")
+        _check_pose(bench, rig, f"with {first} and {second} turned")
 
     return check
 

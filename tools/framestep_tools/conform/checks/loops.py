@@ -58,7 +58,7 @@ class Looped(NamedTuple):
     early: int
     ends: list[float]
     stopped_s: float
-    stands: tuple[int, ...]
+    positions: tuple[int, ...]
 
 
 def _passes(way: Way, reports: list[Position]) -> tuple[list[dict[int, Position]], list[int]]:
@@ -201,9 +201,9 @@ def _rests(way: Way):
         frame = way.frames(way.stop_in)[-1]
         for motor in range(1, min(2, bench.hello.motors) + 1):
             wanted = bench.path(motor)[frame - 1]
-            if played.stands[motor - 1] != wanted:
+            if played.positions[motor - 1] != wanted:
                 raise Failed(
-                    f"afterwards motor {motor} is at {played.stands[motor - 1]}, "
+                    f"afterwards motor {motor} is at {played.positions[motor - 1]}, "
                     f"frame {frame} is at {wanted}"
                 )
 
