@@ -60,7 +60,7 @@ class BoardWork:
             change = RigChange(device, content)
         return {"text": greeting(*change.see(self._device, self.protocol, found.ports))}
 
-    def see_that_all_stands(self) -> None:
+    def check_at_rest(self) -> None:
         """Raise Moving if motors move or are about to: then the port must stay open."""
         with self._device() as device:
             if device.state.moving:

@@ -107,9 +107,9 @@ class ConsoleServer:
         except OSError:
             await self.device.let_go()
         else:
-            self._watch = asyncio.create_task(self._until_it_stands(bridge))
+            self._watch = asyncio.create_task(self._until_at_rest(bridge))
 
-    async def _until_it_stands(self, bridge: Bridge) -> None:
+    async def _until_at_rest(self, bridge: Bridge) -> None:
         """Keep the port open without a page until nothing moves."""
         with contextlib.suppress(OSError):
             while await bridge.moves():

@@ -75,7 +75,7 @@ class Visit:
             async for message in self._page:
                 self._heard_s = asyncio.get_running_loop().time()
                 if isinstance(message, str):
-                    self._start(self._told(message))
+                    self._start(self._handle(message))
                 elif self._device.bridge:
                     try:
                         await self._device.bridge.send(message)
@@ -113,7 +113,7 @@ class Visit:
 
     # ---- the page's other requests
 
-    async def _told(self, text: str) -> None:
+    async def _handle(self, text: str) -> None:
         try:
             said = json.loads(text)
             if isinstance(said.get("keep"), bool):
@@ -143,7 +143,7 @@ class Visit:
         work = getattr(self._device.work, task)
         if task != "write_rig":
             return await asyncio.to_thread(work, *arguments)
-        await asyncio.to_thread(self._device.work.see_that_all_stands)
+        await asyncio.to_thread(self._device.work.check_at_rest)
         await self._device.let_go()  # the board restarts, and so do its ports
         try:
             return await asyncio.to_thread(work, *arguments)

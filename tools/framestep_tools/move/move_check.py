@@ -149,11 +149,11 @@ def _ask(
             client.request(run)
             steep = too_steep(client)
         except RequestRefused as error:
-            return REFUSED, _told(str(explain(client, error)))
+            return REFUSED, _reason_of(str(explain(client, error)))
     return (STEEP, steep) if steep else (FITS, "")
 
 
-def _told(refusal: str) -> str:
+def _reason_of(refusal: str) -> str:
     """Return the reason of a refusal."""
     return refusal.removeprefix("refused: ")
 

@@ -271,7 +271,7 @@ def cut_runs(i: int, before: int, memory: ptr16, at: int, inside: int, length: i
 
 
 @micropython.viper
-def behead_runs(i: int, by: int, memory: ptr16, at: int, start: int):
+def trim_starts(i: int, by: int, memory: ptr16, at: int, start: int):
     """Take the first `by` frames off the unit of runs at memory[at], which has more. `start` is its
     new first frame."""
     runs = memory[at + SHAPE] >> 8

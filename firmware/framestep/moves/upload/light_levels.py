@@ -22,7 +22,6 @@ from framestep.moves.upload.light_codec import (
     SHAPE,
     SHORT,
     START,
-    behead_runs,
     choose,
     cut_runs,
     first,
@@ -33,6 +32,7 @@ from framestep.moves.upload.light_codec import (
     put,
     put_run,
     take,
+    trim_starts,
 )
 
 CHANNELS = const(512)
@@ -368,7 +368,7 @@ class LightLevels:
             while at < UNIT:
                 half[link + at] = ptr32(words)[_SAVED + at]
                 at += 1
-            behead_runs(0, cut, memory, link, stop)
+            trim_starts(0, cut, memory, link, stop)
         _hang(memory, heads_, link, behind)
         return int(OK)
 

@@ -198,7 +198,7 @@ def _plays(flags: int):
     return check
 
 
-def _told_play(bench: Bench):
+def _reported_backlash(bench: Bench):
     bench.expect(spec.configure(1, _SAME))
     play = _play(bench, _SAME)
     bench.prepare()
@@ -251,6 +251,6 @@ for _motor, _who in ((1, "leader"), (2, "follower")):
         f"with the {_who} switched off MOVE is refused and neither motor moves",
         _coupled(_SAME, _disabled(_motor)),
     )
-_put("coupled motors turn with the same backlash", _told_play)
+_put("coupled motors turn with the same backlash", _reported_backlash)
 _put("motors that are apart keep their distance", _apart)
 _put("motors that are no longer coupled move by themselves", _released)

@@ -87,7 +87,7 @@ _put(
 )
 
 
-def _told(bench: Bench):
+def _reported(bench: Bench):
     bench.link.reports.clear()
     changes = []
     for on in (True, False):
@@ -106,7 +106,7 @@ def _told(bench: Bench):
 _put(
     "each change of an input is reported once, unasked",
     "MSG_GIO_IN: send this message, unsolicited, any time the inputs change",
-    _told,
+    _reported,
     MUST,
     _inputs,
 )

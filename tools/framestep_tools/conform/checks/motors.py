@@ -117,7 +117,7 @@ def _slower(bench: Bench):
 _put("SET_SPEED takes effect", "MSG_MOTOR_SET_SPEED", _slower)
 
 
-def _told(bench: Bench):
+def _reported(bench: Bench):
     bench.link.reports.clear()
     bench.go(1, 500)
     bench.link.pump(0.25)
@@ -139,7 +139,7 @@ def _told(bench: Bench):
 _put(
     "positions come about every 0.1 s while a motor moves, the last one at rest",
     "MSG_MOTOR_GET_POSITION",
-    _told,
+    _reported,
     SHOULD,
 )
 

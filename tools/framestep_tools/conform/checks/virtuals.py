@@ -209,7 +209,7 @@ _put(
 )
 
 
-def _told(bench: Bench):
+def _reported(bench: Bench):
     bench.link.reports.clear()
     bench.expect(_move(PAN, 20))
     bench.idle()
@@ -217,7 +217,7 @@ def _told(bench: Bench):
         raise Failed("no VIRT_GET_POSITION came during a virtual move")
 
 
-_put("virtual positions are reported with the others", "note 9.8", _configured(_told), SHOULD)
+_put("virtual positions are reported with the others", "note 9.8", _configured(_reported), SHOULD)
 
 
 # ---- the aim point
