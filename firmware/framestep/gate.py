@@ -28,7 +28,7 @@ class Gate:
         self.virtuals = None
 
     def join(self, stops, operations, virtuals):
-        """Set the parts that can take motors or hold them, each of which needs a gate itself."""
+        """Set the parts that can use motors. They get the gate first, so they are set later."""
         self.stops = stops
         self.operations = operations
         self.virtuals = virtuals

@@ -85,7 +85,7 @@ class Hal:
         raise NotImplementedError
 
     def take_lost_commands(self):
-        """Return the motors, one bit each, of which commands were lost since the last call.
+        """Return the motors, one bit each, that have lost commands since the last call.
 
         Steps of these motors are missing.
         """

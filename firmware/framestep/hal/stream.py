@@ -46,8 +46,7 @@ _MOTOR = const(4)  # log2 of the words of a motor
 
 @micropython.viper
 def paint(words: ptr32, first: int, motors: ptr32, count: int, levels: ptr32) -> int:
-    """Paint a tick's words from words[first] on. Return the motors of which a command was lost, a
-    bit each.
+    """Paint a tick's words from words[first] on. Return the motors that lost a command, a bit each.
 
     motors: the words of `count` motors, as above. levels: a word with the levels of all pins, in
     which steps are 0.
@@ -199,7 +198,7 @@ class Stream:
         self._clock[0] = (self._clock[0] + (ticks + 1) * TICK_US) & WIDE_WRAP
 
     def take_lost_commands(self):
-        """Return the motors of which a command was lost since the last call, a bit each."""
+        """Return the motors that have lost a command since the last call, a bit each."""
         lost = self._lost
         self._lost = 0
         return lost

@@ -249,8 +249,8 @@ def mirror(block: ptr32, other: ptr32, base: ptr32, opposite: int):
 
 @micropython.viper
 def snap(cubic: ptr32, at: ptr32):
-    """Put a cubic exactly on the step at[0] and at[1] (Q16) of one more, where it has come except
-    for rounding."""
+    """Put a cubic exactly on the step at[0] plus at[1] (Q16), which it has reached except for
+    rounding."""
     cubic[WHOLE] = at[0]
     cubic[P] = at[1]
     cubic[P + 1] = 0

@@ -115,11 +115,11 @@ class Axes:
 
     @property
     def filled(self):
-        """Whether every queue has AHEAD segments, or all that there are to cut."""
+        """Whether every queue has AHEAD segments, or all segments of its phases."""
         return emptiest_queue(self.kernel.state, AHEAD, 0) == 0
 
     def choose_sample(self):
-        """Set `reported` to the positions to which the pulses made so far have taken the loads.
+        """Set `reported` to the loads' positions after the pulses made so far.
 
         Return the tick (modulo 2^29) of the last of these pulses.
         """

@@ -77,7 +77,7 @@ def sample(m: ptr32, out: ptr32) -> int:
 
 @micropython.viper
 def choose(header, words, reported: ptr32) -> int:
-    """reported = where the pulses made so far have taken the loads, by the samples kept.
+    """reported = the loads' positions after the pulses made so far, from the samples kept.
 
     Return the tick (modulo 2^29) of the last of these pulses.
     """

@@ -177,9 +177,9 @@ def start_cubic(cubic: ptr32, work: ptr32):
 def cut_at(m: ptr32, bits: int, tick: int, least: int) -> int:
     """Drop the segments from the one that begins with this tick on: of all these motors, or none.
 
-    Return whether they are dropped, which takes that each motor has such a segment and that the
-    tick is at least `least` ticks ahead. dropped() then finds where they began. To be called with
-    interrupts off. m: the header.
+    Return whether they were dropped: each motor must have such a segment, and the tick must be at
+    least `least` ticks ahead. dropped() then finds where they began. To be called with interrupts
+    off. m: the header.
     """
     ticks = elapsed(tick, m[sw.TICKS])
     if ticks < least or ticks >= HALF:

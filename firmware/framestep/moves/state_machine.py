@@ -302,11 +302,10 @@ class OperationRunner:
         """Stop the operation's motors by ramps; RT_END follows once all are at rest.
 
         factor: of the deceleration. land: an operation that can do so may come to rest on a frame
-        instead. Return the bits of the motors that do, which nobody else must stop then, or 0.
-        everything: for a STOP_ALL. smooth, or land: motors on their way to the start keep their
-        jerk limits. (In a run they do not: the path has no jerk limit, and it may end at a soft
-        limit.) spared: bits of motors that a virtual motion took while the operation waited, and
-        that it will stop.
+        instead. Return the bits of these motors, which nobody else may stop then, or 0. everything:
+        for a STOP_ALL. smooth, or land: motors on their way to the start keep their jerk limits.
+        (In a run they do not: the path has no jerk limit, and it may end at a soft limit.) spared:
+        bits of motors that a virtual motion took while the operation waited, and that it will stop.
         """
         if self.state == LEAVING:
             self.waiting = 0

@@ -27,7 +27,7 @@ BOARDS = board_names()
 
 
 def test_the_boards_that_there_are():
-    """The README leads to each of them."""
+    """The README links to each of them."""
     assert {"fysetc_erb", "pico", "pico2", "skr_pico", "esp32_s3_595"} <= set(BOARDS)
     readme = (ROOT / "README.md").read_text()
     for name in BOARDS:

@@ -21,9 +21,9 @@ class Replay:
     """Sends the bytes of the log's host at the log's pace; `entries` is the recording.
 
     Each request waits until the device has sent the messages that preceded it in the log: answers,
-    HARD_STOP, RT_GO and RT_END. Where the log shows that motion had stopped, the replay repeats
-    MOTOR_STATUS, with its own IDs, until that is so. It waits at most `patience_s` for motion, and
-    an answer's time limit for an answer; then it goes on.
+    HARD_STOP, RT_GO and RT_END. If the log shows that motion had stopped, the replay repeats
+    MOTOR_STATUS, with its own IDs, until the device says so too. It waits at most `patience_s` for
+    motion, and an answer's time limit for an answer; then it goes on.
 
     open_device: opens the device's port; speed: factor on the log's speed.
     """

@@ -76,7 +76,8 @@ class PulseEngine:
 
 @micropython.viper
 def lost_commands(motors: int) -> int:
-    """Return the motors of which a command found a full FIFO since the last call, one bit each."""
+    """Return the motors that have lost a command to a full FIFO since the last call, one bit
+    each."""
     lost = 0
     bit = 0
     block = 0x502

@@ -38,7 +38,7 @@ class Ack(IntEnum):
 
     @property
     def description(self) -> str:
-        """The meaning of the code for whoever made the request."""
+        """What the code means, as text for the user."""
         return _DESCRIPTIONS.get(self, "the specification has no such code")
 
     @classmethod

@@ -27,8 +27,8 @@ _SLACK = const(-12)  # an axis without a motor may be off by 2^-12 units
 _word = array("i", [0, 0])  # any word, and 0
 
 # From `right`, `up` and `forward` of the camera to EW, NS and track: Rz(pan)·Rx(tilt)·Ry(roll) in a
-# frame with x to the right, y forward and z up, of which the world has Y = z and Z = -y (field note
-# 9.4). Positive pan turns left, positive tilt looks up.
+# frame with x to the right, y forward and z up; in the world Y = z and Z = -y (field note 9.4).
+# Positive pan turns left, positive tilt looks up.
 _TURN = formula(
     registers,
     """
@@ -220,7 +220,7 @@ def camera_axis(r, axis, to):
 
 
 class Configuration:
-    """The numbers of a VIRT_CONFIG, as far as they can be checked without the rig's type.
+    """The numbers of a VIRT_CONFIG, checked for all that does not depend on the rig's type.
 
     Arrays of words: motors (from 1, 0 for none), steps_per_unit · 1000 and positions · 100000 for
     each axis; lengths · 1000: LENGTH, EXTENSION, the nodal offset to the right, forward and up,
