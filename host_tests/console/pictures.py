@@ -23,6 +23,8 @@ RIG = {
     "outputs": [{"pin": 22}],
 }
 MOTORS = 6
+# All messages come at the same time, so that a picture changes only if the page does
+NOON = "() => { Date.prototype.toLocaleTimeString = () => '12:00:00'; }"
 # The camera move's axis, motor, steps per unit, unit, limits
 AXES = [
     ("boom", 2, 800, "deg", (-45, 45)),
@@ -76,7 +78,7 @@ def prepare(page):
     expect(log(page)).to_contain_text("configured")
 
 
-def stand_on_frame(page):
+def rest_on_frame(page):
     """Move the rig to the middle of its move."""
     go_to(page, "Moves")
     page.get_by_label("Go to frame").fill(str(FRAME))
@@ -133,8 +135,9 @@ def main():
             url = crane(stage, SPEED).url
             for look, options in LOOKS.items():
                 page = stage.page(url, **options)
+                page.evaluate(NOON)
                 prepare(page)
-                stand_on_frame(page)
+                rest_on_frame(page)
                 for view in [view for view, drawn in PICTURES if drawn == look]:
                     path(view, look).write_text(draw(page, view, look))
                 page.close()
