@@ -2,7 +2,7 @@
 
 Motors that are only numbers, an uploaded move that is only lists, switches that nobody touches,
 lights and a camera that record their calls. `Pins` in host_tests/io/pins.py does the same for a HAL
-that has only pins, `Bench` in host_tests/motion/engine.py for the pulse engines.
+that has only pins, `Bench` in host_tests/pulse/engine.py for the pulse engines.
 """
 
 from array import array
@@ -19,7 +19,7 @@ from framestep.moves.state_machine import OperationRunner
 from framestep.moves.upload.store import EMPTY, READY
 from framestep.protocol.messages import OK
 from framestep.pulse import stepper
-from host_tests.motion.engine import Bench
+from host_tests.pulse.engine import Bench
 
 STEPS_PER_S = 4194  # of the kernel's velocity, roughly
 

@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from host_tests.board.modules import board_modules
-from host_tests.moves import uploads
+from host_tests.moves.upload import uploads
 from host_tests.protocol import streams
 
 RUNTIME = Path(__file__).parents[1] / "runtime"

@@ -11,8 +11,8 @@ import pytest
 from framestep.pulse import stepper
 from framestep_emulator import Emulator, edge_times
 from framestep_tools.building import images
-from host_tests.motion.engine import PER_TICK, PER_US, Bench
-from host_tests.motion.profiles import ONE, Profile, trapezoid
+from host_tests.pulse.engine import PER_TICK, PER_US, Bench
+from host_tests.pulse.profiles import ONE, Profile, trapezoid
 
 MOTORS = 8
 NS = 8  # per cycle

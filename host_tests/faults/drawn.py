@@ -32,7 +32,7 @@ PLACES = ("protocol", "motion", "pulse", "motors", "moves", "virtual_axes", "io"
 SEED = 20261125
 STAGES = (3, 6, 12)  # how many files of tests, the nearest first
 TESTS = (
-    *("protocol", "motion", "motors", "moves", "virtual_axes", "io", "hal", "repl"),
+    *("protocol", "pulse", "motion", "motors", "moves", "virtual_axes", "io", "rig", "hal", "repl"),
     *("fuzz", "conform", "end_to_end", "runtime"),
 )
 NOTHING = "nothing"

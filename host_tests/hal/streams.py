@@ -14,7 +14,7 @@ import numpy as np
 from framestep.motors.axes import Axes
 from framestep.pulse.stepper import AHEAD, DUE, FIFO
 from framestep_tools.building.board_files import folded, write_tree
-from host_tests.motion.engine import PER_US, Bench
+from host_tests.pulse.engine import PER_US, Bench
 
 REPLAY = Path(__file__).parents[1] / "runtime" / "stream_replay.py"
 WORDS = 250  # in a tick

@@ -14,8 +14,8 @@ from framestep.motors.axes import Axes
 from framestep.motors.axis import SPLICE_TICKS
 from framestep.pulse import stepper
 from framestep.pulse.engine import LEAD
-from host_tests.motion.engine import Bench
-from host_tests.motion.profiles import ONE
+from host_tests.pulse.engine import Bench
+from host_tests.pulse.profiles import ONE
 
 TRAVEL, STOP, PAUSE, SPEED = "travel", "stop", "pause", "speed"
 LONGEST_RUN = 30_000  # ticks

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from framestep.base.native import addressof
 from framestep.motion import reals, segments
 from framestep.pulse import stepper
-from host_tests.motion.profiles import FINE, ONE
+from host_tests.pulse.profiles import FINE, ONE
 
 CYCLES = 125_000
 UNIT = Fraction(1, 2**46)  # of a coefficient

@@ -19,8 +19,8 @@ from framestep.motors.motor import (
 )
 from framestep.pulse import stepper
 from framestep.pulse.engine import LEAD
-from host_tests.motion.engine import PER_TICK, PER_US, Bench
-from host_tests.motion.profiles import ONE
+from host_tests.pulse.engine import PER_TICK, PER_US, Bench
+from host_tests.pulse.profiles import ONE
 
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
 

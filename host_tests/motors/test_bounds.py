@@ -9,7 +9,7 @@ from framestep.motors import bounds
 from framestep.motors.backlash import BACKLASH, make_backlash
 from framestep.motors.motor import kernel_rate
 from framestep.pulse import stepper
-from host_tests.motion.profiles import ONE
+from host_tests.pulse.profiles import ONE
 
 FASTEST = 400_000
 

@@ -15,7 +15,7 @@ from framestep.moves.upload.store import EMPTY
 from framestep.protocol import messages as m
 from framestep.pulse import stepper
 from host_tests.fakes import OperationBench
-from host_tests.motion.engine import PER_TICK, PER_US
+from host_tests.pulse.engine import PER_TICK, PER_US
 
 TICKS = 200  # the operation below moves so long
 

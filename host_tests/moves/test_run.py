@@ -12,7 +12,7 @@ from framestep.moves.run_plan import LONGEST_ROLL
 from framestep.moves.state_machine import IDLE, POSITIONING, READY, RUNNING
 from framestep.protocol import messages as m
 from host_tests.fakes import OperationBench
-from host_tests.motion.engine import PER_TICK
+from host_tests.pulse.engine import PER_TICK
 
 WAVE = [round(60 * k + 300 * np.sin(k / 2)) for k in range(16)]
 

@@ -12,7 +12,7 @@ from framestep.protocol import messages as m
 from framestep.pulse import stepper
 from framestep.pulse.engine import CUE_DELAY_US, LEAD
 from host_tests.fakes import OperationBench
-from host_tests.motion.engine import PER_TICK, PER_US
+from host_tests.pulse.engine import PER_TICK, PER_US
 
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
 

@@ -4,7 +4,7 @@ as on CPython."""
 from hypothesis import given
 from hypothesis import strategies as st
 
-from host_tests.moves import lightplots
+from host_tests.moves.upload import lightplots
 from host_tests.runtime.both import HERE, many
 
 REPLAY = HERE / "lightplots_replay.py"

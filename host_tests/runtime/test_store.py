@@ -4,7 +4,7 @@ CPython."""
 from hypothesis import given
 from hypothesis import strategies as st
 
-from host_tests.moves import uploads
+from host_tests.moves.upload import uploads
 from host_tests.runtime.both import HERE, assert_answers, many
 
 REPLAY = HERE / "store_replay.py"

@@ -15,7 +15,7 @@ from framestep_tools.client import wire
 
 PLENTY = 30_000  # bytes of memory that no plot fills
 OK, ERR_RANGE, ERR_GENERAL = 0x10, 0x14, 0x15
-replay = runpy.run_path(str(Path(__file__).parents[1] / "runtime" / "lightplots_replay.py"))[
+replay = runpy.run_path(str(Path(__file__).parents[2] / "runtime" / "lightplots_replay.py"))[
     "replay"
 ]
 

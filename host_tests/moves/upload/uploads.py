@@ -15,7 +15,7 @@ from framestep.protocol import messages
 from framestep_tools.client import wire
 
 OK, ERR_RANGE, ERR_GENERAL = 0x10, 0x14, 0x15
-replay = runpy.run_path(str(Path(__file__).parents[1] / "runtime" / "store_replay.py"))["replay"]
+replay = runpy.run_path(str(Path(__file__).parents[2] / "runtime" / "store_replay.py"))["replay"]
 FARTHEST = 1_000_000  # frame numbers, either way
 LOWEST = -(2**31)
 

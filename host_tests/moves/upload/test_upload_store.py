@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from framestep.moves.upload.store import UploadStore, bytes_for
-from host_tests.moves import uploads
-from host_tests.moves.uploads import ERR_GENERAL, ERR_RANGE, OK, answers, axis
+from host_tests.moves.upload import uploads
+from host_tests.moves.upload.uploads import ERR_GENERAL, ERR_RANGE, OK, answers, axis
 
 
 @given(uploads.uploads())

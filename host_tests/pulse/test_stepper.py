@@ -10,9 +10,9 @@ import pytest
 
 from framestep.pulse import stepper
 from framestep.pulse.engine import LEAD
-from host_tests.motion.edges import at_rest, errors_us, moving, steady
-from host_tests.motion.engine import PER_TICK, PER_US, Bench
-from host_tests.motion.profiles import ONE, Profile, trapezoid
+from host_tests.pulse.edges import at_rest, errors_us, moving, steady
+from host_tests.pulse.engine import PER_TICK, PER_US, Bench
+from host_tests.pulse.profiles import ONE, Profile, trapezoid
 
 # ---------------------------------------------------------------- edges
 

@@ -1,6 +1,6 @@
 """The store of triggers; test_light_levels.py compares both stores with dictionaries."""
 
-from host_tests.moves.lightplots import answers, triggers
+from host_tests.moves.upload.lightplots import answers, triggers
 
 
 def test_triggers_in_any_order_and_again():

@@ -3,8 +3,8 @@
 import pytest
 from hypothesis import given, settings
 
-from host_tests.moves import lightplots
-from host_tests.moves.lightplots import ERR_GENERAL, ERR_RANGE, OK, answers, levels, triggers
+from host_tests.moves.upload import lightplots
+from host_tests.moves.upload.lightplots import ERR_GENERAL, ERR_RANGE, OK, answers, levels, triggers
 
 
 @given(lightplots.plots())

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from framestep.moves.upload.store import UploadStore, bytes_for
 from framestep.protocol.frames import FRAME, FrameReader
-from host_tests.moves import uploads
-from host_tests.moves.uploads import ERR_RANGE, OK, answers, axis
+from host_tests.moves.upload import uploads
+from host_tests.moves.upload.uploads import ERR_RANGE, OK, answers, axis
 
 
 def test_small_steps_down_to_the_lowest_position():

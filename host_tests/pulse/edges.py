@@ -5,8 +5,8 @@ from fractions import Fraction
 import numpy as np
 
 from framestep.pulse import stepper
-from host_tests.motion.engine import PER_US, Bench
-from host_tests.motion.profiles import ONE, Profile
+from host_tests.pulse.engine import PER_US, Bench
+from host_tests.pulse.profiles import ONE, Profile
 
 # At very low velocity, the kernel's rounding of the position is a long time.
 ROUNDING_STEPS = 1e-4
