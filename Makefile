@@ -11,6 +11,8 @@ BOARD ?= pico
 # A target's ARGS do not count for the targets that its recipe makes: `make test ARGS=-x` makes an image, too.
 MAKEOVERRIDES :=
 unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
+# Compiled modules are kept: each process of tests would compile them again, for seconds.
+unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node chromium micropython images demo try site sim emu check test test-all test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \

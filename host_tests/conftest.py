@@ -11,6 +11,10 @@ import hypothesis
 import pytest
 from hypothesis.internal.conjecture import providers
 
+from host_tests import machine_code
+
+machine_code.install()  # before the core is loaded
+
 from framestep.base import native_cpython
 from framestep_emulator import Emulator, Pool
 from framestep_tools.building import images

@@ -177,6 +177,10 @@ def main() -> int:
         from host_tests import int32
 
         int32.install()
+    else:
+        from host_tests import machine_code
+
+        machine_code.install()
     again = None
     if options.replay:
         from .again import Again
