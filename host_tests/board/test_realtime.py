@@ -28,8 +28,8 @@ from host_tests.end_to_end.realtime import (
     Levels,
     changes,
     frame_times,
-    judge_pass,
-    passes_told,
+    judge_lap,
+    laps_seen,
     turning,
     upload,
 )
@@ -99,7 +99,7 @@ def test_shoot_frames(session):
 
 
 def test_loop_bloop_video_and_two_stops(session):
-    """A pass and a half; bloop by pin and channel; a camera started and stopped; a hard stop after
+    """A lap and a half; bloop by pin and channel; a camera started and stopped; a hard stop after
     a soft one."""
     session.speed(1, VELOCITY, 4000)  # to leave time for the second STOP_ALL
     session.accept(Dmx(0, 5, [33]))
@@ -112,7 +112,7 @@ def test_loop_bloop_video_and_two_stops(session):
     session.board.emulator.uart_read(0)
     session.accept(RtGo())
     session.client.wait_event(Positions, 5)
-    while len(passes_told(session)) < 2 or len(passes_told(session)[1]) < 3:
+    while len(laps_seen(session)) < 2 or len(laps_seen(session)[1]) < 3:
         session.run(0.02)
     session.accept(MotorStopAll())
     stopped = session.now
@@ -123,13 +123,13 @@ def test_loop_bloop_video_and_two_stops(session):
     session.run(0.3)
     assert not session.events(RtEnd)
     assert not session.moving
-    # both passes meet their frames
-    first, second = passes_told(session)[:2]
+    # both laps meet their frames
+    first, second = laps_seen(session)[:2]
     assert [frame for _, frame in first] == list(range(2, 10))
     assert second[0][1] == 2
     begin = first[0][0] - 1 / FPS
     positions = {m: steps[:9] for m, steps in MOVE.items()}
-    verdict = judge_pass(session, begin - 0.25, first[-1][0] + 0.25, before, positions, FPS)
+    verdict = judge_lap(session, begin - 0.25, first[-1][0] + 0.25, before, positions, FPS)
     starts = verdict.origin_ns * 1e-9
     # both ramps of the stop
     times, signs = session.steps(1)
@@ -163,7 +163,7 @@ def test_loop_bloop_video_and_two_stops(session):
 
 
 def test_ping_pong(session):
-    """Three passes over nine frames, with stills and triggers, STOP_LOOP in the third; each meets
+    """Three laps over nine frames, with stills and triggers, STOP_LOOP in the third; each meets
     its frames."""
     more = {"flags": 0x21, "open_angle": 90, "close_angle": 270, "sync_dmx": 1}
     session.ready(run_request(FPS, 1, 9, 200, 200, **more))
@@ -176,7 +176,7 @@ def test_ping_pong(session):
     session.run(0.3)
     assert not session.events(RtEnd)
     assert not session.moving
-    told = passes_told(session)
+    told = laps_seen(session)
     assert [(p[0][1], p[-1][1]) for p in told] == [(2, 9), (8, 1), (2, 9)]
     openings = [t for t, v in changes(session, "shutter") if v]
     assert len(openings) == 27
@@ -184,7 +184,7 @@ def test_ping_pong(session):
     for i, p in enumerate(told):
         frames = turning(1, 9) if i % 2 == 0 else turning(9, 1)
         positions = {m: steps[frames - 1] for m, steps in MOVE.items()}
-        verdict = judge_pass(
+        verdict = judge_lap(
             session, p[0][0] - 1 / FPS - 0.1, p[-1][0] + 0.1, before, positions, FPS
         )
         times = frame_times(verdict, FPS, 9)

@@ -90,10 +90,10 @@ def level_now(session, signal):
     return Levels(session, signal)(session.now)
 
 
-def passes_told(session):
-    """Return [[(time, scene frame), …], …]: the frames in position reports, a list for each pass.
+def laps_seen(session):
+    """Return [[(time, scene frame), …], …]: the frames in position reports, a list for each lap.
 
-    The frame on which a pass begins is missing: the reports have its MOVE TIME before the motors
+    The frame on which a lap begins is missing: the reports have its MOVE TIME before the motors
     reach it.
     """
     told, before = [], None
@@ -129,8 +129,8 @@ def pass_trace(session, begin, end, start):
     return Trace(cut), places
 
 
-def judge_pass(session, begin, end, start, positions, fps, **more):
-    """Return the verdict on one pass of a loop, which has the time of its first frame."""
+def judge_lap(session, begin, end, start, positions, fps, **more):
+    """Return the verdict on one lap of a loop, which has the time of its first frame."""
     trace, places = pass_trace(session, begin, end, start)
     verdict = judge(trace, positions, round(fps * 1000), places, **more)
     assert verdict.good, verdict.complaints
@@ -168,15 +168,15 @@ def to_the_end(session, seconds=20):
 
 
 def judged(session, before, fps=24, first=1, last=FRAMES, roll=0.5):
-    """Return a verdict for each pass, each over all its frames."""
+    """Return a verdict for each lap, each over all its frames."""
     verdicts = []
-    for told in passes_told(session):
+    for told in laps_seen(session):
         backward = told[-1][1] < told[0][1]
         frames = turning(last, first) if backward == (last > first) else turning(first, last)
         assert [f for _, f in told] == frames[1:].tolist()
         positions = {m: steps[frames - 1] for m, steps in MOVE.items()}
         begin = told[0][0] - 1 / fps - roll / 2
-        verdicts.append(judge_pass(session, begin, told[-1][0] + roll / 2, before, positions, fps))
+        verdicts.append(judge_lap(session, begin, told[-1][0] + roll / 2, before, positions, fps))
     return verdicts
 
 

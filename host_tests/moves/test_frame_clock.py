@@ -1,4 +1,4 @@
-"""When each frame of a pass comes: round(N · 10^9 / fps_milli) microseconds after the first, by
+"""When each frame of a lap comes: round(N · 10^9 / fps_milli) microseconds after the first, by
 fractions."""
 
 import itertools

@@ -21,16 +21,16 @@ TICKS = 200  # the operation below moves so long
 
 
 class There(Operation):
-    """Moves its motors from `begins` to `ends` within TICKS, then back, `passes` times; records
+    """Moves its motors from `begins` to `ends` within TICKS, then back, `laps` times; records
     each call."""
 
-    def __init__(self, bench, begins, ends, passes=1):
+    def __init__(self, bench, begins, ends, laps=1):
         super().__init__(bench.operations)
         self.axes = bench.axes
         self.bits = (1 << bench.axes.count) - 1
         self.begins, self.ends = array("i", begins), array("i", ends)
         self.ways = array("i", [0] * len(begins))
-        self.passes = passes
+        self.laps = laps
         self.code = m.OK
         self.asked = []
         self.began = None
@@ -38,7 +38,7 @@ class There(Operation):
     def take(self):
         self.operations.prepare(self, self.begins, self.ways, 1)
 
-    def begin_pass(self):
+    def begin_lap(self):
         self.asked.append("start")
 
     def queue_first_phases(self, motor):
@@ -55,14 +55,14 @@ class There(Operation):
         self.asked.append("recheck")
         return self.code
 
-    def next_pass(self):
-        self.passes -= 1
+    def next_lap(self):
+        self.laps -= 1
         self.begins, self.ends = self.ends, self.begins
         self.operations.start_positions = self.begins
-        return self.passes > 0
+        return self.laps > 0
 
     def still_wanted(self):
-        return self.passes > 0
+        return self.laps > 0
 
     def ended(self):
         self.asked.append("over")
@@ -77,10 +77,10 @@ class There(Operation):
         return self.ends[motor] - self.begins[motor]
 
 
-def prepared(begins=(50,), ends=(450,), passes=1, **settings):
+def prepared(begins=(50,), ends=(450,), laps=1, **settings):
     """Return (bench, operation); the operation is accepted."""
     bench = OperationBench(*([0, 10, 20] for _ in begins), **settings)
-    operation = There(bench, begins, ends, passes)
+    operation = There(bench, begins, ends, laps)
     operation.take()
     return bench, operation
 
@@ -220,13 +220,13 @@ def test_an_operation_without_an_rt_end_tells_none():
     assert bench.rest().ends == 0
 
 
-@pytest.mark.parametrize("passes", [1, 2, 3])
-def test_each_pass_of_a_loop_begins_where_the_last_one_ended(passes):
-    bench, operation = prepared(passes=passes)
+@pytest.mark.parametrize("laps", [1, 2, 3])
+def test_each_lap_of_a_loop_begins_where_the_last_one_ended(laps):
+    bench, operation = prepared(laps=laps)
     bench.until(READY).operations.start()
     bench.rest()
-    assert operation.asked.count("start") == passes
-    assert bench.place() == (450 if passes % 2 else 50)
+    assert operation.asked.count("start") == laps
+    assert bench.place() == (450 if laps % 2 else 50)
     assert bench.ends == 1
 
 
@@ -274,11 +274,11 @@ def test_an_end_that_the_next_host_knows_nothing_of_is_not_told():
     assert bench.rest().ends == 0
 
 
-def test_a_stop_of_a_loop_ends_all_passes():
-    bench, operation = prepared(passes=5)
+def test_a_stop_of_a_loop_ends_all_laps():
+    bench, operation = prepared(laps=5)
     bench.until(READY).operations.start()
     bench.until(RUNNING).run(60)
-    operation.passes = 0
+    operation.laps = 0
     bench.operations.stop()
     bench.rest()
     assert operation.asked.count("start") == 1

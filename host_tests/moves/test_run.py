@@ -202,7 +202,7 @@ def test_the_durations_of_a_thousand_frames_add_up_to_the_time_of_the_last(fps):
     """Each is a difference of rounded times in whole microseconds, so no rounding adds up."""
     run = Run([0] * 1001)
     run.prepare(fps)
-    run.run.begin_pass()
+    run.run.begin_lap()
     player, durations = run.bench.player, []
     player.append_frame = lambda bits, index, step, duration, *more: durations.append(
         reals.value(player.numbers, duration)

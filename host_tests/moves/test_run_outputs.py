@@ -132,7 +132,7 @@ class OutputsBench:
         closing=True,
         **plan,
     ):
-        """Begin a pass, whose first frame is `lead` ticks from now."""
+        """Begin a lap, whose first frame is `lead` ticks from now."""
         if not again:
             self.plan = Plan(1)
             self.plan.fps_milli, self.plan.frames, self.plan.sync = (

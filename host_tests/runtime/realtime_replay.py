@@ -64,7 +64,7 @@ def script():
         (3, frame(0x100, words(1, 40)) + axis(1, [far + 50 * k for k in range(40)])),
         (3, axis(2, [3 * k * k // 8 for k in range(40)]) + levels),
         (3, frame(0x104, triggers) + frame(0x103)),
-        # loops: stopped in a pass, on the way back, in the post-roll; with everything that
+        # loops: stopped in a lap, on the way back, in the post-roll; with everything that
         # accompanies them
         (900, run(flags=0x02, outputs=OUTPUTS, channel=300, ms=250)),
         (3000, go + status),

@@ -1,4 +1,4 @@
-"""Clock of a pass: when each frame begins, in ticks and microseconds, without growing error."""
+"""Clock of a lap: when each frame begins, in ticks and microseconds, without growing error."""
 
 from framestep.base.clock import WRAP, after
 from framestep.base.native import const

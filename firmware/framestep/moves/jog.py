@@ -289,7 +289,7 @@ class JogAll(Operation):
 
     # ---------------------------------------------------------------- the motion
 
-    def begin_pass(self):
+    def begin_lap(self):
         self.phases.count = 0
         self.phases.begin(0)
 
@@ -355,7 +355,7 @@ class JogAll(Operation):
             self.operations.move_time = (self.store.start + self.last_queued) * 1000
         return self.closed
 
-    def next_pass(self):
+    def next_lap(self):
         """Go on to the destination behind, after the stop before the turn."""
         if self.after_turn < 0 or self.after_turn == self.last_queued:
             return False

@@ -17,8 +17,8 @@ class Operation:
 
     # Queueing
 
-    def begin_pass(self):
-        """Prepare for a pass. Then comes queue_first_phases() for each motor."""
+    def begin_lap(self):
+        """Prepare for a lap. Then comes queue_first_phases() for each motor."""
 
     def queue_first_phases(self, motor):
         """Queue a motor's first phases. It is prepared and at rest on its start position."""
@@ -55,15 +55,15 @@ class Operation:
 
     # Passes
 
-    def next_pass(self):
-        """Return whether another pass follows.
+    def next_lap(self):
+        """Return whether another lap follows.
 
         If so, set `start_positions` and `directions` of `operations`.
         """
         return False
 
     def still_wanted(self):
-        """Return whether the pass announced by next_pass() should still run, now that the motors
+        """Return whether the lap announced by next_lap() should still run, now that the motors
         are in place."""
         return True
 
@@ -71,7 +71,7 @@ class Operation:
         """Return OK, or the code that refuses the operation with the present settings.
 
         waiting: before GO, so the motors must be at rest where it would begin now; otherwise the
-        check is for the next pass.
+        check is for the next lap.
         """
         return OK
 
@@ -96,4 +96,4 @@ class Operation:
         """Clean up after the end, however it came about. May be called more than once."""
 
     def leave_end(self):
-        """Send the motors on from the end of the last pass. RT_END is due by then."""
+        """Send the motors on from the end of the last lap. RT_END is due by then."""

@@ -1,18 +1,18 @@
 """MSG_RT_RUN_MOVE: a section of the move in real time, with pre-roll and post-roll, once or in a
 loop.
 
-A pass is a list of phases for each motor: pre-roll, one cubic per frame, post-roll. All motors'
+A lap is a list of phases for each motor: pre-roll, one cubic per frame, post-roll. All motors'
 phases have the same durations, so the motors stay together if they start in the same tick.
 
-Time. Frame N of a pass, counted from 0 at the first frame played, begins round(N · 10^9 /
+Time. Frame N of a lap, counted from 0 at the first frame played, begins round(N · 10^9 /
 fps_milli) microseconds after the first. Durations are differences of such times, so that rounding
 errors do not add up.
 
-Ping-pong: the next pass runs in the other direction. The ramp that ends a pass and the one that
+Ping-pong: the next lap runs in the other direction. The ramp that ends a lap and the one that
 begins the next have the same duration, so the motors turn where they are. Loop: the motors go back
-to where the pass began, by ramps of their own, and run again.
+to where the lap began, by ramps of their own, and run again.
 
-The last pass (field note 6.11): the end frame lasts its period, in which the motors keep their
+The last lap (field note 6.11): the end frame lasts its period, in which the motors keep their
 velocity, and the post-roll follows. When the motors are at rest, RT_END is due, and they go back to
 the end frame as in POSITION_FRAME.
 """
@@ -57,24 +57,24 @@ class RunMove(PreparedRun):
         self.queued = 0
         self.unclosed = 0  # bits of motors that have yet to get their post-roll
         self.period = FRAME_TICKS  # register with the end frame's duration
-        self.last = False  # the queued pass is the last one
+        self.last = False  # the queued lap is the last one
         self.closed = False
         self.reported = 0
         self.clock = FrameClock()  # of the queued frames
         self.report_clock = FrameClock()
-        self.end = 0  # index of the frame at the end of the last queued pass
+        self.end = 0  # index of the frame at the end of the last queued lap
 
     def stop_loop(self):
-        """Make this pass the last one (spec: MSG_RT_STOP_LOOP).
+        """Make this lap the last one (spec: MSG_RT_STOP_LOOP).
 
-        While the motors go back to the start, no further pass follows.
+        While the motors go back to the start, no further lap follows.
         """
         self.looping = False
         self.run_outputs.close()
 
-    # ---------------------------------------------------------------- the pass
+    # ---------------------------------------------------------------- the lap
 
-    def begin_pass(self):
+    def begin_lap(self):
         player = self.player
         plan = self.plan
         player.set_frame_rate(plan.fps_milli)
@@ -155,7 +155,7 @@ class RunMove(PreparedRun):
         )
 
     def _close(self):
-        """Append the next motor's post-roll; in the last pass first the end frame's period."""
+        """Append the next motor's post-roll; in the last lap first the end frame's period."""
         player = self.player
         r = player.numbers
         plan = self.plan
@@ -184,7 +184,7 @@ class RunMove(PreparedRun):
             self.closed = True
 
     def _possible(self, beyond):
-        """Return how far beyond an end of the pass a motor may go, or 0 if ROLL_TICKS are too few.
+        """Return how far beyond an end of the lap a motor may go, or 0 if ROLL_TICKS are too few.
 
         It takes an additional acceleration of 6 / ROLL_TICKS² steps, which must be negligible.
         """
@@ -242,7 +242,7 @@ class RunMove(PreparedRun):
     def still_wanted(self):
         return self.looping
 
-    def next_pass(self):
+    def next_lap(self):
         if not self.looping:
             return False
         plan = self.plan

@@ -59,16 +59,16 @@ class RunOutputs:
         self.values = array("i", [0] * _SLOTS)
         self.head = 0
         self.count = 0
-        # the pass under way
+        # the lap under way
         self.plan = None
         self.first = 0
         self.step = 1
-        self.closing = True  # no further pass follows
+        self.closing = True  # no further lap follows
         self.cue_clock = FrameClock()
         self.clock = FrameClock()  # of the light levels
         self.queued = 0  # frames whose signals have been scheduled
         self.shown = 0  # frames whose levels are out
-        self.until = 0  # tick of the last signal that belongs to the pass
+        self.until = 0  # tick of the last signal that belongs to the lap
         self.outputs = 0  # outputs that are on after the last frame's triggers
         # the run under way
         self.starts = 0  # tick of GO, in which it starts
@@ -155,10 +155,10 @@ class RunOutputs:
     # ---------------------------------------------------------------- a run
 
     def begin(self, plan, first, step, starts, tick, closing):
-        """Begin a pass of `plan`, from index `first` in direction `step`.
+        """Begin a lap of `plan`, from index `first` in direction `step`.
 
         starts: tick in which the motors start; tick: of the first frame. Both are those of the
-        pulses. closing: no further pass follows.
+        pulses. closing: no further lap follows.
         """
         again = self.plan is plan
         self.plan = plan
@@ -263,12 +263,12 @@ class RunOutputs:
         self.schedule(self.stop_until, _BOTH, 0)
 
     def close(self):
-        """Make the present pass the last."""
+        """Make the present lap the last."""
         if self.plan is not None:
             self.closing = True
 
     def finished(self):
-        """Return whether all signals of the pass have been given."""
+        """Return whether all signals of the lap have been given."""
         plan = self.plan
         ticks = self.axes.kernel.state[stepper.TICKS]
         if self.queued <= plan.frames or self.shown <= plan.frames:

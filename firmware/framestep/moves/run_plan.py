@@ -1,6 +1,6 @@
 """Preparing a run: the request, whether the motors can do it, and where they wait.
 
-The run itself is in run.py. A pass begins with each motor's pre-roll, from rest to its velocity at
+The run itself is in run.py. A lap begins with each motor's pre-roll, from rest to its velocity at
 the first frame, and ends with its post-roll (field note 6.2).
 """
 
@@ -71,9 +71,9 @@ class Plan:
         self.post_ms = 0  # from the end of the last frame to the end
         self.pre_rolls = array("i", [0] * (2 * motors))  # reals, for each motor: ticks of its ramp
         self.post_rolls = array("i", [0] * (2 * motors))
-        self.loops = False  # each pass begins at the start again, or
+        self.loops = False  # each lap begins at the start again, or
         self.turns = False  # runs the other way (ping-pong), until STOP_LOOP
-        self.video = False  # a video camera runs during the pass,
+        self.video = False  # a video camera runs during the lap,
         self.stills = False  # or the shutter opens at each frame
         self.open_angle = 0
         self.close_angle = 0
@@ -85,7 +85,7 @@ class Plan:
         self.begin_directions = array(
             "i", [0] * motors
         )  # and the direction in which it starts: 1 up, -1 down, 0 not at all
-        # where it comes to rest after any pass but the last,
+        # where it comes to rest after any lap but the last,
         self.ends = array("i", [0] * motors)
         # and the direction in which it starts from there to play backward
         self.end_directions = array("i", [0] * motors)
@@ -101,11 +101,11 @@ class PreparedRun(Operation):
         self.plan = Plan(operations.axes.count)
         self.draft = Plan(operations.axes.count)
         self.looping = False
-        self.first = 0  # of this pass: ping-pong alternates
+        self.first = 0  # of this lap: ping-pong alternates
         self.step = 1
         self.begin_ms = 0
         self.end_ms = 0
-        # for each motor, in the last pass: position at the end of the end frame, and where it comes
+        # for each motor, in the last lap: position at the end of the end frame, and where it comes
         # to rest
         self.lasts = array("i", [0] * operations.axes.count)
         self.rests = array("i", [0] * operations.axes.count)

@@ -329,7 +329,7 @@ class ShootFrame(Operation):
         shot = self.shot
         if shot.blurs and shot.bits & ~self.blurred:
             return ERR_GENERAL
-        self.begin_pass()
+        self.begin_lap()
         for motor in range(player.count):
             if (shot.bits >> motor) & 1:
                 if self._too_fast(shot, motor):
@@ -344,7 +344,7 @@ class ShootFrame(Operation):
 
     # ---------------------------------------------------------------- the exposure
 
-    def begin_pass(self):
+    def begin_lap(self):
         player = self.player
         r = player.numbers
         shot = self.shot

@@ -7,11 +7,11 @@
      |                              |   v             v             v           |   v
      |       RT_END, all at rest    |  ENDING <-----------------------+---------+  done?
      +------------------------------+---^                                           |
-                                    +-------- another pass (a loop) ----------------+
+                                    +-------- another lap (a loop) -----------------+
 
 An operation (operation.py; its kinds are run.py, shoot.py and jog.py) defines where the motors
-begin and in which direction each starts, queues phases and cues, and decides whether another pass
-follows. JOG_ALL has no GO and no RT_END: it begins like a further pass.
+begin and in which direction each starts, queues phases and cues, and decides whether another lap
+follows. JOG_ALL has no GO and no RT_END: it begins like a further lap.
 
 When POSITIONING ends, each motor's backlash has been taken up for the direction in which it sets
 out (Axis.move_to), by a motion within the motor's limits. So no operation begins with a sudden jump
@@ -21,7 +21,7 @@ All this is in one file because each state depends on what the others leave behi
 
 Work that takes long for eight motors is done for one motor in each pass of the main loop, so that
 requests are answered in between. The plan of STARTING is already made in READY, while all motors
-are at rest, so that GO only has to release them. Between two passes this early plan is hidden
+are at rest, so that GO only has to release them. Between two laps this early plan is hidden
 (`stepper.hide_planned`), so the motors count as at rest. A request that might invalidate it
 discards it as a whole (discard_early_plan()), and it is made again once nothing moves.
 """
@@ -97,7 +97,7 @@ class OperationRunner:
         self.sent = 0  # bits of motors sent to a frame,
         self.sent_frame = 0  # and that frame
         self.rt_end_due = False
-        self.starts_by_itself = False  # the next pass starts without a GO
+        self.starts_by_itself = False  # the next lap starts without a GO
         self.host_gone = False  # the host that requested the operation
 
     # ---------------------------------------------------------------- for the controller
@@ -115,7 +115,7 @@ class OperationRunner:
     @property
     def engaged(self):
         """Bits of the motors of a running operation, whether they move or pause between two
-        passes."""
+        laps."""
         state = self.state
         return (
             self.operation.bits
@@ -242,7 +242,7 @@ class OperationRunner:
         """Note that a speed, a limit, a motor's flags or its position has been set (field note
         6.12).
 
-        A prepared operation is checked again before it begins, a loop before its next pass.
+        A prepared operation is checked again before it begins, a loop before its next lap.
         """
         if self.state != IDLE:
             self.changed = True
@@ -284,7 +284,7 @@ class OperationRunner:
         self.operation = operation
         self.state = STARTING
         self.waiting = operation.bits
-        operation.begin_pass()
+        operation.begin_lap()
 
     def _release(self):
         """Release all motors, so that they start in the same tick."""
@@ -369,7 +369,7 @@ class OperationRunner:
             if operation.feed():
                 return True
             if operation.finished() and not self.moving():
-                if operation.next_pass() and self._recheck(False) == OK:
+                if operation.next_lap() and self._recheck(False) == OK:
                     self.approach(operation, self.start_positions, self.directions)
                     return True
                 self._close()
@@ -426,7 +426,7 @@ class OperationRunner:
             self.early_plan = _BEGUN
             self.hidden = 0
             self.waiting = self.operation.bits
-            self.operation.begin_pass()
+            self.operation.begin_lap()
         elif self.early_plan != _BEGUN:
             return False
         stepper.restore_planned(axes.kernel.state, self.hidden)

@@ -112,7 +112,7 @@ def test_video_of_few_frames():
 
 
 def test_video_stop_loop_after_the_last_frame():
-    """STOP_LOOP comes in the post-roll of a pass that was not the last: the camera stops at its
+    """STOP_LOOP comes in the post-roll of a lap that was not the last: the camera stops at its
     end."""
     session = loaded()
     go(session, run_request(24, 1, FRAMES, 500, 500, flags=VIDEO | LOOP))

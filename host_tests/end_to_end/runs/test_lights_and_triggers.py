@@ -23,11 +23,11 @@ from host_tests.end_to_end.realtime import (
     edges,
     frame_times,
     go,
-    judge_pass,
+    judge_lap,
     judged,
+    laps_seen,
     level_now,
     loaded,
-    passes_told,
     rig,
     to_the_end,
     turning,
@@ -66,7 +66,7 @@ def test_lights_in_a_loop(flags):
     session.run(3.5)
     session.accept(p.RtStopLoop())
     to_the_end(session)
-    for verdict, told in zip(judged(session, before, roll=0.3), passes_told(session), strict=True):
+    for verdict, told in zip(judged(session, before, roll=0.3), laps_seen(session), strict=True):
         frames = turning(1, FRAMES) - 1
         if told[0][1] > told[-1][1]:
             frames = frames[::-1]
@@ -101,7 +101,7 @@ def test_no_room_for_more(monkeypatch):
     session.accept(p.RtUploadMoveEnd())
     before = go(session, run_request(24, 1, FRAMES, 300, 300, sync_dmx=1))
     to_the_end(session)
-    verdict = judge_pass(session, 0, session.now, before, {1: MOVE[1]}, 24)
+    verdict = judge_lap(session, 0, session.now, before, {1: MOVE[1]}, 24)
     times = frame_times(verdict, 24)
     rows[17] = restless[::-1]
     for channel, row in {**rows, 101: restless, 100 + units - 6: restless}.items():

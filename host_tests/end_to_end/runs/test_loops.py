@@ -1,4 +1,4 @@
-"""Loops and ping-pong on the host simulation: passes, STOP_LOOP, rolls of no time."""
+"""Loops and ping-pong on the host simulation: laps, STOP_LOOP, rolls of no time."""
 
 import itertools
 
@@ -28,8 +28,8 @@ from host_tests.end_to_end.realtime import (
     edges,
     go,
     judged,
+    laps_seen,
     loaded,
-    passes_told,
     rig,
     to_the_end,
     upload,
@@ -39,9 +39,9 @@ from host_tests.end_to_end.session import assert_within, run_request
 
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG, LOOP | PING_PONG])
 @pytest.mark.parametrize(("first", "last"), [(1, FRAMES), (FRAMES, 1), (4, 20)])
-def test_passes(flags, first, last):
-    """Every pass keeps to its frames like a single one, with ramps within the limits between
-    passes; RT_END comes once."""
+def test_laps(flags, first, last):
+    """Every lap keeps to its frames like a single one, with ramps within the limits between
+    laps; RT_END comes once."""
     session = loaded()
     before = go(session, run_request(24, first, last, 500, 300, flags=flags))
     session.run(4.8)
@@ -53,7 +53,7 @@ def test_passes(flags, first, last):
     for motor in MOVE:
         assert_within(*session.steps(motor), VELOCITY, ACCELERATION)
         assert session.position(motor) == before[motor] + session.made(motor)
-    told = passes_told(session)
+    told = laps_seen(session)
     turns = [p[-1][1] > p[0][1] for p in told]
     if flags & PING_PONG:
         assert all(a != b for a, b in itertools.pairwise(turns))
@@ -61,7 +61,7 @@ def test_passes(flags, first, last):
         assert len(set(turns)) == 1
 
 
-# seconds after GO; the passes then played to their ends
+# seconds after GO; the laps then played to their ends
 @pytest.mark.parametrize(
     ("after", "ping_pong", "loop"),
     [
@@ -71,8 +71,8 @@ def test_passes(flags, first, last):
 )
 @pytest.mark.parametrize("flags", [PING_PONG, LOOP])
 def test_stop_loop(after, ping_pong, loop, flags):
-    """Field note 6.6: the present pass reaches its end, then comes RT_END: in the pre-roll, the
-    pass, the ramp after its end frame until rest at 2 s, the next roll or the way back."""
+    """Field note 6.6: the present lap reaches its end, then comes RT_END: in the pre-roll, the
+    lap, the ramp after its end frame until rest at 2 s, the next roll or the way back."""
     session = loaded()
     before = go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
     session.run(after)
@@ -80,7 +80,7 @@ def test_stop_loop(after, ping_pong, loop, flags):
     session.accept(RtStopLoop())
     to_the_end(session)
     assert len(judged(session, before)) == (ping_pong if flags == PING_PONG else loop)
-    assert passes_told(session)[-1][-1][1] in (1, FRAMES)
+    assert laps_seen(session)[-1][-1][1] in (1, FRAMES)
     session.accept(RtStopLoop())
     session.refuse(Ack.ERR_GENERAL, RtGo())
     session.wait_idle()
@@ -88,14 +88,14 @@ def test_stop_loop(after, ping_pong, loop, flags):
     go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
     session.run(3.5)
     assert not session.events(RtEnd)
-    assert len(passes_told(session)) >= 2
+    assert len(laps_seen(session)) >= 2
     session.accept(MotorStopAll())
     to_the_end(session)
 
 
 @pytest.mark.parametrize("after", [1.2, 1.3, 1.45, 1.499, 1.51])
 @pytest.mark.parametrize("flags", [PING_PONG, LOOP])
-def test_stop_loop_late_in_a_pass(after, flags):
+def test_stop_loop_late_in_a_lap(after, flags):
     """Field note 6.11: if the ramp after the end frame is already queued, it becomes the post-roll,
     within the limits."""
     session = loaded()
@@ -108,15 +108,15 @@ def test_stop_loop_late_in_a_pass(after, flags):
     session.wait_idle()
     assert session.position(1) == MOVE[1][-1]
     assert session.position(2) == MOVE[2][-1]
-    assert passes_told(session)[-1][-1][1] == FRAMES
-    assert len(passes_told(session)) == 1
+    assert laps_seen(session)[-1][-1][1] == FRAMES
+    assert len(laps_seen(session)) == 1
     for motor in MOVE:
         assert_within(*session.steps(motor), VELOCITY, ACCELERATION)
 
 
 def test_stop_loop_on_the_way_back():
-    """Between two passes of a loop: the rig ends at the start, an end point, and plays no further
-    pass."""
+    """Between two laps of a loop: the rig ends at the start, an end point, and plays no further
+    lap."""
     session = rig()
     far = {1: 4000 * np.arange(FRAMES) // 24, 2: np.zeros(FRAMES, int)}
     upload(session, far)
@@ -126,8 +126,8 @@ def test_stop_loop_on_the_way_back():
     session.accept(RtStopLoop())
     assert not session.events(RtEnd)
     to_the_end(session)
-    assert len(passes_told(session)) == 1
-    assert min(session.steps(1)[1].cumsum()[1000:]) <= 1, "it has gone back to where the pass began"
+    assert len(laps_seen(session)) == 1
+    assert min(session.steps(1)[1].cumsum()[1000:]) <= 1, "it has gone back to where the lap began"
     session.wait_idle()
     assert session.position(1) == far[1][-1]
 
@@ -170,7 +170,7 @@ def test_stop_loop_without_a_loop():
 
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG])
 def test_rolls_of_no_time(flags):
-    """Pre-roll 0 and post-roll 0: in each pass the shortest ramps that the motors can follow."""
+    """Pre-roll 0 and post-roll 0: in each lap the shortest ramps that the motors can follow."""
     session = loaded()
     before = go(session, run_request(24, 1, FRAMES, 0, 0, flags=flags))
     session.run(3.5)

@@ -126,7 +126,7 @@ def test_before_go_of_an_exposure(second):
 
 
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG])
-@pytest.mark.parametrize("after", [1.0, 1.9], ids=["in the pass", "between two"])
+@pytest.mark.parametrize("after", [1.0, 1.9], ids=["in the lap", "between two"])
 @pytest.mark.parametrize(
     "change",
     [
@@ -136,7 +136,7 @@ def test_before_go_of_an_exposure(second):
     ],
 )
 def test_in_a_loop(flags, after, change):
-    """The present pass ends as acknowledged; the next one would be refused, so the run ends
+    """The present lap ends as acknowledged; the next one would be refused, so the run ends
     there."""
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 500, 500, flags=flags))
@@ -149,7 +149,7 @@ def test_in_a_loop(flags, after, change):
 
 
 def test_a_slower_way_back_in_a_loop():
-    """A setting that allows the next pass also counts on the way back."""
+    """A setting that allows the next lap also counts on the way back."""
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 500, 500, flags=LOOP))
     session.accept(p.RtGo())

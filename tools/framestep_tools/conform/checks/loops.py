@@ -53,7 +53,7 @@ class Looped(NamedTuple):
     """Reports of each lap (its whole frames in order), whole frames between laps, the numbers of
     RT_ENDs before STOP_LOOP and in all, the time of STOP_LOOP, the final positions."""
 
-    passes: list[dict[int, Position]]
+    laps: list[dict[int, Position]]
     between: list[int]
     early: int
     ends: list[float]
@@ -61,32 +61,29 @@ class Looped(NamedTuple):
     positions: tuple[int, ...]
 
 
-def _passes(way: Way, reports: list[Position]) -> tuple[list[dict[int, Position]], list[int]]:
+def _laps(way: Way, reports: list[Position]) -> tuple[list[dict[int, Position]], list[int]]:
     """Return whole frames in the order that a lap should have, and frames between laps."""
     between: list[int] = []
-    passes: list[dict[int, Position]] = [{}]
+    laps: list[dict[int, Position]] = [{}]
     wanted = way.frames(1)
     for report in reports:
         number, part = divmod(report.move_time, 1000)
         if part:
             continue
-        if len(passes[-1]) == len(wanted):
-            follows = way.frames(len(passes) + 1)
-            if (
-                number == follows[0]
-                and report.time_s - passes[-1][wanted[-1]].time_s > 0.5 / way.fps
-            ):
+        if len(laps[-1]) == len(wanted):
+            follows = way.frames(len(laps) + 1)
+            if number == follows[0] and report.time_s - laps[-1][wanted[-1]].time_s > 0.5 / way.fps:
                 wanted = follows
-                passes.append({number: report})
+                laps.append({number: report})
             elif number not in way.ends:
                 between.append(number)
             continue
-        expected = wanted[len(passes[-1])]
+        expected = wanted[len(laps[-1])]
         if number == expected:
-            passes[-1][number] = report
-        elif passes[-1] and number == wanted[len(passes[-1]) - 1] and len(passes[-1]) == 1:
-            passes[-1][number] = report  # in the pre-roll MOVE TIME is the start frame as well
-    return passes, between
+            laps[-1][number] = report
+        elif laps[-1] and number == wanted[len(laps[-1]) - 1] and len(laps[-1]) == 1:
+            laps[-1][number] = report  # in the pre-roll MOVE TIME is the start frame as well
+    return laps, between
 
 
 def _played(bench: Bench, way: Way) -> Looped:
@@ -99,13 +96,13 @@ def _played(bench: Bench, way: Way) -> Looped:
     bench.expect(Request(spec.GO))
     limit = bench.link.clock() + _PASS_S * way.stop_in + 2
     while True:
-        passes, _ = _passes(way, bench.reports())
-        if len(passes) > way.stop_in or (len(passes) == way.stop_in and len(passes[-1]) >= 4):
+        laps, _ = _laps(way, bench.reports())
+        if len(laps) > way.stop_in or (len(laps) == way.stop_in and len(laps[-1]) >= 4):
             break
         if bench.ends():
             break
         if bench.link.clock() > limit:
-            raise Failed(f"pass {way.stop_in} was not seen: it got to {_seen(passes)}")
+            raise Failed(f"lap {way.stop_in} was not seen: it got to {_seen(laps)}")
         bench.link.pump(0.02)
     early = len(bench.ends())
     bench.expect(Request(spec.STOP_LOOP))
@@ -114,20 +111,20 @@ def _played(bench: Bench, way: Way) -> Looped:
         bench.link.pump(0.05)
     bench.link.pump(0.2)
     ends = bench.ends()
-    passes, between = _passes(way, [r for r in bench.reports() if not ends or r.time_s <= ends[0]])
-    if len(passes) > 1 and len(passes[-1]) == 1:
-        passes.pop()  # in the post-roll MOVE TIME stays at the end frame
+    laps, between = _laps(way, [r for r in bench.reports() if not ends or r.time_s <= ends[0]])
+    if len(laps) > 1 and len(laps[-1]) == 1:
+        laps.pop()  # in the post-roll MOVE TIME stays at the end frame
     if not ends:
         bench.expect(Request(spec.STOP_ALL))
     bench.idle()
-    looped = Looped(passes, between, early, ends, stopped, bench.positions().steps)
+    looped = Looped(laps, between, early, ends, stopped, bench.positions().steps)
     bench.return_home()
     bench.kept[way] = looped
     return looped
 
 
-def _seen(passes: list[dict[int, Position]]) -> str:
-    return "; ".join(" ".join(str(number) for number in one) or "none" for one in passes)
+def _seen(laps: list[dict[int, Position]]) -> str:
+    return "; ".join(" ".join(str(number) for number in one) or "none" for one in laps)
 
 
 def _goes_on(way: Way):
@@ -140,11 +137,11 @@ def _goes_on(way: Way):
 
 def _counted(way: Way):
     def run(bench: Bench):
-        passes = _played(bench, way).passes
-        if len(passes) != way.stop_in or len(passes[-1]) != FRAMES:
+        laps = _played(bench, way).laps
+        if len(laps) != way.stop_in or len(laps[-1]) != FRAMES:
             raise Failed(
                 f"STOP_LOOP came in lap {way.stop_in}, which has to be the last one and be played "
-                f"to its end; whole frames reported: {_seen(passes)}"
+                f"to its end; whole frames reported: {_seen(laps)}"
             )
 
     return run
@@ -160,7 +157,7 @@ def _one_way(way: Way):
 
 def _placed(way: Way):
     def run(bench: Bench):
-        for number, frames in enumerate(_played(bench, way).passes, 1):
+        for number, frames in enumerate(_played(bench, way).laps, 1):
             for frame, position in frames.items():
                 if off := bench.off_path(frame, position):
                     raise Failed(f"in lap {number} {off}")
@@ -170,7 +167,7 @@ def _placed(way: Way):
 
 def _timed(way: Way):
     def run(bench: Bench):
-        for number, frames in enumerate(_played(bench, way).passes, 1):
+        for number, frames in enumerate(_played(bench, way).laps, 1):
             first = next(iter(frames.values())).time_s
             for i, (frame, position) in enumerate(frames.items()):
                 late = position.time_s - first - i / way.fps
@@ -187,7 +184,7 @@ def _ended(way: Way):
         played = _played(bench, way)
         if len(played.ends) != 1:
             raise Failed(f"RT_END came {len(played.ends)} times after STOP_LOOP")
-        last = list(played.passes[-1].values())[-1].time_s
+        last = list(played.laps[-1].values())[-1].time_s
         after = played.ends[0] - last
         if not -0.01 < after < 0.2 + 1 / way.fps + 0.6:
             raise Failed(f"RT_END came {after:.2f} s after the last frame")
