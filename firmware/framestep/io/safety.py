@@ -21,7 +21,7 @@ from framestep.base.clock import elapsed
 from framestep.base.native import addressof, as_word, const, micropython, ptr32
 from framestep.motors.feeder import coupled
 from framestep.motors.motor import ACCELERATION_LIMIT, kernel_rate
-from framestep.pulse.stepper import DOWN, MODE, RUN, STOP, VELOCITY, halt
+from framestep.pulse.stepper import DOWN, MODE, RUN, SPAN, STOP, VELOCITY, WHOLE_SPAN, halt
 
 RELEASE_MS = const(20)
 _READINGS = const(3)  # after the first one
@@ -80,6 +80,8 @@ def _approaching(w: ptr32, active: int) -> int:
             if block[MODE] & _MOVES:
                 # Check velocity and pulses: the end of a motion away may tremble within a step.
                 v = block[VELOCITY]
+                if block[SPAN] - block[WHOLE_SPAN]:
+                    v = 0  # at rest within this tick; see stepper.halt()
                 if v > _STANDSTILL:
                     if w[at + _UPPER_PIN] & active and block[DOWN] == 0:
                         bits |= 1 << i

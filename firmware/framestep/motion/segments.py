@@ -102,7 +102,9 @@ def cut(cubic: ptr32, block: ptr32, ticks: int):
     jerk = ((cubic[G3] << 1) + (cubic[G3 + 1] >> 29)) * 6 >> 2
     # The kernel rounds the acceleration down from Q27 to Q22: add half a unit.
     q[k + sw.SEG_ACCEL] = (cubic[G2] << 12) + (cubic[G2 + 1] >> 18) + jerk + 16
-    q[k + sw.SEG_JERK] = jerk
+    # After its last tick the kernel adds the jerk once more. From a single tick of a short phase
+    # that sum would not fit.
+    q[k + sw.SEG_JERK] = 0 if ticks == 1 else jerk
     q[k + sw.SEG_BRIDGE] = 0
     q[k + sw.SEG_SPAN] = block[sw.WHOLE_SPAN]
     block[sw.WRITE_INDEX] = (block[sw.WRITE_INDEX] + 1) & _MASK

@@ -166,29 +166,46 @@ class Motor:
         if side:
             end = 1 if side > 0 else 0
             reals.copy_word(target, i, self.bounds, end)
-            if (
-                self.outside(target, i)
-                or order_words(self.backlash, LOAD, self.bounds, end) == side
-            ):
+            if self.outside(target, i):
                 reals.copy_word(target, i, self.backlash, LOAD)
+            else:
+                self._find_place(side)
+                if order_words(self.word, 0, self.bounds, end) == side:
+                    reals.copy_word(target, i, self.word, 0)
 
     def outside(self, target, i):
         """Return whether target[i] is out of bounds: 1 above, -1 below, 0 not.
 
         A motor that is outside already may move toward the allowed range (field note 4.3).
         """
-        self.backlash.refresh()
         # Check both ends, since limits of coupled motors may leave no room at all.
         side = 1
         while side >= -1:
             end = 1 if side > 0 else 0
-            if order_words(target, i, self.bounds, end) == side and (
-                order_words(self.backlash, LOAD, self.bounds, end) != side
-                or order_words(target, i, self.backlash, LOAD) == side
-            ):
-                return side
+            if order_words(target, i, self.bounds, end) == side:
+                self._find_place(side)
+                if (
+                    order_words(self.word, 0, self.bounds, end) != side
+                    or order_words(target, i, self.word, 0) == side
+                ):
+                    return side
             side -= 2
         return 0
+
+    def _find_place(self, side):
+        """Set word[0] to where the load is; of coupled motors to where it would be if it moved
+        outward, to `side`.
+
+        A motor that stops on its way back from outside may turn, and take up its backlash outward.
+        That moves a coupled motor at once, perhaps past its own limits.
+        """
+        self.backlash.refresh()
+        reals.copy_word(self.word, 0, self.backlash, LOAD)
+        if self.partner:
+            if side > 0:
+                reals.copy_word(self.word, 0, self.block, stepper.POSITION)
+            else:
+                add_words(self.word, 0, self.block, stepper.POSITION, self.backlash, BACKLASH, 0)
 
     def beyond(self, target, i):
         """Return the same as outside(), but regardless of where the motor is now."""

@@ -108,6 +108,21 @@ def test_a_move_as_a_stop_ends(jerk):
         assert session.position(1) == session.made(1) == -20
 
 
+def test_a_hard_stop_as_a_slow_stop_ends():
+    """A stop that ends between two steps, close to one, is put on that one within a tick. A hard
+    stop at this moment does not take that for a velocity."""
+    for wait in range(8, 18):
+        session = simulated({"motors": [{"jerk": 1_000_000}]})
+        session.speed(1, 10, 55)
+        session.ask(MotorJog(1, 50, -(2**31)))
+        session.run(0.45)
+        session.ask(MotorStop(1))
+        session.run(wait / 1000)
+        session.accept(*HARD)
+        session.wait_idle()
+        assert session.position(1) == 0, wait
+
+
 @pytest.mark.parametrize("jerk", [0, 100])
 @pytest.mark.parametrize("factor", [1, 4])
 def test_the_second_stop_is_the_kernels(factor, jerk):
