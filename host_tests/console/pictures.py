@@ -32,6 +32,15 @@ AXES = [
     ("track", 1, 50, "mm", (-100, 1000)),
     ("pan", 4, 400, "deg", (-180, 180)),
 ]
+KEYFRAMES = {
+    "name": "keyframes.json",
+    "mimeType": "application/json",
+    "buffer": b"""{"framestep keyframes": 1, "fps": 24, "keyframes": [
+        {"frame": 1, "steps": [0, -8000, 4000, 0, 0, 0], "to_next": "ease"},
+        {"frame": 49, "steps": [20000, 6000, 1000, 9000, 0, 0]},
+        {"frame": 97, "steps": [32000, 12000, -3000, 15000, 0, 0], "to_next": "hold"},
+        {"frame": 120, "steps": [32000, 12000, -3000, 15000, 0, 0]}]}""",
+}
 SPEED = 8.0  # times real time
 DEVICE = "/dev/ttyACM1"  # its name on the page: the same each time
 FRAME = 120  # of the camera move, for the pictures
@@ -44,6 +53,7 @@ LOOKS = {
 VIEWS = [
     "Motors",
     "Moves",
+    "Keyframes",
     "Shoot",
     "Inputs, outputs, lights",
     "Virtual axes",
@@ -51,7 +61,7 @@ VIEWS = [
     "Rig file, load",
 ]
 # Views that are also drawn dark, because they contain drawings
-DARK = ["Moves", "Virtual axes"]
+DARK = ["Moves", "Keyframes", "Virtual axes"]
 # What the pictures are of: (view, look)
 PICTURES = [(view, look) for look in LOOKS for view in VIEWS if look != "dark" or view in DARK]
 
@@ -68,6 +78,9 @@ def prepare(page):
     page.get_by_label("Move", exact=True).set_input_files(CAMERA_MOVE)
     page.get_by_role("button", name="Upload").click()
     expect(log(page)).to_contain_text("are uploaded")
+    go_to(page, "Keyframes")
+    page.get_by_label("Open keyframes").set_input_files(KEYFRAMES)
+    expect(page.get_by_role("article", name="Poses")).to_contain_text("Frame")
     go_to(page, "Virtual axes")
     for name, motor, per_unit, _, _ in AXES:
         axis = page.get_by_role("group", name=name, exact=True)

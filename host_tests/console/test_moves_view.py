@@ -26,6 +26,7 @@ SPEED = 3.0  # times real time: no test holds anything but a jog that may end an
 MOVE = "frame,slide,pan\n" + "".join(f"{n},{10 * n},{-7 * n}\n" for n in range(1, FRAMES + 1))
 FAST_MOVE = "frame,slide,pan\n" + "".join(f"{n},{100 * n},0\n" for n in range(1, FRAMES + 1))
 LONG = 3000
+LONG_BLOOP_MS = 30_000  # time to look, also on a busy computer
 # It needs several sections for each motor
 LONG_MOVE = "frame;a\r\n" + "".join(f"{n};{n % 50}\r\n" for n in range(LONG)) + ";\r\n"
 
@@ -179,11 +180,11 @@ def test_camera_and_bloop_go_with_a_run(page, device):
     run.get_by_label("Shutter closes at").fill("270")
     run.get_by_label("Bloop output").select_option("output 2")
     run.get_by_label("Bloop DMX channel").fill("7")
-    run.get_by_label("Bloop, ms").fill("900")
+    run.get_by_label("Bloop, ms").fill(str(LONG_BLOOP_MS))
     run = get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=50)
     told = runs_asked(page)
     assert (told.flags, told.open_angle, told.close_angle) == (RUN_STILLS, 45, 270)
-    assert (told.bloop_outputs, told.bloop_channel, told.bloop_ms) == (2, 7, 900)
+    assert (told.bloop_outputs, told.bloop_channel, told.bloop_ms) == (2, 7, LONG_BLOOP_MS)
     run.get_by_role("button", name="GO").click()
     wait_on_board(page, device, lambda hal: hal._levels >> 26 & 1 and hal.dmx.shown[7] == 255)
     expect(newest(page)).to_have_text(f"Run 1 to {FRAMES} is over.")

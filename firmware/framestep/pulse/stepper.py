@@ -171,8 +171,8 @@ def halt(m: ptr32, bits: int, rate: int, factor: int):
                 # back to the last displacement: the stop subtracts its first share from that one
                 m[VELOCITY] = m[VELOCITY] - ((m[ACCEL] - m[JERK]) >> 5)
                 if m[SPAN] - m[WHOLE_SPAN]:
-                    # It comes to rest or turns within this tick. What takes it onto the nearest step
-                    # is no velocity.
+                    # It comes to rest or turns within this tick. What takes it onto the nearest
+                    # step is no velocity.
                     m[VELOCITY] = 0
                     m[SPAN] = m[WHOLE_SPAN]
                 m[DECEL] = d

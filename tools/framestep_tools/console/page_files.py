@@ -16,6 +16,7 @@ from framestep.protocol import messages
 from .. import paths, payloads
 from ..documents import rig_schema
 from ..errors import ToolError
+from ..move.move_formats import FORMATS
 from ..move.move_formats.units import UNITS
 from ..payloads import Ack, Payload, RtUploadMoveAxis, layout
 from . import scripts
@@ -84,6 +85,7 @@ def protocol_js() -> str:
         "EXCEEDED": _texts(texts.EXCEEDED),
         "LIMITS_COUNT": texts.LIMITS_COUNT,
         "UNITS": list(UNITS),
+        "FORMATS": {each.NAME: each.ENDINGS[0] for each in FORMATS.values()},
         "SCRIPTS": scripts.FOR_THE_PAGE,
         "SECTION_POSITIONS": (messages.LARGEST_PAYLOAD - _bytes_before(RtUploadMoveAxis)) // 4,
     }

@@ -17,9 +17,11 @@ from websockets.exceptions import ConnectionClosed
 
 from ..errors import ToolError
 from .device import ConsoleDevice
+from .move_work import MoveWork
 
 _LOOK_S = 0.1
-_WITH_TEXT = ("check_rig", "write_rig", "write_axes")
+_OF_MOVES = ("check_move", "export_move")
+_WITH_TEXT = ("check_rig", "write_rig", "write_axes", *_OF_MOVES)
 _TASKS = ("read_rig", "load", "live", "rest", *_WITH_TEXT)
 
 
@@ -140,6 +142,8 @@ class Visit:
             if not self._device.axes:
                 raise ToolError("this server keeps no axes.toml")
             return await asyncio.to_thread(self._device.axes.write, *arguments)
+        if task in _OF_MOVES:
+            return await asyncio.to_thread(getattr(MoveWork(self._device.axes), task), *arguments)
         work = getattr(self._device.work, task)
         if task != "write_rig":
             return await asyncio.to_thread(work, *arguments)

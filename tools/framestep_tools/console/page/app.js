@@ -6,7 +6,9 @@ import { Holds } from "./holds.js";
 import { SerialLink, serialIsThere } from "./serial_link.js";
 import { M, VERSION } from "./protocol.js";
 import { Operation } from "./operation.js";
+import { Series } from "./series.js";
 import { AxesView } from "./views/axes.js";
+import { KeyframesView } from "./views/keyframes.js";
 import { MotorsView } from "./views/motors.js";
 import { MovesView } from "./views/moves.js";
 import { OutputsView } from "./views/outputs.js";
@@ -21,11 +23,16 @@ const FAULTS = [M.CONDITION_RIG_FILE_INVALID, M.CONDITION_DRIVER, M.CONDITION_WA
 const device = new Device();
 const holds = new Holds();
 const operation = new Operation(device);
+const series = new Series(device, operation);
 const moves = new MovesView(device, holds, operation);
 const views = [
   new MotorsView(device, holds, () => stop()),
   moves,
-  new ShootView(device, operation),
+  new KeyframesView(device, (...move) => {
+    moves.take(...move);
+    show(moves);
+  }),
+  new ShootView(device, operation, series),
   new OutputsView(device),
   new VirtualView(device, holds, moves),
   new AxesView(device),
@@ -134,7 +141,7 @@ place("keep-place").append(keepLine);
 
 /** The page is hidden: holds have ended by themselves; stop everything else. */
 function unseen() {
-  if (device.client && device.state.moving && !keep.checked) stop();
+  if (device.client && (device.state.moving || series.goesOn) && !keep.checked) stop();
 }
 document.addEventListener("visibilitychange", () => document.hidden && unseen());
 window.addEventListener("pagehide", unseen);

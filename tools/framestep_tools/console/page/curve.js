@@ -29,41 +29,54 @@ export class Curve {
     axes.addEventListener("change", () => this.#move && this.show(this.#move));
   }
 
-  /** Draw another move. */
-  show(move) {
+  /** Draw another move. ranges: [lowest, highest] step drawn for each motor; by default those of the move. Returns the drawing. */
+  show(move, ranges = rangesOf(move)) {
     this.#move = move;
     this.element.hidden = false;
-    this.#ranges = move.positions.map((steps) => steps.reduce(([low, high], step) => [Math.min(low, step), Math.max(high, step)], [steps[0], steps[0]]));
+    this.#ranges = ranges;
     const drawing = s("svg", { class: "drawing", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `The move from frame ${move.startFrame} to ${move.endFrame}` });
     this.#dots = move.positions.map((steps, motor) => s("circle", { r: 5, fill: colour(motor) }));
     drawing.append(...this.#frames(), ...move.positions.map((steps, motor) => this.#line(motor)), this.#head, ...this.#dots);
     this.element.replaceChildren(drawing, this.#legend(), this.#caption);
     this.at(move.startFrame, null);
+    return drawing;
   }
 
   /** Move the play head to a frame, with a dot at each motor's position (null: as uploaded). */
   at(frame, positions) {
     if (!this.#move) return;
-    const x = this.#x(frame);
+    const x = this.x(frame);
     this.#head.setAttribute("x1", x);
     this.#head.setAttribute("x2", x);
     this.#dots.forEach((dot, motor) => {
       dot.setAttribute("cx", x);
-      dot.setAttribute("cy", this.#y(motor, positions?.[motor] ?? positionAt(this.#move, motor, frame)));
+      dot.setAttribute("cy", this.y(motor, positions?.[motor] ?? positionAt(this.#move, motor, frame)));
     });
     setText(this.#caption, `Play head at frame ${frame.toFixed(3)}. Each motor has a scale of its own.`);
   }
 
-  #x(frame) {
+  /** Where a frame is in the drawing; and which frame is there. */
+  x(frame) {
     const { startFrame, endFrame } = this.#move;
     const share = endFrame > startFrame ? (frame - startFrame) / (endFrame - startFrame) : 0.5;
     return LEFT + Math.min(Math.max(share, -0.01), 1.01) * (WIDTH - 2 * LEFT);
   }
 
-  #y(motor, steps) {
+  frameAt(x) {
+    const { startFrame, endFrame } = this.#move;
+    return startFrame + ((x - LEFT) / (WIDTH - 2 * LEFT)) * (endFrame - startFrame);
+  }
+
+  /** Where a motor's position is in the drawing; and which position is there. */
+  y(motor, steps) {
     const [low, high] = this.#ranges[motor];
     const share = high > low ? (steps - low) / (high - low) : 0.5;
     return HEIGHT - BOTTOM - Math.min(Math.max(share, -0.02), 1.02) * (HEIGHT - BOTTOM - TOP);
+  }
+
+  stepsAt(motor, y) {
+    const [low, high] = this.#ranges[motor];
+    return low + ((HEIGHT - BOTTOM - y) / (HEIGHT - BOTTOM - TOP)) * (high - low);
   }
 
   #line(motor) {
@@ -78,7 +91,7 @@ export class Curve {
       stroke: colour(motor),
       "stroke-width": 2,
       "stroke-dasharray": DASHES[Math.floor(motor / 2) % DASHES.length],
-      points: points.map((frame) => `${this.#x(frame).toFixed(1)},${this.#y(motor, positionAt(this.#move, motor, frame)).toFixed(1)}`).join(" "),
+      points: points.map((frame) => `${this.x(frame).toFixed(1)},${this.y(motor, positionAt(this.#move, motor, frame)).toFixed(1)}`).join(" "),
     });
   }
 
@@ -88,21 +101,33 @@ export class Curve {
     return Array.from({ length: marks + 1 }, (_, i) => {
       const frame = Math.round(startFrame + ((endFrame - startFrame) * i) / marks);
       const end = i === 0 ? "start" : i === marks ? "end" : "middle";
-      return s("text", { x: this.#x(frame), y: HEIGHT - 6, "text-anchor": end }, String(frame));
+      return s("text", { x: this.x(frame), y: HEIGHT - 6, "text-anchor": end }, String(frame));
     });
   }
 
   #legend() {
+    const ranges = rangesOf(this.#move);
     return h("ul", { class: "legend" }, ...this.#move.names.map((name, motor) => {
-      const [low, high] = this.#ranges[motor];
+      const [low, high] = ranges[motor];
       const swatch = s("svg", { width: 36, height: 10, "aria-hidden": "true" }, s("line", { x1: 0, x2: 36, y1: 5, y2: 5, stroke: colour(motor), "stroke-width": 3, "stroke-dasharray": DASHES[Math.floor(motor / 2) % DASHES.length] }));
       const axis = this.#axes.of(motor + 1);
       const range = axis.scaled ? `${axis.full(low)} to ${axis.full(high)} steps` : `${low} to ${high} steps`;
-      return h("li", {}, swatch, ` ${axis.title}, ${name}: ${range}`);
+      return h("li", {}, swatch, ` ${axis.title}${name === axis.name ? "" : `, ${name}`}: ${range}`);
     }));
   }
 }
 
-function colour(motor) {
+/** Return the lowest and the highest step of each motor, [[low, high]]. */
+export function rangesOf(move) {
+  return move.positions.map((steps) => steps.reduce(([low, high], step) => [Math.min(low, step), Math.max(high, step)], [steps[0], steps[0]]));
+}
+
+/** Return the place of a pointer in a drawing, [x, y]. */
+export function placeIn(drawing, event) {
+  const { left, top, width, height } = drawing.getBoundingClientRect();
+  return [((event.clientX - left) / width) * WIDTH, ((event.clientY - top) / height) * HEIGHT];
+}
+
+export function colour(motor) {
   return COLOURS[motor % COLOURS.length];
 }

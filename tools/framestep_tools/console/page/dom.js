@@ -81,3 +81,10 @@ export function takesText(element) {
   return element instanceof HTMLElement && (element.isContentEditable || /^(TEXTAREA|SELECT)$/.test(element.tagName)
     || (element.tagName === "INPUT" && !/^(button|checkbox|radio|submit)$/.test(element.type)));
 }
+
+/** Let the browser save a text as a file. */
+export function download(name, text, type = "text/plain") {
+  const address = URL.createObjectURL(new Blob([text], { type }));
+  h("a", { href: address, download: name }).click();
+  URL.revokeObjectURL(address);
+}

@@ -60,3 +60,10 @@ export function positionAt(move, motor, frame) {
   const after = Math.min(before + 1, steps.length - 1);
   return steps[before] + (steps[after] - steps[before]) * (at - before);
 }
+
+/** Return the text of a move, as parseMove takes it. */
+export function moveText(move) {
+  const quoted = (name) => (/[",\n]/.test(name) ? `"${name.replaceAll('"', '""')}"` : name);
+  const lines = move.positions[0].map((_, i) => [move.startFrame + i, ...move.positions.map((steps) => steps[i])].join(","));
+  return `${[["frame", ...move.names.map(quoted)].join(","), ...lines].join("\n")}\n`;
+}

@@ -5,9 +5,11 @@ const GOING = "going"; // the motors move to the start
 const READY = "ready";
 const PLAYING = "playing";
 
-/** Events: "change". `name`: such as "Run 1 to 240". */
+/** Events: "change", "stopped" when everything has been stopped. `name`: such as "Run 1 to 240". */
 export class Operation extends EventTarget {
   name = "";
+  /** Whether the last one has not come to its end. */
+  early = false;
   #device;
   #state = NONE;
   #last = null; // frame at which it ends by itself
@@ -66,13 +68,14 @@ export class Operation extends EventTarget {
   stopped() {
     this.#stopped = true;
     if (this.#state !== PLAYING) this.#set(NONE); // a run reports its end itself
+    this.dispatchEvent(new Event("stopped"));
   }
 
   #end() {
     if (this.#state === PLAYING || this.#asked) {
       const { playHead } = this.#device.state;
-      const early = this.#stopped || (this.#last !== null && playHead !== this.#last * 1000);
-      this.#device.tell(early ? `${this.name} was stopped at frame ${(playHead / 1000).toFixed(3)}.` : `${this.name} is over.`, early);
+      this.early = this.#stopped || (this.#last !== null && playHead !== this.#last * 1000);
+      this.#device.tell(this.early ? `${this.name} was stopped at frame ${(playHead / 1000).toFixed(3)}.` : `${this.name} is over.`, this.early);
     }
     this.#asked = false;
     this.#set(NONE);

@@ -1,7 +1,7 @@
 // Axes: the names and units of the motors, read from axes.toml and written to it.
 
 import { axesText, checkAxes, parseAxes } from "../axes.js";
-import { check, field, h, number, read, setText } from "../dom.js";
+import { check, download, field, h, number, read, setText } from "../dom.js";
 import { UNITS } from "../protocol.js";
 
 const SAVED = "axes.toml"; // in the browser, without a server
@@ -105,10 +105,7 @@ export class AxesView {
 
   #download() {
     const list = this.#read();
-    if (!list) return;
-    const address = URL.createObjectURL(new Blob([axesText(list)], { type: "application/toml" }));
-    h("a", { href: address, download: "axes.toml" }).click();
-    URL.revokeObjectURL(address);
+    if (list) download("axes.toml", axesText(list), "application/toml");
   }
 }
 

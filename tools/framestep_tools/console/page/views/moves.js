@@ -54,7 +54,7 @@ export class MovesView {
     this.#strip = new PositionStrip(device);
     this.#needs = new MoveNeeds(device);
     this.#fps.addEventListener("change", () => this.#showNeeds());
-    this.#file.addEventListener("change", () => this.#take());
+    this.#file.addEventListener("change", () => this.#open());
     this.element.append(
       h("form", { class: "card", onsubmit: (event) => this.#send(event) }, field("Move", this.#file), this.#upload, this.#progress, this.#about, this.#needs.element, this.#speeds),
       this.#strip.element,
@@ -126,23 +126,28 @@ export class MovesView {
       h("div", { class: "row" }, hold("◀", "Jog along the move, backward", false), hold("▶", "Jog along the move, forward", true)));
   }
 
-  async #take() {
+  async #open() {
     const [file] = this.#file.files;
     this.#read = null;
     this.#upload.disabled = true;
     if (!file) return;
     try {
-      const move = parseMove(await file.text(), file.name);
-      this.#read = move;
-      this.move = null; // the curve no longer shows the device's move
-      this.#curve.show(move);
-      this.#upload.disabled = !this.#device.connected;
-      setText(this.#about, `${file.name}: frames ${move.startFrame} to ${move.endFrame} for ${move.positions.length} motors`);
-      [this.#start.value, this.#end.value, this.#frame.value] = [move.startFrame, move.endFrame, move.startFrame];
-      await this.#showNeeds();
+      await this.take(parseMove(await file.text(), file.name), file.name);
     } catch (error) {
       this.#device.tell(error.message, true);
     }
+  }
+
+  /** Show a move, ready to upload. name: where it comes from; fps: at which it is to run, if it says so. */
+  async take(move, name, fps = null) {
+    if (fps !== null) this.#fps.value = String(fps);
+    this.#read = move;
+    this.move = null; // the curve no longer shows the device's move
+    this.#curve.show(move);
+    this.#upload.disabled = !this.#device.connected;
+    setText(this.#about, `${name}: frames ${move.startFrame} to ${move.endFrame} for ${move.positions.length} motors`);
+    [this.#start.value, this.#end.value, this.#frame.value] = [move.startFrame, move.endFrame, move.startFrame];
+    await this.#showNeeds();
   }
 
   async #send(event) {

@@ -1,0 +1,110 @@
+"""The page's requests about a move: the verdict of `framestep check`, the files of `framestep
+export`."""
+
+import json
+from typing import Any
+
+from ..errors import ToolError
+from ..move import rig_axes
+from ..move.axes_file import axes_of, read_axes
+from ..move.move_file import Move
+from .axes_text import AxesText
+
+_INT32 = range(-(2**31), 2**31)
+
+
+class MoveWork:
+    """Requests with a move as JSON: {"start": its first frame, "positions": steps by motor}.
+
+    axes: the names and units of the motors, if the server has them. The methods block and raise
+    ToolError.
+    """
+
+    def __init__(self, axes: AxesText | None):
+        self._axes = axes
+
+    def check_move(self, text: str) -> dict[str, Any]:
+        """Return {"lines": the verdict as text, "fits", "refused"} for a run of the whole move.
+
+        Further values of the JSON: fps; motors and frames as in HI; set: velocity, acceleration,
+        lower and upper soft limit (null: none) of each motor.
+        """
+        from ..move import move_check
+        from ..payloads import RtRunMove
+
+        asked = _values(text)
+        axes = rig_axes.Axes(axes_of(self._text(), "axes.toml") if self._text() else ())
+        move = _move(asked, axes)
+        try:
+            run = RtRunMove(
+                fps_milli=round(float(asked["fps"]) * 1000),
+                start_frame=move.start_frame,
+                end_frame=move.end_frame,
+                preroll_ms=1000,
+                postroll_ms=1000,
+            )
+            settings = {
+                motor: move_check.Setting(**given)
+                for motor, given in zip(move.positions, asked["set"], strict=True)
+            }
+            device = move_check.Device(
+                {}, motors=int(asked["motors"]), frames=int(asked["frames"]), axes=axes
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise ToolError(f"the page has asked for no move: {error}") from None
+        found = move_check.check(move, run, settings, device)
+        return {
+            "lines": move_check.lines(found, device.axes),
+            "fits": found.fits,
+            "refused": found.refused,
+        }
+
+    def export_move(self, text: str) -> dict[str, Any]:
+        """Return the file's {"text"}. Further values of the JSON: format, fps."""
+        from ..move.move_conversion import to_table
+        from ..move.move_formats import FORMATS
+
+        asked = _values(text)
+        chosen = FORMATS.get(asked.get("format", ""))
+        if chosen is None:
+            raise ToolError(f"the format is one of {', '.join(FORMATS)}")
+        if not self._axes or not self._text():
+            raise ToolError(
+                "there is no axes.toml, which names the axes in the file: save one under Names, "
+                "units, or save the move as CSV in steps"
+            )
+        table = to_table(
+            _move(asked, rig_axes.Axes()), read_axes(self._axes.path, every_motor=True)
+        )
+        fps = asked.get("fps") if chosen.NAME in ("csv", "anim") else None
+        return {"text": chosen.write(table, fps)}
+
+    def _text(self) -> str:
+        return self._axes.read()["text"] if self._axes else ""
+
+
+def _values(text: str) -> dict[str, Any]:
+    try:
+        found = json.loads(text)
+    except ValueError as error:
+        raise ToolError(f"the page has sent no JSON: {error}") from None
+    if not isinstance(found, dict):
+        raise ToolError("the page has sent no JSON object")
+    return found
+
+
+def _move(asked: dict[str, Any], axes: rig_axes.Axes) -> Move:
+    """Return the move in a request. Raises ToolError if it is none."""
+    start, columns = asked.get("start"), asked.get("positions")
+    lists = isinstance(columns, list) and all(isinstance(each, list) for each in columns)
+    if (
+        not isinstance(start, int)
+        or not lists
+        or not columns
+        or len({len(each) for each in columns}) != 1
+        or not columns[0]
+        or not all(type(step) is int and step in _INT32 for each in columns for step in each)
+    ):
+        raise ToolError("the page has sent no move: a first frame, and steps for each motor")
+    names = {motor: axes.name(motor) for motor in range(1, len(columns) + 1)}
+    return Move(start, names, dict(enumerate(columns, 1)))

@@ -1,0 +1,80 @@
+// Frames shot one after another, each at its time: a timelapse. Between two pictures the rig goes to the next frame.
+
+/** Events of a series come as calls of `tell`; see Operation for the page's one operation. */
+export class Series {
+  #device;
+  #operation;
+  #goesOn = false;
+
+  constructor(device, operation) {
+    this.#device = device;
+    this.#operation = operation;
+    operation.addEventListener("stopped", () => { this.#goesOn = false; });
+    device.addEventListener("hardstop", () => { this.#goesOn = false; });
+    device.addEventListener("gone", () => { this.#goesOn = false; });
+  }
+
+  get goesOn() {
+    return this.#goesOn;
+  }
+
+  /**
+   * Shoot these frames. interval: ms from one GO to the next; if the rig needs longer, the next GO comes as soon as it is ready.
+   * request(frame): the values of RtShootFrame2. Resolves when all are shot or something has stopped it, and says which.
+   */
+  async shoot(frames, interval, request) {
+    if (this.#goesOn) return;
+    this.#goesOn = true;
+    const shot = [];
+    let late = 0;
+    let due = null; // of the next GO
+    for (const frame of frames) {
+      if (!(await this.#ready(frame, request))) break;
+      const now = performance.now();
+      if (due !== null && now > due) late += 1;
+      due = Math.max(due ?? now, now);
+      await this.#until(() => performance.now() >= due, () => due - performance.now());
+      if (!this.#goesOn) break;
+      due += interval;
+      await this.#operation.go();
+      await this.#until(() => !this.#operation.playing);
+      if (!this.#goesOn || this.#operation.early) break;
+      shot.push(frame);
+    }
+    this.#goesOn = false;
+    this.#device.tell(...this.#result(frames, shot, late));
+  }
+
+  #result(frames, shot, late) {
+    if (shot.length < frames.length) {
+      const done = shot.length ? `Frames ${shot[0]} to ${shot.at(-1)} are shot` : "No frame is shot";
+      return [`${done}; ${frames.length - shot.length} are not, from frame ${frames[shot.length]} on.`, true];
+    }
+    const note = late ? ` ${late} of them later than the interval says: the rig and the exposure take longer.` : "";
+    return [`All ${frames.length} frames are shot.${note}`, late > 0];
+  }
+
+  /** Bring the rig to a frame and prepare its shot. False if it is refused or stopped. */
+  async #ready(frame, request) {
+    if (!(await this.#device.ask("RtPositionFrame", { frame }))) return false;
+    await this.#device.seeWhatMoves();
+    await this.#until(() => this.#device.knowsWhatMoves && !this.#device.state.moving);
+    if (!this.#goesOn || !(await this.#operation.prepare(`The shot of frame ${frame}`, "RtShootFrame2", request(frame)))) return false;
+    await this.#until(() => this.#operation.ready);
+    return this.#goesOn;
+  }
+
+  /** Wait until the test holds or the series is stopped. rest(): the ms after which to look again if nothing has changed. */
+  async #until(test, rest = null) {
+    while (this.#goesOn && !test()) {
+      await new Promise((resolve) => {
+        const timer = rest ? setTimeout(resolve, Math.max(0, rest())) : 0;
+        const look = () => {
+          clearTimeout(timer);
+          resolve();
+        };
+        for (const source of [this.#device, this.#operation]) source.addEventListener("change", look, { once: true });
+      });
+    }
+  }
+}
