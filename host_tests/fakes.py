@@ -137,7 +137,7 @@ class OperationBench:
         self.run_outputs = RecordedOutputs()
         self.operations = OperationRunner(self.axes, self.store, self.safety)
         self.player = self.operations.player
-        self.told = []  # MOVE TIME of each reported frame
+        self.reported = []  # MOVE TIME of each reported frame
         self.ends = 0  # RT_ENDs
 
     def run(self, ticks=1):
@@ -145,7 +145,7 @@ class OperationBench:
             self.bench.tick()
             alarm = samples.sample(self.kernel, self.axes.samples)
             if alarm and self.operations.running and self.operations.reached():
-                self.told.append(self.operations.move_time)
+                self.reported.append(self.operations.move_time)
             while self.operations.poll() | self.axes.feed():
                 pass
             if self.operations.rt_end_due:

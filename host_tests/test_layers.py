@@ -133,12 +133,12 @@ def test_payloads_are_taken_apart_and_made_by_requests():
                     )
 
 
-def test_layers_are_told():
+def test_layers_are_reported():
     """ARCHITECTURE.md lists them."""
-    told = (ROOT / "ARCHITECTURE.md").read_text()
+    reported = (ROOT / "ARCHITECTURE.md").read_text()
     for names in LAYERS:
         for name in names:
-            assert f"`{name}`" in told, f"ARCHITECTURE.md does not name {name}"
+            assert f"`{name}`" in reported, f"ARCHITECTURE.md does not name {name}"
 
 
 def test_there_is_no_circle():
@@ -163,9 +163,9 @@ def test_files_have_one_subject():
     """A longer file has two subjects, or its docstring says why it is one file."""
     for path, file in sources().items():
         text = file.read_text()
-        told = " ".join((ast.get_docstring(ast.parse(text)) or "").split())
+        reported = " ".join((ast.get_docstring(ast.parse(text)) or "").split())
         lines = len(text.splitlines())
-        assert lines <= MOST_LINES or "one file" in told or "one viper function" in told, (
+        assert lines <= MOST_LINES or "one file" in reported or "one viper function" in reported, (
             f"{path} has {lines} lines, more than {MOST_LINES}: make two files of its two subjects,"
             ' or say in its docstring why it is "one file"'
         )

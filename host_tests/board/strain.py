@@ -139,7 +139,7 @@ class Strain:
         self.counts: collections.Counter[str] = collections.Counter()
         self.slowest = 0  # ns
         self.slowest_of = ""  # that request, and what ran on the REPL
-        self.told: collections.Counter[str] = collections.Counter()
+        self.reported: collections.Counter[str] = collections.Counter()
         self.edges: collections.Counter[int] = collections.Counter()
         self.positions: list[int] = []
         self.renumbered = True
@@ -390,7 +390,7 @@ class Strain:
             err = ended[0]
             for line in out.decode(errors="replace").splitlines():
                 if line.startswith("framestep: "):
-                    self.told[line] += 1
+                    self.reported[line] += 1
             if b"fault in the firmware" in self.heard:
                 raise self.broken(f"the firmware has ended: {self.heard[-2000:]!r}")
             if err and not any(name in err.decode() for name in BEARABLE):
@@ -433,7 +433,7 @@ class Strain:
             for motor, (before, now) in enumerate(zip(self.positions, positions, strict=True)):
                 if (before + made[motor] - now) & 0xFFFFFFFF:
                     raise self.broken(
-                        f"motor {motor + 1} is told at {now}: was at {before}, "
+                        f"motor {motor + 1} is reported at {now}: was at {before}, "
                         f"{made[motor]} edges since"
                     )
         self.positions = positions
@@ -486,7 +486,7 @@ class Strain:
     def report(self):
         for name, count in sorted(self.counts.items()):
             self.say(f"{count:7} {name}")
-        for line, count in self.told.most_common():
+        for line, count in self.reported.most_common():
             self.say(f"{count:7} × {line}")
         self.say(
             f"slowest answer {self.slowest / 1e6:.0f} ms {self.slowest_of}, "

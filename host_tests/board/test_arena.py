@@ -98,12 +98,12 @@ def test_ten_thousand_frames_without_lights():
             if session.code(p.RtUploadMoveDmx(channel, 1000 * index, levels)) != p.Ack.OK
         )
         assert refused[0] >= 2
-        told = session.ask(p.GetExceeded())
-        assert 0 <= told.room < told.by == 34 * -(-1000 // 28)
-        line = f"it needs {told.by} bytes, {told.room} are free"
+        reported = session.ask(p.GetExceeded())
+        assert 0 <= reported.room < reported.by == 34 * -(-1000 // 28)
+        line = f"it needs {reported.by} bytes, {reported.room} are free"
         assert repl.finish(4).splitlines() == [
             "framestep: the upload does not fit into memory; bytes needed and free: "
-            f"{told.by} {told.room}"
+            f"{reported.by} {reported.room}"
         ]
         assert line in repl.exec("import framestep.repl; status()")
         session.accept(p.RtUploadMoveEnd())

@@ -206,7 +206,7 @@ def test_a_fault_in_motion(moving):
     assert [(motor, level) for motor, level, _ in enables(talk)] == [(2, 0)]
 
 
-def test_one_port_tells_it_with_ctrl_c():
+def test_one_port_prints_it_with_ctrl_c():
     """`ports: 1`: the host gets only messages; the firmware's texts come with the REPL's
     prompt."""
     with DrivenBoard(ports=1) as board:
@@ -228,9 +228,11 @@ def test_one_port_tells_it_with_ctrl_c():
         board.run_until(board.now_ns + 500_000_000)
         said = board.protocol.transmit().decode()
         assert "framestep: a driver failed; the motors were ramped down\r\n" in said
-        told = [line for line in said.splitlines() if line.startswith("framestep: driver of motor")]
-        motors = [int(line.split()[4]) for line in told]
+        reported = [
+            line for line in said.splitlines() if line.startswith("framestep: driver of motor")
+        ]
+        motors = [int(line.split()[4]) for line in reported]
         assert motors[:4] == sorted(motors[4:8]) == [1, 2, 3, 4], said
         assert motors[8:] == [2], said
-        assert told[-1].endswith("has switched off, too hot")
+        assert reported[-1].endswith("has switched off, too hot")
         assert said.endswith(">>> ")

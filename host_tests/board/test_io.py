@@ -184,9 +184,9 @@ def test_pins():
                 board_session.run(0.003)
         emulator.set_pin(28, 0)
         board_session.run(0.1)
-        ((told, message),) = board_session.events(p.InputLevels)
+        ((reported, message),) = board_session.events(p.InputLevels)
         assert message.levels == 2
-        assert told - pressed - 0.030 < 0.030
+        assert reported - pressed - 0.030 < 0.030
         emulator.set_pin(28, None)
         board_session.run(0.05)
         assert board_session.events(p.InputLevels)[-1][1].levels == 0
@@ -247,9 +247,9 @@ def pull(board_session, board):
     pressed = board_session.now
     board.emulator.set_pin(ESTOP_PIN, 1)
     board_session.run(0.5)
-    ((told, message),) = board_session.events(p.HardStop)
+    ((reported, message),) = board_session.events(p.HardStop)
     assert message == p.HardStop(0)
-    assert told - pressed < 0.03
+    assert reported - pressed < 0.03
     assert not board_session.moving
     return pressed
 

@@ -176,12 +176,12 @@ def test_ping_pong(session):
     session.run(0.3)
     assert not session.events(RtEnd)
     assert not session.moving
-    told = laps_seen(session)
-    assert [(p[0][1], p[-1][1]) for p in told] == [(2, 9), (8, 1), (2, 9)]
+    reported = laps_seen(session)
+    assert [(p[0][1], p[-1][1]) for p in reported] == [(2, 9), (8, 1), (2, 9)]
     openings = [t for t, v in changes(session, "shutter") if v]
     assert len(openings) == 27
     assert changes(session, "shutter")[-1][1] == 0
-    for i, p in enumerate(told):
+    for i, p in enumerate(reported):
         frames = turning(1, 9) if i % 2 == 0 else turning(9, 1)
         positions = {m: steps[frames - 1] for m, steps in MOVE.items()}
         verdict = judge_lap(

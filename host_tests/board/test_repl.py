@@ -172,7 +172,7 @@ def test_faults_in_words(session):
     )
 
 
-def test_a_move_that_asks_too_much_is_told_unasked():
+def test_a_move_that_asks_too_much_is_reported_unasked():
     """Field note 5.5: which motor and where, on the REPL; status() says by how much."""
     with EmulatedBoard() as board:
         session = Session(board, reply_s=0.1)

@@ -130,7 +130,7 @@ def refused():
             yield device
 
 
-def test_the_mistake_in_the_rig_file_is_told_without_loading_anything(refused):
+def test_the_mistake_in_the_rig_file_is_reported_without_loading_anything(refused):
     free = "import gc, sys\ngc.collect()\nprint(gc.mem_free(), len(sys.modules))"
     refused.run(free)
     bytes_free, modules = map(int, refused.run(free).split())

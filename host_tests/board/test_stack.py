@@ -156,7 +156,7 @@ def test_an_exception_leaves_the_limit_as_it_was(session):
     assert session.repl.eval("seen + list(inside)") == [STACK, REPL_STACK, 0]
 
 
-def test_a_ctrl_c_while_something_is_told(session):
+def test_a_ctrl_c_while_something_is_reported(session):
     """The REPL's port is full and makes passes wait: the report is cut short, the Ctrl-C goes to
     the program, the passes continue, and programs have no more stack than before."""
     repl = session.repl

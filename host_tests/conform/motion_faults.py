@@ -213,22 +213,22 @@ class _EarlyEnd(Behaviour):
     """RT_END comes with the end frame, before the post-roll."""
 
     last = None
-    told = False
+    reported = False
 
     def asked(self, frame: Frame) -> Frame | None:
         if frame.type == spec.RUN and len(frame.payload) >= 12:
             self.last = struct.unpack_from("<i", frame.payload, 8)[0]
-            self.told = False
+            self.reported = False
         return frame
 
     def said(self, frame: Frame) -> Frame | None:
         if frame.id:
             return frame
         if frame.type == spec.END:
-            return None if self.told else frame
-        if frame.type == spec.GET_POSITION and not self.told and self.last is not None:
-            self.told = struct.unpack_from("<i", frame.payload)[0] == 1000 * self.last
-            if self.told:
+            return None if self.reported else frame
+        if frame.type == spec.GET_POSITION and not self.reported and self.last is not None:
+            self.reported = struct.unpack_from("<i", frame.payload)[0] == 1000 * self.last
+            if self.reported:
                 self.port.tell(Frame(0, spec.END, b""))
         return frame
 

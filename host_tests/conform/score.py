@@ -39,9 +39,9 @@ def main() -> None:
     """Print both scores."""
     false = 0
     for variant in VARIANTS:
-        told = judge(variant)
-        print(f"{variant.name}: {len(told)} checks: {report.counts(told)}")
-        for line in alarms(told):
+        reported = judge(variant)
+        print(f"{variant.name}: {len(reported)} checks: {report.counts(reported)}")
+        for line in alarms(reported):
             false += 1
             print(f"  {line}")
     missed = [fault.name for fault in FAULTS if not found(fault)]

@@ -108,7 +108,7 @@ def test_hold_ups_are_in_the_time_of_the_device():
     assert hold_ups.take() == 0
 
 
-def test_hold_ups_are_measured_until_it_is_told_to_stop():
+def test_hold_ups_are_measured_until_it_is_asked_to_stop():
     looked, going_on = threading.Event(), threading.Event()
 
     def sleep(seconds):

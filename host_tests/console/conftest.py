@@ -55,10 +55,10 @@ class Device:
     def __init__(self, board, speed, repl=False):
         repl_tcp = "127.0.0.1:0" if repl else None
         self._server = Server(board, speed, tcp="127.0.0.1:0", repl=repl, repl_tcp=repl_tcp)
-        told = [line.split()[-1] for line in self._server.announcements]
-        self.path, self.tcp = told[:2]
+        reported = [line.split()[-1] for line in self._server.announcements]
+        self.path, self.tcp = reported[:2]
         self.url = f"socket://{self.tcp}"
-        self.repl, self.repl_tcp = told[2:] or (None, None)
+        self.repl, self.repl_tcp = reported[2:] or (None, None)
         self._calls = []
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()

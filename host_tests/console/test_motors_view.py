@@ -105,7 +105,7 @@ def test_zero(page):
     card.locator("summary").click()
 
 
-def test_a_refusal_is_told_and_changes_nothing(page):
+def test_a_refusal_is_reported_and_changes_nothing(page):
     card = settings_of(page, 1)
     before = steps(page)
     card.get_by_label("Upper, steps").fill(str(before))

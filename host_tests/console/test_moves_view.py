@@ -182,9 +182,13 @@ def test_camera_and_bloop_go_with_a_run(page, device):
     run.get_by_label("Bloop DMX channel").fill("7")
     run.get_by_label("Bloop, ms").fill(str(LONG_BLOOP_MS))
     run = get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=50)
-    told = runs_asked(page)
-    assert (told.flags, told.open_angle, told.close_angle) == (RUN_STILLS, 45, 270)
-    assert (told.bloop_outputs, told.bloop_channel, told.bloop_ms) == (2, 7, LONG_BLOOP_MS)
+    reported = runs_asked(page)
+    assert (reported.flags, reported.open_angle, reported.close_angle) == (RUN_STILLS, 45, 270)
+    assert (reported.bloop_outputs, reported.bloop_channel, reported.bloop_ms) == (
+        2,
+        7,
+        LONG_BLOOP_MS,
+    )
     run.get_by_role("button", name="GO").click()
     wait_on_board(page, device, lambda hal: hal._levels >> 26 & 1 and hal.dmx.shown[7] == 255)
     expect(newest(page)).to_have_text(f"Run 1 to {FRAMES} is over.")
@@ -194,8 +198,8 @@ def test_camera_and_bloop_go_with_a_run(page, device):
     run.get_by_label("Bloop output").select_option("none")
     run.get_by_label("Bloop DMX channel").fill("0")
     get_ready(page, "Run")
-    told = runs_asked(page)
-    assert (told.flags, told.bloop_outputs, told.bloop_ms) == (RUN_VIDEO, 0, 0)
+    reported = runs_asked(page)
+    assert (reported.flags, reported.bloop_outputs, reported.bloop_ms) == (RUN_VIDEO, 0, 0)
     run.get_by_label("Bloop, ms").fill("0")
     run.get_by_role("button", name="Get ready").click()
     assert run.get_by_label("Bloop, ms").evaluate("field => !field.validity.valid")
@@ -267,10 +271,10 @@ def wait_on_board(page, device, look):
 
 def test_inputs_outputs_and_lights(page, device):
     go_to(page, "Inputs, outputs, lights")
-    told = card(page, "Inputs").get_by_role("status")
-    before = told.nth(1).text_content()
+    reported = card(page, "Inputs").get_by_role("status")
+    before = reported.nth(1).text_content()
     device.set_pin(28, int(on_board(device, lambda hal: not hal._levels >> 28 & 1)))
-    expect(told.nth(1)).to_have_text("off" if before == "on" else "on")
+    expect(reported.nth(1)).to_have_text("off" if before == "on" else "on")
     card(page, "Outputs").get_by_role("switch", name="Output 2").check()
     wait_on_board(page, device, lambda hal: hal._levels >> 26 & 1 and not hal._levels >> 22 & 1)
     card(page, "Camera").get_by_role("switch", name="Shutter").check()

@@ -56,7 +56,7 @@ def test_a_right_rig_file_has_no_mistake(modules, example):
 
 
 @pytest.mark.parametrize(("settings", "said"), MISTAKES, ids=lambda value: str(value)[:30])
-def test_a_mistake_is_told_with_its_key(modules, settings, said):
+def test_a_mistake_is_reported_with_its_key(modules, settings, said):
     assert said in modules.evaluate(MISTAKE, settings)
 
 

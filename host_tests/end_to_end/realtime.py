@@ -96,7 +96,7 @@ def laps_seen(session):
     The frame on which a lap begins is missing: the reports have its MOVE TIME before the motors
     reach it.
     """
-    told, before = [], None
+    reported, before = [], None
     for time, message in session.events(p.Positions):
         frame = message.move_time / 1000
         if before is None or frame == before:
@@ -106,13 +106,13 @@ def laps_seen(session):
         before = frame
         if abs(step) == 1:
             if (
-                not told
-                or told[-1][-1][1] != frame - step
-                or (len(told[-1]) > 1 and told[-1][-2][1] == frame)
+                not reported
+                or reported[-1][-1][1] != frame - step
+                or (len(reported[-1]) > 1 and reported[-1][-2][1] == frame)
             ):
-                told.append([])
-            told[-1].append((time, frame))
-    return told
+                reported.append([])
+            reported[-1].append((time, frame))
+    return reported
 
 
 def pass_trace(session, begin, end, start):
@@ -170,13 +170,15 @@ def to_the_end(session, seconds=20):
 def judged(session, before, fps=24, first=1, last=FRAMES, roll=0.5):
     """Return a verdict for each lap, each over all its frames."""
     verdicts = []
-    for told in laps_seen(session):
-        backward = told[-1][1] < told[0][1]
+    for reported in laps_seen(session):
+        backward = reported[-1][1] < reported[0][1]
         frames = turning(last, first) if backward == (last > first) else turning(first, last)
-        assert [f for _, f in told] == frames[1:].tolist()
+        assert [f for _, f in reported] == frames[1:].tolist()
         positions = {m: steps[frames - 1] for m, steps in MOVE.items()}
-        begin = told[0][0] - 1 / fps - roll / 2
-        verdicts.append(judge_lap(session, begin, told[-1][0] + roll / 2, before, positions, fps))
+        begin = reported[0][0] - 1 / fps - roll / 2
+        verdicts.append(
+            judge_lap(session, begin, reported[-1][0] + roll / 2, before, positions, fps)
+        )
     return verdicts
 
 

@@ -182,7 +182,7 @@ class Session:
         assert not self.events(RtEnd), "RT_END came twice"
         return before
 
-    def frames_told(self):
+    def frames_reported(self):
         """MOVE TIMEs of the position reports, without repetitions."""
         times = [message.move_time for _, message in self.events(Positions)]
         return [t for i, t in enumerate(times) if i == 0 or times[i - 1] != t]

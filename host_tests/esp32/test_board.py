@@ -109,9 +109,9 @@ def test_all_motors_move_at_once(rig):
     assert rig.positions == targets
     assert {motor: rig.made(motor) for motor in targets} == targets
     times, ways = rig.steps(8)
-    told = [(time, message.steps[7]) for time, message in rig.events(Positions)]
-    assert len(told) > 3
-    for time, position in told:
+    reported = [(time, message.steps[7]) for time, message in rig.events(Positions)]
+    assert len(reported) > 3
+    for time, position in reported:
         # a report is on its way for some ms
         there = [
             ways[: np.searchsorted(times, time - late, side="right")].sum()
@@ -136,10 +136,10 @@ def test_a_run(rig, fps):
     before = rig.play(run_request(fps, 1, FRAMES, 700, 300))
     verdict = assert_played(rig, before, MOVE, fps)
     times = (verdict.origin_ns + frame_times_ns(FRAMES, round(fps * 1000))) * 1e-9
-    told = {}
+    reported = {}
     for time, message in rig.events(Positions):
-        told.setdefault(message.move_time, time)
-    late = [told[1000 * (i + 1)] - times[i] for i in range(1, FRAMES)]
+        reported.setdefault(message.move_time, time)
+    late = [reported[1000 * (i + 1)] - times[i] for i in range(1, FRAMES)]
     assert min(late) >= 0
     assert max(late) <= 0.01
 

@@ -131,7 +131,7 @@ def test_the_depth_of_the_ring_moves_edges_as_a_whole(play, buffers):
     check(play(lines, buffers), lines, buffers)
 
 
-def test_positions_are_told_when_they_have_been_played(play):
+def test_positions_are_reported_when_they_have_been_played(play):
     found = play(SESSION)
     moved = 0
     for us, _, *reported in found.passes[len(QUIET) :]:

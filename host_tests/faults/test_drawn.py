@@ -43,6 +43,6 @@ def test_a_list_is_kept(faults, tmp_path, monkeypatch):
     assert drawn.kept() == faults
 
 
-def test_a_line_that_is_gone_is_told(faults):
+def test_a_line_that_is_gone_is_reported(faults):
     with pytest.raises(SystemExit, match="draw anew"):
         faults[0].spoiled("def f(): pass")

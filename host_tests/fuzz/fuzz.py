@@ -190,7 +190,7 @@ def main() -> int:
         return replay_all(options.scripts, again)
     requests = options.requests or round(options.minutes * REQUESTS_PER_MINUTE)
     seed = options.seed if options.seed not in (None, "") else f"{time.time_ns() % 10**9:09d}"
-    began = told = time.monotonic()
+    began = reported = time.monotonic()
     counts: Counter = Counter()
     kinds: Counter = Counter()
     virtual_ms = played = 0
@@ -221,8 +221,8 @@ def main() -> int:
             if not options.keep_going:
                 break
         now = time.monotonic()
-        if now - told > 10:
-            told = now
+        if now - reported > 10:
+            reported = now
             print(
                 f"{counts['requests']} requests in {played} sessions, "
                 f"{counts['requests'] / (now - began):.0f}/s, "

@@ -14,7 +14,7 @@ OPERATIONS = (m.MSG_RT_RUN_MOVE, m.MSG_RT_SHOOT_FRAME, m.MSG_RT_SHOOT_FRAME2)
 QUESTIONS = frozenset(
     kind for kind, cls in REQUESTS.items() if cls.REPLY is not Ack and not cls.MOVES
 )
-FORMS = {row.number: row.told for row in table().values()}  # of the device's messages
+FORMS = {row.number: row.reported for row in table().values()}  # of the device's messages
 
 
 class Replies(Part):
@@ -99,7 +99,7 @@ class Replies(Part):
                 self.fail("rt-end", "RT_END without an operation, or a second one")
             self.trial.runs.ended()
         elif kind == m.MSG_MOTOR_HARD_STOP:
-            self.trial.stops.told(payload)
+            self.trial.stops.reported(payload)
         elif kind == m.MSG_RT_GO:
             if not self.rig.go_input or not self.trial.runs.prepared:
                 self.fail("go", "RT_GO without an input that gives it, or nothing prepared")
@@ -110,7 +110,7 @@ class Replies(Part):
             going = self.trial.runs.going
             if going:
                 ms = None if self.trial.late else self.ms - 1
-                going["told"].append((ms, struct.unpack_from("<i", payload)[0]))
+                going["reported"].append((ms, struct.unpack_from("<i", payload)[0]))
 
     def _status(self, request, payload):
         bits = struct.unpack_from("<I", payload)[0]
@@ -179,24 +179,25 @@ class Replies(Part):
         for motor in self.motors:
             if motor.quiet is None:
                 continue
-            told = struct.unpack_from("<i", payload, 4 + 4 * motor.index)[0]
+            reported = struct.unpack_from("<i", payload, 4 + 4 * motor.index)[0]
             if motor.edges:
                 self.trial.edges.judge(motor)
             if motor.renumbered:
-                self._renumber(motor, told)
-            if told != motor.load:
+                self._renumber(motor, reported)
+            if reported != motor.load:
                 self.fail(
                     "positions",
-                    f"motor {motor.index + 1} is told to be at {told}, its edges say {motor.load}",
+                    f"motor {motor.index + 1} is reported at {reported}, "
+                    f"its edges say {motor.load}",
                 )
 
-    def _renumber(self, motor, told):
+    def _renumber(self, motor, reported):
         """Accept this position after homing: a new one, or the one as before."""
         motor.renumbered = False
-        if told != motor.load and motor.sent == 0 and not motor.edges:
+        if reported != motor.load and motor.sent == 0 and not motor.edges:
             self.counts["homed"] += 1
-        motor.at += told - motor.load
-        motor.load = told
+        motor.at += reported - motor.load
+        motor.load = reported
         motor.at_rest(self.ms)
 
     def _pins(self, payload):
@@ -214,20 +215,20 @@ class Replies(Part):
                 motor.made += 1 if edges[n] & 1 else -1
                 n += 1
             motor.seen = n
-            told = struct.unpack_from("<i", payload, 4 + 4 * motor.index)[0]
-            ahead = told - motor.at - motor.made
+            reported = struct.unpack_from("<i", payload, 4 + 4 * motor.index)[0]
+            ahead = reported - motor.at - motor.made
             slack = 2 + int(motor.top[-1][1] * 2.5e-3)
             if not -slack <= ahead <= motor.backlash + slack:
                 self.fail(
                     "pins",
-                    f"motor {motor.index + 1} is told to be at {told}, "
+                    f"motor {motor.index + 1} is reported at {reported}, "
                     f"its pins are {ahead} steps away",
                 )
 
     def _moved(self, request, payload):
         motor = self.motors[request.motor]
         motor.let_go_by = None
-        if request.sent <= self.trial.stops.told_at:  # it acts after that stop
+        if request.sent <= self.trial.stops.reported_at:  # it acts after that stop
             self.trial.stops.set_off()
         if (
             request.kind == m.MSG_MOTOR_JOG

@@ -133,7 +133,7 @@ class Runs(Part):
         self.prepared = False
         self.counts["go"] += 1
         self.goes.append(self.ms)
-        self.going = {"ms": self.ms, "told": [], "whole": True, "motors": []}
+        self.going = {"ms": self.ms, "reported": [], "whole": True, "motors": []}
         self.going["order"] = request.order if request else self.trial.counts["requests"]
         if run is None:
             return
@@ -184,9 +184,9 @@ class Runs(Part):
         if count < 2:
             return
         numbers = [run["start"] + step * k for k in range(count)]
-        times = {time: ms for ms, time in reversed(going["told"])}
+        times = {time: ms for ms, time in reversed(going["reported"])}
         if numbers[1] * 1000 not in times:
-            self.fail("frames", f"frame {numbers[1]} was not told in a whole run")
+            self.fail("frames", f"frame {numbers[1]} was not reported in a whole run")
         known = next((k for k in range(1, count) if times.get(numbers[k] * 1000)), None)
         if known is None:
             return  # the host read nothing during the run

@@ -30,7 +30,7 @@ class Stops(Part):
         self.pressed = False  # since the last HARD_STOP 0
         self.struck = 0  # the last change of a limit switch
         self.safe_at: int | None = None  # by then all outputs have their safe levels
-        self.told_at = LONG_AGO  # the last HARD_STOP
+        self.reported_at = LONG_AGO  # the last HARD_STOP
         self.lit = LONG_AGO  # the last request to switch one on
         self.enabling: list[tuple[int, int]] = []  # (ms, motor) of drivers switched on
 
@@ -68,7 +68,7 @@ class Stops(Part):
     @property
     def stopping(self):
         """Whether a stop of everything has come that may not be complete."""
-        return self.asked > 0 or self.ms - self.told_at < self.longest_ms()
+        return self.asked > 0 or self.ms - self.reported_at < self.longest_ms()
 
     def safe_ms(self):
         """Return how long outputs may take to get to their safe levels: a pulse first stops a video
@@ -139,10 +139,10 @@ class Stops(Part):
                 if levels >> output["pin"] & 1 != on:
                     self.fail("outputs", f"output {i} is not {output['safe']}")
 
-    def told(self, payload):
+    def reported(self, payload):
         """Check that a HARD_STOP has a reason."""
         reason = payload[0]
-        self.told_at = self.ms
+        self.reported_at = self.ms
         self.trial.anything_may_stop()
         if reason == m.HARD_STOP_FAULT:
             if self.ms > self.reason:

@@ -78,7 +78,7 @@ def test_another_byte_is_found(tmp_path):
         ([7000, 7016, 7016, 7032, 7032, 7032], True),
     ],
 )
-def test_a_heap_that_grows_is_told(heap, grows):
+def test_a_heap_that_grows_is_reported(heap, grows):
     assert bool(growth(heap)) is grows
 
 

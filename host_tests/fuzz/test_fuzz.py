@@ -60,7 +60,7 @@ def outcome(line, a, b, name="kernel"):
         ("return [0, 1][(a + b) >> 31]", 2**31 - 1, 1),
     ],
 )
-def test_a_kernel_that_leaves_a_word_is_told(line, a, b):
+def test_a_kernel_that_leaves_a_word_is_reported(line, a, b):
     assert outcome(line, a, b) is Outside
 
 
@@ -84,7 +84,7 @@ def test_what_fits_or_is_masked_passes(line, a, b, result):
     "line, a, b",
     [("return a + b", 2**30 - 1, 1), ("return [a][b]", 2**30, 0), ("return abs(a)", -(2**30), 0)],
 )
-def test_a_pass_that_makes_a_large_number_is_told(line, a, b):
+def test_a_pass_that_makes_a_large_number_is_reported(line, a, b):
     assert outcome(line, a, b, "python") is Outside
     assert outcome(line, 5, 0, "python") == 5
 
@@ -99,7 +99,7 @@ def test_streams_grown_by_coverage():
     assert steps > 250
 
 
-def test_a_difference_between_the_readers_is_told(monkeypatch):
+def test_a_difference_between_the_readers_is_reported(monkeypatch):
     monkeypatch.setattr(reader.READER, "drop_partial", lambda self: None)
     with pytest.raises(reader.Mismatch):
         reader.explore("frames", cases=150)

@@ -150,7 +150,7 @@ def past_the_limit(monkeypatch):
     monkeypatch.setattr(Axis, "clamp", lambda self, target, i: None)
 
 
-def told_wrong(monkeypatch):
+def reported_wrong(monkeypatch):
     tell = OperationRunner.sample_move_time
 
     def wrong(self, frame):
@@ -161,7 +161,7 @@ def told_wrong(monkeypatch):
     monkeypatch.setattr(OperationRunner, "sample_move_time", wrong)
 
 
-def told_ahead(monkeypatch):
+def reported_ahead(monkeypatch):
     """Reports positions of the queue, not of the pins."""
     tell = OperationRunner.sample_move_time
 
@@ -345,8 +345,8 @@ def falls_short(monkeypatch):
         (jerkier, moves, "jerk"),
         (harder_stop, stopped, "acceleration"),
         (past_the_limit, limited, "limits"),
-        (told_wrong, moves, "positions"),
-        (told_ahead, moves, "pins"),
+        (reported_wrong, moves, "positions"),
+        (reported_ahead, moves, "pins"),
         (rests_too_soon, moves, "goal|quiet"),
         (never_rests, stopped, "quiet|no-rest"),
         (one_step_off, run, "frames|acceleration|velocity"),

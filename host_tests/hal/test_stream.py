@@ -159,7 +159,7 @@ def test_words_that_ran_out_are_a_fault(painted, ticks):
     assert not found.lost
 
 
-def test_commands_that_find_no_room_are_told(painted):
+def test_commands_that_find_no_room_are_reported(painted):
     """Pulses of that width cannot be made so fast; the controller allows no such velocity."""
     lines = [
         "new 2 3",

@@ -87,7 +87,7 @@ def test_a_ramp_of_no_time_is_at_once():
     assert (lights.level(3), lights.level(4), lights.adjusting) == (0x50, 0x60, False)
 
 
-def test_changed_is_told_only_for_a_change():
+def test_changed_is_reported_only_for_a_change():
     lights = Lights(512, 500)
     assert lights.words[CHANGED] == 0
     lights.put(1, bytes(512), 0, 512)

@@ -79,7 +79,7 @@ def test_a_frame_lasts_the_quotient_or_a_microsecond_more(fps_milli):
 
 
 @given(st.integers(1, FASTEST_FPS), st.integers(1, 200))
-def test_longer_tells_which_of_the_two_without_moving_on(fps_milli, frames):
+def test_longer_says_which_of_the_two_without_moving_on(fps_milli, frames):
     """RunMove queues its frames by longer(): the same frames last a microsecond more."""
     clock = begun(fps_milli)
     longer = [clock.longer() for _ in range(frames)]

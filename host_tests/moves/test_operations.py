@@ -187,7 +187,7 @@ def test_all_motors_start_in_the_same_tick():
     assert np.ptp(edges, axis=0).max() < PER_US
 
 
-def test_it_is_told_the_tick_of_the_first_pulses():
+def test_it_gets_the_tick_of_the_first_pulses():
     bench, operation = prepared()
     bench.until(READY).run(50)
     first = len(bench.bench.engines[0].rises)
@@ -203,7 +203,7 @@ def test_it_is_told_the_tick_of_the_first_pulses():
     )
 
 
-def test_the_end_is_told_once():
+def test_the_end_is_reported_once():
     """field note 6.4"""
     bench, operation = prepared()
     bench.until(READY).operations.start()
@@ -213,7 +213,7 @@ def test_the_end_is_told_once():
     assert operation.asked[-2:] == ["over", "leave"]
 
 
-def test_an_operation_without_an_rt_end_tells_none():
+def test_an_operation_without_an_rt_end_reports_none():
     bench, operation = prepared()
     operation.sends_rt_end = False
     bench.until(READY).operations.start()
@@ -259,13 +259,13 @@ def test_a_stop_in_any_state_ends_in_rest_and_one_rt_end(state):
     assert bench.place() < 450
 
 
-def test_a_stop_with_nothing_under_way_tells_no_end():
+def test_a_stop_with_nothing_under_way_reports_no_end():
     bench = OperationBench([0])
     assert bench.operations.stop() == 0
     assert bench.run(50).ends == 0
 
 
-def test_an_end_that_the_next_host_knows_nothing_of_is_not_told():
+def test_an_end_that_the_next_host_knows_nothing_of_is_not_reported():
     """field note 1.11"""
     bench, _ = prepared()
     bench.until(READY).operations.start()

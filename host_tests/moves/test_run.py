@@ -177,7 +177,7 @@ def test_a_single_frame_has_no_pre_roll():
     run.play().rest()
     assert run.waits == [70]
     assert run.places == [70]
-    assert run.bench.told == [1000]
+    assert run.bench.reported == [1000]
     assert run.bench.ends == 1
 
 
@@ -216,16 +216,16 @@ def test_frames_of_five_seconds_are_in_time():
     run = Run([0, 40, 20], velocity=500)
     run.play(0.2, end=2).rest()
     assert run.at(due(1, 0.2) + 0.25) == 40
-    assert run.bench.told == [1000, 2000]
+    assert run.bench.reported == [1000, 2000]
 
 
 @pytest.mark.parametrize("start, end", [(101, 116), (116, 101), (104, 104)])
-def test_each_frame_is_told_once_by_its_scene_number(start, end):
+def test_each_frame_is_reported_once_by_its_scene_number(start, end):
     """field notes 4.6, 5.1 and 6.4"""
     run = Run(WAVE, start=101)
     run.play(start=start, end=end).rest()
     step = 1 if end >= start else -1
-    assert run.bench.told == [1000 * number for number in range(start, end + step, step)]
+    assert run.bench.reported == [1000 * number for number in range(start, end + step, step)]
     assert run.bench.ends == 1
 
 
@@ -233,7 +233,7 @@ def test_each_frame_is_told_once_by_its_scene_number(start, end):
 def test_the_counter_of_ticks_may_wrap_in_the_middle_of_a_run(ticks):
     run = Run(WAVE, ticks=ticks)
     run.play().rest()
-    assert run.bench.told == [1000 * number for number in range(1, 17)]
+    assert run.bench.reported == [1000 * number for number in range(1, 17)]
     assert run.at(due(15, 25) + 0.1) == WAVE[15]
 
 
@@ -283,12 +283,12 @@ def test_a_loop_runs_until_stop_loop_and_a_ping_pong_turns(kind, turned):
     path = [0, 30, 50, 60, 90]
     run = Run(path)
     run.play(**{kind: True})
-    while len(run.bench.told) < 7:
+    while len(run.bench.reported) < 7:
         run.bench.run()
     run.run.stop_loop()
     run.rest()
     once = [1000, 2000, 3000, 4000, 5000]
-    assert run.bench.told == once + (once[::-1] if turned else once)
+    assert run.bench.reported == once + (once[::-1] if turned else once)
     assert run.places == [path[0] if turned else path[-1]]
     assert run.bench.ends == 1
 
@@ -301,14 +301,14 @@ def test_stop_loop_before_go_makes_it_a_single_pass():
     run.run.stop_loop()
     run.bench.operations.start()
     run.bench.rest()
-    assert run.bench.told == [1000, 2000, 3000]
+    assert run.bench.reported == [1000, 2000, 3000]
 
 
 def test_a_ping_pong_turns_with_a_ramp():
     """No step from one velocity to its opposite: the motor rests between the ramps."""
     run = Run([100 * k for k in range(6)])
     run.play(turns=True, pre=100, post=100)
-    while len(run.bench.told) < 7:
+    while len(run.bench.reported) < 7:
         run.bench.run()
     assert run.run.plan.ends[0] == 500 + 125
     _, ways = run.bench.bench.times()

@@ -17,7 +17,7 @@ class Row:
 
     number: int
     asked: list[tuple[int, int]]
-    told: list[tuple[int, int]]
+    reported: list[tuple[int, int]]
 
     def fits(self, length):
         """Whether a request may have that length (field note 1.8): more may follow the longest form
@@ -38,6 +38,6 @@ def table():
     """Return {message: Row}."""
     section = NOTES.read_text().split("## 2.")[1].split("## 3.")[0]
     return {
-        name: Row(int(number, 16), forms(asked), forms(told))
-        for name, number, asked, told in _ROW.findall(section)
+        name: Row(int(number, 16), forms(asked), forms(reported))
+        for name, number, asked, reported in _ROW.findall(section)
     }

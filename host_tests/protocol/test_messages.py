@@ -35,11 +35,11 @@ def test_every_request_has_a_handler():
 
 
 def test_payload_lengths_of_every_type():
-    told = {row.number: row for row in table().values() if row.asked}
+    reported = {row.number: row for row in table().values() if row.asked}
     for kind in [*range(0x0400), *range(0x4500, 0x4800), 0x8001, 0xFFFF]:
-        assert (kind in SIZES) == (kind in told), named([kind])
+        assert (kind in SIZES) == (kind in reported), named([kind])
         for length in range(200):
-            fits = kind in told and told[kind].fits(length)
+            fits = kind in reported and reported[kind].fits(length)
             assert payload_fits(kind, length) == fits, f"{length} bytes: {named([kind])}"
 
 
@@ -86,9 +86,9 @@ def handlers():
 
 def test_every_handler_says_what_it_is_about():
     """Its docstring begins with the message and says where it is specified."""
-    told = list(handlers())
-    assert len(told) > 30
-    for path, message, text in told:
+    reported = list(handlers())
+    assert len(reported) > 30
+    for path, message, text in reported:
         where = f"{path}.py, the handler of {message}: "
         assert text.startswith(message), f"{where}begin its docstring with {message}"
         assert re.search(r"note|spec|framestep's own", text), (

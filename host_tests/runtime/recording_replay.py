@@ -59,7 +59,7 @@ class Notes:
         self.numbers[2 * self.count + 1] = b
         self.count += 1
 
-    def told(self):
+    def reported(self):
         """Return the pass in words, "" for nothing. Allocates."""
         if not (self.count or self.sent_count or self.text_count or self.wire_count or self.lit):
             return ""
@@ -397,7 +397,7 @@ class Replay:
             self.controller.moves.take_memory()
         except ValueError:
             pass
-        hal.notes.told()
+        hal.notes.reported()
         # The controller begins with the clock at 0
         controller = self.controller
         controller.reports.sent_at = controller.housekept_at = controller.heard_at = ms & WRAP
@@ -425,9 +425,9 @@ class Replay:
             self.controller.poll(now)
         finally:
             micropython.heap_unlock()
-        told = hal.notes.told()
-        if told:
-            print(ms, told)
+        reported = hal.notes.reported()
+        if reported:
+            print(ms, reported)
         if hal.given:
             hal.given = False
             hal.driver_wire.answers = hal.lost = hal.taken = ()

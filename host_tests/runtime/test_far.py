@@ -10,11 +10,11 @@ def test_both_runtimes_say_the_same(runtime):
 
 
 def test_what_leaves_the_range_is_refused():
-    _, told = frames(said(far_replay))
-    codes = [f.payload[0] for f in told if f.type & 0x8000]
+    _, reported = frames(said(far_replay))
+    codes = [f.payload[0] for f in reported if f.type & 0x8000]
     for what, _, _, expected in far_replay.cases():
         assert (what, codes[: len(expected)]) == (what, expected)
         del codes[: len(expected)]
     assert not codes
-    assert sum(f.type == 0x114 for f in told) == 4
-    assert not any(f.type == 0x39 for f in told), "no HARD_STOP"
+    assert sum(f.type == 0x114 for f in reported) == 4
+    assert not any(f.type == 0x39 for f in reported), "no HARD_STOP"

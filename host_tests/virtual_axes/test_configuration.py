@@ -138,13 +138,15 @@ def test_each_length_is_read_as_what_it_is():
 @example(2**31 - 1, 2**29, 1, -29)
 @example(-(2**31), 2**29, 1, 2)
 @example(2**31 - 1, 2**30 - 1, -1, 2)
-def test_what_is_told_is_held_within_32_bits(told, mantissa, sign, exponent):
+def test_what_is_reported_is_held_within_32_bits(reported, mantissa, sign, exponent):
     firmware = Firmware(4)
-    firmware.geometry.host_pose[0] = told
+    firmware.geometry.host_pose[0] = reported
     firmware.r[0], firmware.r[1] = sign * mantissa, exponent
     out = array("i", [0])
     kinematics._sum_to_word(out, 0, firmware.r, 0, firmware.geometry.host_pose, 0)
-    exact = told + math.floor(Fraction(sign * mantissa) * Fraction(2) ** exponent + Fraction(1, 2))
+    exact = reported + math.floor(
+        Fraction(sign * mantissa) * Fraction(2) ** exponent + Fraction(1, 2)
+    )
     assert out[0] == min(max(exact, -(2**31)), 2**31 - 1)
 
 
@@ -164,14 +166,14 @@ def test_all_positions_0_read_0(kind):
 
 
 @pytest.mark.parametrize("kind", [1, 3, 4])
-def test_the_pose_told_is_that_of_the_message(kind):
+def test_the_pose_reported_is_that_of_the_message(kind):
     """To its last digit; a target is relative to it."""
-    told = (8.25, -19999.99999, 0.00001, -10.5, 3.25, 21474.83647)
+    reported = (8.25, -19999.99999, 0.00001, -10.5, 3.25, 21474.83647)
     order = {1: (2, 1, 0, 3, 4, 5), 3: (2, 1, 0, 3, 4, 5), 4: (1, 2, 0, 3, 4, 5)}[kind]
-    axes = tuple(Axis(i + 1, 250, told[k], 5000 * i) for i, k in enumerate(order))
+    axes = tuple(Axis(i + 1, 250, reported[k], 5000 * i) for i, k in enumerate(order))
     rig = Rig(kind, axes, 857.7, 78.0, (20.0, 35.5, -12.0))
     firmware = Firmware.of(rig)
-    assert firmware.host_pose() == list(told)
+    assert firmware.host_pose() == list(reported)
     steps = {1: 2500, 2: 4000, 3: 10_700, 4: 15_500, 5: 21_000, 6: 24_000}
     firmware.locate(steps)
     joints = rig.joints(list(steps.values()))

@@ -260,8 +260,8 @@ def test_a_shot_refused_in_words(request_, words):
     tell(board, MotorSetLimits(2, 1, 0, 1, 10_000, 0))
     with Client(LockstepPort(board)) as client:
         assert words in refused(client, request_)
-        told = client.request(GetCondition()).bits & CONDITION_EXCEEDED
-        assert bool(told) == ("motor 2" in words), "the REPL tells it, too"
+        reported = client.request(GetCondition()).bits & CONDITION_EXCEEDED
+        assert bool(reported) == ("motor 2" in words), "the REPL tells it, too"
 
 
 @pytest.mark.parametrize(
@@ -286,7 +286,7 @@ def test_other_requests_refused_in_words(request_, words):
         assert words in refused(client, request_)
 
 
-def test_a_section_that_does_not_fit_is_told_without_its_positions():
+def test_a_section_that_does_not_fit_is_reported_without_its_positions():
     wild = [10_000_000 * (-1) ** i for i in range(1000)] * 16
     with Client(LockstepPort(ready_board())) as client:
         with pytest.raises(RequestRefused) as caught:
@@ -321,7 +321,7 @@ def test_values_that_fit_no_message(framestep, line):
     assert len(said.splitlines()) == 1
 
 
-def test_a_run_that_is_stopped_is_not_told_as_played(framestep, board, monkeypatch, tmp_path):
+def test_a_run_that_is_stopped_is_not_reported_as_played(framestep, board, monkeypatch, tmp_path):
     tell(board, MotorSetLimits(3, 0, 0, 0, 0, 0), MotorSetSpeed(3, 20_000, 50_000))
     move = tmp_path / "move.csv"
     move.write_text("frame,a,b,c\n" + "".join(f"{i + 1},0,0,{i * 100}\n" for i in range(24)))

@@ -119,7 +119,7 @@ def test_camera():
     assert [level for _, level in shown(session, "meter")] == [0, 1]
 
 
-def test_inputs_are_told_once_per_change():
+def test_inputs_are_reported_once_per_change():
     session = simulated()
     assert inputs(session) == 0
     set_input(session, "gio3", 0)
@@ -128,9 +128,9 @@ def test_inputs_are_told_once_per_change():
     assert inputs(session) == 0
     assert not session.events(InputLevels)
     session.run(0.1)
-    ((told, message),) = session.events(InputLevels)
+    ((reported, message),) = session.events(InputLevels)
     assert message.levels == 1
-    assert 0.020 <= told - pressed <= 0.023
+    assert 0.020 <= reported - pressed <= 0.023
     assert inputs(session) == 1
     session.forget()
     for _ in range(9):  # bounces
@@ -143,7 +143,7 @@ def test_inputs_are_told_once_per_change():
     assert [message.levels for _, message in session.events(InputLevels)] == [3]
 
 
-def test_inputs_that_change_with_no_host_are_not_told_later():
+def test_inputs_that_change_with_no_host_are_not_reported_later():
     session = simulated()
     session.port.close()
     set_input(session, "gio3", 0)
@@ -221,8 +221,8 @@ def test_go_from_an_input(dialect):
     session.forget()
     pressed = session.now
     press(0.2)
-    ((told, _),) = session.events(RtGo)
-    assert 0.02 <= told - pressed < 0.03
+    ((reported, _),) = session.events(RtGo)
+    assert 0.02 <= reported - pressed < 0.03
     press()  # in progress: no effect
     session.client.wait_event(RtEnd, 10)
     session.wait_idle()
@@ -233,7 +233,7 @@ def test_go_from_an_input(dialect):
 
 
 @pytest.mark.inside
-def test_go_from_an_input_is_told_once_the_host_listens():
+def test_go_from_an_input_is_reported_once_the_host_listens():
     """A host that read nothing until there was no room gets RT_GO later, and after it the rest in
     its order."""
     session = simulated({"go_input": 1})

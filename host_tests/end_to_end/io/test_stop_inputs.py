@@ -86,9 +86,9 @@ def test_estop(motion, factor):
     pressed = session.now
     session.run(1)
     assert not session.moving
-    ((told, message),) = session.events(HardStop)
+    ((reported, message),) = session.events(HardStop)
     assert message == HardStop(0)
-    assert told - pressed <= 0.002
+    assert reported - pressed <= 0.002
     for motor in motors:
         times, signs = session.steps(motor)
         late = times[times > pressed]
@@ -143,8 +143,8 @@ def test_limit(direction, swap):
     hit = session.now
     session.run(0.3)
     assert tuple(session.moving) == (5,)
-    ((told, message),) = session.events(HardStop)
-    assert told - hit <= 0.002
+    ((reported, message),) = session.events(HardStop)
+    assert reported - hit <= 0.002
     assert message == HardStop(1 if direction > 0 else 2, 4)
     times, signs = session.steps(4)
     assert deceleration(times, signs, hit + 0.004) == pytest.approx(4 * ACCELERATION, rel=0.05)

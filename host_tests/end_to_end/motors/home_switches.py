@@ -92,5 +92,5 @@ def home(session, *motors):
 
 def trust(session, motor=1):
     """Return (state, reason) of a motor's position."""
-    told = session.ask(GetCondition()).positions[motor - 1]
-    return told.state, told.reason
+    reported = session.ask(GetCondition()).positions[motor - 1]
+    return reported.state, reported.reason

@@ -84,9 +84,9 @@ def test_in_a_run(fps, way, ask):
     messages = watch(session, 0.4 + FRAMES / fps + 0.5, ask)
     assert_of_one_moment(session, pins, messages)
     # Every frame is reported exactly
-    told = [(time, m) for time, m in messages if m.move_time % 1000 == 0]
+    reported = [(time, m) for time, m in messages if m.move_time % 1000 == 0]
     for index in range(FRAMES)[1:]:
-        exact = [m for _, m in told if m.move_time == (index + 1) * 1000]
+        exact = [m for _, m in reported if m.move_time == (index + 1) * 1000]
         at_it = [m.steps[:2] == (PATH[1][index], PATH[2][index]) for m in exact]
         assert any(at_it)
         assert all(at_it) or index == FRAMES - 1  # it stays MOVE TIME in the post-roll
@@ -210,14 +210,14 @@ def test_at_rest_after_an_absence(away):
             tick(board)
         both = encode(MSG_MOTOR_STATUS, b"", 5) + encode(MSG_MOTOR_GET_POSITION, b"", 5)
         frames = [f for _ in range(300) for f in session.bytes_for(both, 0.001)]
-        told = [f for f in frames if f.type == MSG_MOTOR_GET_POSITION]
+        reported = [f for f in frames if f.type == MSG_MOTOR_GET_POSITION]
         statuses = [f for f in frames if f.type == MSG_MOTOR_STATUS]
-        for frame, status in zip([f for f in told if f.id == 5], statuses, strict=True):
+        for frame, status in zip([f for f in reported if f.id == 5], statuses, strict=True):
             steps = p.Positions.unpack(frame.payload).steps[:2]
             moving = p.Status.unpack(status.payload).moving
             assert moving or steps == (1000, 500), (back, steps)
         unasked = [event for _, event in session.events(p.Positions)]
-        unasked += [p.Positions.unpack(f.payload) for f in told if f.id == 0]
+        unasked += [p.Positions.unpack(f.payload) for f in reported if f.id == 0]
         assert unasked[-1].steps[:2] == (1000, 500), back
 
 
@@ -249,9 +249,9 @@ def test_in_a_burst_of_requests(request_):
     other = encode(request_.TYPE, b"", 6)
     frames = session.bytes_for((other * 3 + ask) * 4 + ask * 3)
     board.controller._handle = handle
-    told = [p.Positions.unpack(f.payload) for f in frames if f.id and len(f.payload) > 5]
+    reported = [p.Positions.unpack(f.payload) for f in frames if f.id and len(f.payload) > 5]
     session.run(0.1)
-    messages = list(zip(answered, told, strict=True))
+    messages = list(zip(answered, reported, strict=True))
     assert len(messages) >= 7
     assert_of_one_moment(session, pins, messages)
 

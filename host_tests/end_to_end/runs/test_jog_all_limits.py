@@ -194,22 +194,24 @@ def test_stopped_just_before_a_turn(grain):
         session.run(0.004)
     session.accept(p.MotorStopAll())
     session.client.wait_idle(30, 0.05)
-    told = session.ask_positions()
-    assert told.steps[0] == positions[told.move_time // 1000 - 1]
+    reported = session.ask_positions()
+    assert reported.steps[0] == positions[reported.move_time // 1000 - 1]
     session.accept(p.RtJogAll(24000, 1))
 
 
-def test_what_slows_it_down_is_told(standing):
+def test_what_slows_it_down_is_reported(standing):
     standing.speed(2, 900, 100_000)
     standing.accept(p.RtJogAll(5000, 200))
-    told = standing.client.request(p.GetExceeded())
-    assert told.what == 0
+    reported = standing.client.request(p.GetExceeded())
+    assert reported.what == 0
     standing.accept(p.RtJogAll(12000, 200))
     standing.run(2)
-    told = standing.client.request(p.GetExceeded())
-    assert (told.what, told.motor) == (EXCEEDED_SLOWED, 2)
-    assert told.by == pytest.approx(6000, rel=0.02)
-    assert abs(PATH[2][told.frame - 1] - PATH[2][told.frame - 2]) == pytest.approx(150, abs=2)
+    reported = standing.client.request(p.GetExceeded())
+    assert (reported.what, reported.motor) == (EXCEEDED_SLOWED, 2)
+    assert reported.by == pytest.approx(6000, rel=0.02)
+    assert abs(PATH[2][reported.frame - 1] - PATH[2][reported.frame - 2]) == pytest.approx(
+        150, abs=2
+    )
 
 
 def test_motors_without_a_part(standing):

@@ -66,9 +66,11 @@ def test_lights_in_a_loop(flags):
     session.run(3.5)
     session.accept(p.RtStopLoop())
     to_the_end(session)
-    for verdict, told in zip(judged(session, before, roll=0.3), laps_seen(session), strict=True):
+    for verdict, reported in zip(
+        judged(session, before, roll=0.3), laps_seen(session), strict=True
+    ):
         frames = turning(1, FRAMES) - 1
-        if told[0][1] > told[-1][1]:
+        if reported[0][1] > reported[-1][1]:
             frames = frames[::-1]
         times = frame_times(verdict, 24)
         assert_levels(session, times, frames)

@@ -53,8 +53,8 @@ def test_laps(flags, first, last):
     for motor in MOVE:
         assert_within(*session.steps(motor), VELOCITY, ACCELERATION)
         assert session.position(motor) == before[motor] + session.made(motor)
-    told = laps_seen(session)
-    turns = [p[-1][1] > p[0][1] for p in told]
+    reported = laps_seen(session)
+    turns = [p[-1][1] > p[0][1] for p in reported]
     if flags & PING_PONG:
         assert all(a != b for a, b in itertools.pairwise(turns))
     else:

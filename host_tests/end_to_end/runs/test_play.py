@@ -70,7 +70,7 @@ def test_a_move_is_played(framestep, board, move, options, begin, end):
     assert standing(board) == [STEPS[end - FIRST], -STEPS[end - FIRST]]
 
 
-def test_what_is_too_steep_is_played_and_told(framestep, board, tmp_path):
+def test_what_is_too_steep_is_played_and_reported(framestep, board, tmp_path):
     path = tmp_path / "jump.csv"
     path.write_text("frame,pan\n1,0\n2,0\n3,300\n4,300\n5,300\n")
     status, out, err = framestep(f"play {path} --velocity 20000 --acceleration 50000")
@@ -158,7 +158,7 @@ def test_a_second_ctrl_c_stops_harder(framestep, board, move, monkeypatch):
     assert err.splitlines()[:2] == ["stopping; Ctrl-C once more stops harder", "stopping harder"]
 
 
-def test_what_ends_a_run_is_told(framestep, board, move, monkeypatch):
+def test_what_ends_a_run_is_reported(framestep, board, move, monkeypatch):
     def show(display, event):
         if isinstance(event.message, Positions) and event.message.move_time == 20_000:
             board._board.set_input("estop", 0)

@@ -275,9 +275,9 @@ def test_stopped_at_any_moment(name, how):
         before = session.positions
         session.forget()
         session.accept(OPERATIONS[name])
-        tells = name not in ("jog", "position")
+        reports = name not in ("jog", "position")
         begun = 0
-        if tells and rng.random() < 0.8:
+        if reports and rng.random() < 0.8:
             session.wait_idle()
             session.accept(p.RtGo())
             begun = session.now
@@ -291,7 +291,7 @@ def test_stopped_at_any_moment(name, how):
             session.come_back()
             session.run(0.1)
             assert not [e for e in session.events(p.RtEnd) if not over]
-        elif tells:
+        elif reports:
             assert len(session.events(p.RtEnd)) == 1, (begun, how)
         else:
             assert not session.events(p.RtEnd)
@@ -306,7 +306,7 @@ def test_stopped_at_any_moment(name, how):
             if name != "position" or not signal.startswith("gio"):  # those have its frame's levels
                 assert level_now(session, signal) == 0, signal
         assert level_now(session, "dmx40") == 0
-        if tells:
+        if reports:
             session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
         # after any of these the rig works
         session.accept(p.RtPositionFrame(3))

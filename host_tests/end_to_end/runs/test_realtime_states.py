@@ -40,10 +40,10 @@ def test_what_sets_motors_in_motion_is_declared():
     the E-stop is held."""
     tried = set()
     for _, request, answers in realtime_answers.ANSWERS:
-        told = dict(zip(realtime_answers.STATES, answers.split(), strict=True))
-        if "OK" in told.values():  # other messages need virtual axes or switches
-            taken = "OK" in (told["idle"], told["ready"])
-            refused = told["estop"] == "15"
+        reported = dict(zip(realtime_answers.STATES, answers.split(), strict=True))
+        if "OK" in reported.values():  # other messages need virtual axes or switches
+            taken = "OK" in (reported["idle"], reported["ready"])
+            refused = reported["estop"] == "15"
             assert (taken and refused) is request.MOVES, request
             tried.add(request.TYPE)
     assert len(tried) > 20
@@ -203,12 +203,12 @@ class Poll:
     def __init__(self, session):
         self.session = session
         # (the latest start and the earliest end of the answer's time, bits)
-        self.told = []
+        self.reported = []
 
     def once(self):
         asked = self.session.now
         bits = self.session.ask(p.MotorStatus()).motor_bits
-        self.told.append((asked, self.session.now, bits))
+        self.reported.append((asked, self.session.now, bits))
         return bits
 
     def until_zero(self, seconds=30):
@@ -226,9 +226,11 @@ class Poll:
         two."""
         for motor in range(1, 9):
             times, _ = self.session.steps(motor)
-            for (_, told, bits), (asked, _, later) in zip(self.told, self.told[1:], strict=False):
+            for (_, reported, bits), (asked, _, later) in zip(
+                self.reported, self.reported[1:], strict=False
+            ):
                 if not (bits | later) >> (motor - 1) & 1:
-                    within = (times > told + 1e-6) & (times < asked - 1e-6)
+                    within = (times > reported + 1e-6) & (times < asked - 1e-6)
                     assert not within.any(), (motor, times[within][0])
 
 
@@ -278,9 +280,9 @@ def test_no_zero_in_a_loop(polled, flags, pre):
     session.accept(run_request(24, 1, 7, pre, pre, flags=flags))
     poll.until_zero()
     session.accept(p.RtGo())
-    begun = len(poll.told)
+    begun = len(poll.reported)
     poll.for_seconds(2.9)
-    assert all(bits & 0b11 == 0b11 for _, _, bits in poll.told[begun:])
+    assert all(bits & 0b11 == 0b11 for _, _, bits in poll.reported[begun:])
     session.accept(p.RtStopLoop())
     poll.until_zero()
     session.run(0.005)
@@ -296,9 +298,9 @@ def test_status_of_holds_and_waits(polled):
     session.accept(p.RtShootFrame2(9, 3000, -180, 360))
     poll.until_zero()
     session.accept(p.RtGo())
-    begun = len(poll.told)
+    begun = len(poll.reported)
     poll.for_seconds(2.9)
-    assert all(bits == 0b11 for _, _, bits in poll.told[begun:])
+    assert all(bits == 0b11 for _, _, bits in poll.reported[begun:])
     poll.until_zero()
     assert session.client.take_event(p.RtEnd)
     poll.check()

@@ -94,13 +94,13 @@ def test_corners_are_played_as_uploaded(fast, acceleration):
     fast.speed(1, 20000, acceleration)
     before = fast.play(run_request(24, 11, 18))
     assert_played(fast, before, positions, 24)
-    told = fast.ask(p.GetExceeded())
+    reported = fast.ask(p.GetExceeded())
     if acceleration < 28_800:
-        assert (told.what, told.motor) == (2, 1)
-        assert told.frame in (13, 16)
-        assert told.by == 28_800 - acceleration
+        assert (reported.what, reported.motor) == (2, 1)
+        assert reported.frame in (13, 16)
+        assert reported.by == 28_800 - acceleration
     else:
-        assert told.what == 0
+        assert reported.what == 0
     assert bool(fast.ask(p.GetCondition()).bits & 0x80) == (acceleration < 28_800)
 
 
@@ -110,8 +110,8 @@ def test_strict_moves():
     fast.upload({1: CORNERS, 2: 10 * np.arange(8)})
     fast.speed(1, 20000, 20_000)
     fast.refuse(p.Ack.ERR_RANGE, run_request(24, 1, 8))
-    told = fast.ask(p.GetExceeded())
-    assert (told.what, told.motor, told.frame, told.by) == (2, 1, 3, 8_800)
+    reported = fast.ask(p.GetExceeded())
+    assert (reported.what, reported.motor, reported.frame, reported.by) == (2, 1, 3, 8_800)
     fast.accept(run_request(12, 1, 8))
     fast.wait_idle()
     assert fast.ask(p.GetExceeded()).what == 0
@@ -120,15 +120,15 @@ def test_strict_moves():
     assert_played(fast, before, {1: CORNERS, 2: 10 * np.arange(8)}, 24)
 
 
-def test_what_is_exceeded_is_told(fast):
+def test_what_is_exceeded_is_reported(fast):
     """Velocity: the first frame that is too far, and by how much."""
     fast.upload(
         {1: np.zeros(30, int), 3: np.concatenate((np.zeros(20, int), 1000 + np.zeros(10, int)))}
     )
     fast.speed(3, 20_000, 100_000)
     fast.refuse(p.Ack.ERR_RANGE, run_request(24, 1, 30))
-    told = fast.ask(p.GetExceeded())
-    assert (told.what, told.motor, told.frame, told.by) == (1, 3, 21, 4_000)
+    reported = fast.ask(p.GetExceeded())
+    assert (reported.what, reported.motor, reported.frame, reported.by) == (1, 3, 21, 4_000)
 
 
 @pytest.mark.parametrize("fps", [24, 60, 200])

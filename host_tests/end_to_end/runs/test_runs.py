@@ -25,7 +25,7 @@ def test_run_in_all_three_lengths(both, more):
     assert_played(both, before, MOVE, 24)
 
 
-def test_run_told(loaded):
+def test_run_reported(loaded):
     """At each frame's time a position report has its MOVE TIME, then RT_END comes once; field notes
     4.6 and 6.4."""
     loaded.ready(run_request(24, 1, FRAMES, 700, 300))
@@ -42,13 +42,13 @@ def test_run_told(loaded):
         i for i, k in enumerate(kinds) if k is p.Positions and i < kinds.index(p.RtEnd)
     )
     # the first report of each frame
-    told = {}
+    reported = {}
     for time, message in loaded.events(p.Positions):
         if time > times[0] - 0.05:
-            told.setdefault(message.move_time, (time, message))
-    told.pop(1000 if 1000 in told and told[1000][0] < times[0] - 0.005 else None, None)
+            reported.setdefault(message.move_time, (time, message))
+    reported.pop(1000 if 1000 in reported and reported[1000][0] < times[0] - 0.005 else None, None)
     for i in range(1, FRAMES):
-        time, message = told[1000 * (i + 1)]
+        time, message = reported[1000 * (i + 1)]
         assert 0 <= time - times[i] <= 0.004, i
         for motor, steps in MOVE.items():
             rate = abs(int(steps[i]) - int(steps[i - 1])) * 24
@@ -98,7 +98,7 @@ def test_sections_and_backward(loaded, first, last):
     before = loaded.play(run_request(25, first, last, 500, 500))
     assert_played(loaded, before, section(first, last), 25)
     step = 1 if last > first else -1
-    assert [t for t in loaded.frames_told() if t] == [
+    assert [t for t in loaded.frames_reported() if t] == [
         1000 * f for f in range(first, last + step, step)
     ]
 

@@ -44,11 +44,11 @@ class Rig:
         """Return what a refusal says: the text, what the request needs, what is free."""
         with pytest.raises(RequestRefused) as caught:
             self.client.request(request)
-        told = self.client.request(p.GetExceeded())
+        reported = self.client.request(p.GetExceeded())
         said = str(explain(self.client, caught.value))
-        if told.what != EXCEEDED_MEMORY:
+        if reported.what != EXCEEDED_MEMORY:
             return said, None, None
-        return said, told.by, told.room
+        return said, reported.by, reported.room
 
     def unreported(self):
         """Whether the REPL has something to report; clear it."""

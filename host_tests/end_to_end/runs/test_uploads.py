@@ -125,7 +125,7 @@ def test_frame_numbers_at_their_ends(fast):
             assert fast.ask_positions().move_time == frame * 1000
         before = fast.play(run_request(24, start, start + FRAMES - 1))
         assert_played(fast, before, MOVE, 24)
-        assert set(fast.frames_told()) >= {1000 * (start + i) for i in range(FRAMES)}
+        assert set(fast.frames_reported()) >= {1000 * (start + i) for i in range(FRAMES)}
 
 
 def test_a_new_upload_replaces(loaded):
@@ -152,4 +152,4 @@ def test_negative_frames_and_far_positions(fast):
     # run-ups and run-outs would exceed the range of 32 bits; from -5 to 9 they do not
     before = fast.play(run_request(24, -5, 9, 100, 100))
     assert_played(fast, before, {m: s[5:20] for m, s in positions.items()}, 24)
-    assert set(fast.frames_told()) >= {1000 * frame for frame in range(-5, 10)}
+    assert set(fast.frames_reported()) >= {1000 * frame for frame in range(-5, 10)}

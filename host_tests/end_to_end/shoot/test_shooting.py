@@ -107,7 +107,7 @@ def test_pauses_are_of_the_boards_time(framestep, board, move):
     assert (opened_2 - closed_2) - (opened - closed) == pytest.approx(5e9, abs=50e6)
 
 
-def test_ctrl_c_tells_what_is_shot(framestep, board, move, monkeypatch):
+def test_ctrl_c_reports_what_is_shot(framestep, board, move, monkeypatch):
     def shot(display, done, frame):
         if done == 2:
             display.armed = True

@@ -164,7 +164,7 @@ def test_without_a_configuration():
     session.refuse(Ack.ERR_GENERAL, *requests)
 
 
-def test_positions_are_told_beside_those_of_the_motors():
+def test_positions_are_reported_beside_those_of_the_motors():
     """Field note 9.8; they follow the motors, whatever has moved these."""
     session = configured(XYZ)
     session.ask(MotorMove(2, 3000))
@@ -349,7 +349,7 @@ def test_what_cannot_be_reached_is_refused_before_anything_moves(rig, number, ta
     assert all(session.made(motor) == 0 for motor in range(1, 7))
 
 
-def test_the_command_line_tells_and_moves(monkeypatch, capsys):
+def test_the_command_line_reports_and_moves(monkeypatch, capsys):
     session = configured(XYZ)
     monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(session.board)))
     assert cli.app.status(["virtual", "socket://x", "pan", "6.5"]) == 0

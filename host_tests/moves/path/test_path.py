@@ -293,11 +293,11 @@ def test_it_is_the_same_check_in_pieces(frames, batch, order, steepest):
     whole, in_pieces = checked(frames, order, **limits), checked(frames, order, batch, **limits)
     assert whole[1] == in_pieces[1]
     if whole[1] == path_check.TOO_FAST:
-        told = path_check.FASTEST, path_check.FASTEST_AT
+        reported = path_check.FASTEST, path_check.FASTEST_AT
     else:
-        told = path_check.FOUND, path_check.SEEN
+        reported = path_check.FOUND, path_check.SEEN
     if whole[1] != path_check.FITS:
-        assert [whole[0][word] for word in told] == [in_pieces[0][word] for word in told]
+        assert [whole[0][word] for word in reported] == [in_pieces[0][word] for word in reported]
 
 
 @given(moves, st.integers(1, 20_000))

@@ -33,8 +33,8 @@ def check(player, fps, frames=None, begin=0, step=1, ways=WAY_UP, **more):
 
 
 def exceeded(player):
-    told = player.exceeded
-    return {word: told[getattr(results, word)] for word in ("WHAT", "MOTOR", "FRAME", "BY")}
+    reported = player.exceeded
+    return {word: reported[getattr(results, word)] for word in ("WHAT", "MOTOR", "FRAME", "BY")}
 
 
 def place(value):
@@ -140,7 +140,7 @@ def test_neighbouring_frames_may_lie_as_far_apart_as_the_velocity_allows_and_one
     assert check(player, fps, begin=begin, step=step) == m.ERR_RANGE
 
 
-def test_what_was_too_fast_is_told_with_its_motor_its_frame_and_by_how_much():
+def test_what_was_too_fast_is_reported_with_its_motor_its_frame_and_by_how_much():
     player = player_of([0, 100, 200, 350, 450], start=101, velocity=2400)
     assert check(player, 24) == m.ERR_RANGE
     assert exceeded(player) == {
@@ -152,7 +152,7 @@ def test_what_was_too_fast_is_told_with_its_motor_its_frame_and_by_how_much():
 
 
 @pytest.mark.parametrize("step", [1, -1])
-def test_of_all_frames_that_are_too_fast_the_fastest_is_told(step):
+def test_of_all_frames_that_are_too_fast_the_fastest_is_reported(step):
     """A user who gives the motor that velocity is not refused again."""
     path = [0, 150, 250, 650, 800, 600, 500] + [500] * 40 + [250]
     player = player_of(path, start=101, velocity=2400)
@@ -168,13 +168,13 @@ def test_of_all_frames_that_are_too_fast_the_fastest_is_told(step):
     assert check(needed, 24, frames=len(path), begin=begin, step=step) == m.OK
 
 
-def test_a_motor_that_takes_up_its_play_is_told_what_that_needs():
+def test_a_motor_that_takes_up_its_play_is_reported_what_that_needs():
     player = player_of([0, 100, 0], velocity=2400)
     player.axes.set_backlash(0, 40)
     assert check(player, 24) == m.ERR_RANGE
-    told = exceeded(player)
-    assert told["WHAT"] == m.EXCEEDED_VELOCITY
-    assert told["BY"] == (140 + 70 + 100 // 8) * 24 - 2400
+    reported = exceeded(player)
+    assert reported["WHAT"] == m.EXCEEDED_VELOCITY
+    assert reported["BY"] == (140 + 70 + 100 // 8) * 24 - 2400
 
 
 def test_only_the_frames_played_count():
@@ -198,16 +198,16 @@ def test_of_65535_frames_each_is_checked(frame):
     assert check(player, 24) == m.ERR_RANGE
 
 
-def test_a_sharp_corner_is_no_reason_to_refuse_but_is_told():
+def test_a_sharp_corner_is_no_reason_to_refuse_but_is_reported():
     """field note 5.5: the corners of an uploaded path are what the animator drew."""
     player = player_of([0, 0, 100, 200], acceleration=10_000)
     assert check(player, 24) == m.OK
-    told = exceeded(player)
-    assert (told["WHAT"], told["FRAME"]) == (m.EXCEEDED_ACCELERATION, 2)
-    assert told["BY"] == pytest.approx(100 * 24 * 24 - 10_000, abs=1)
+    reported = exceeded(player)
+    assert (reported["WHAT"], reported["FRAME"]) == (m.EXCEEDED_ACCELERATION, 2)
+    assert reported["BY"] == pytest.approx(100 * 24 * 24 - 10_000, abs=1)
 
 
-def test_the_sharper_corner_of_two_motors_is_told():
+def test_the_sharper_corner_of_two_motors_is_reported():
     player = player_of([0, 0, 100, 200], [0, 0, 0, 200], acceleration=10_000)
     assert player.check(3, 0, 4, 24_000, 1, WAY_UP) == m.OK
     assert (exceeded(player)["MOTOR"], exceeded(player)["FRAME"]) == (1, 3)
@@ -220,7 +220,7 @@ def test_strict_moves_refuse_it():
     assert exceeded(player)["WHAT"] == m.EXCEEDED_ACCELERATION
 
 
-def test_a_move_that_fits_tells_nothing():
+def test_a_move_that_fits_reports_nothing():
     player = player_of([0, 0, 100, 200], acceleration=10_000)
     check(player, 24)
     assert check(player, 1) == m.OK

@@ -26,7 +26,7 @@ def drive_in(folder, board="RPI-RP2"):
 
 
 @pytest.mark.parametrize(("board", "chip"), [("RPI-RP2", "rp2040"), ("RP2350", "rp2350")])
-def test_a_drive_tells_its_chip(tmp_path, board, chip):
+def test_a_drive_names_its_chip(tmp_path, board, chip):
     assert bootsel_drive.look(drive_in(tmp_path, board)) == Drive(tmp_path, chip)
 
 

@@ -36,19 +36,19 @@ NO_JSON = {
 
 
 @pytest.mark.parametrize("text", WRONG)
-def test_a_wrong_setting_is_told_as_on_the_board(text, tmp_path, capsys):
+def test_a_wrong_setting_is_reported_as_on_the_board(text, tmp_path, capsys):
     file = tmp_path / "rig.json"
     file.write_text(text)
     assert cli.app.status(["rig", "check", str(file)]) == 1
     said = capsys.readouterr().err.strip()
     _, mistake = rig.load(str(file), board_data("pico"))
-    told = re.sub(r"; did you mean \w+\? There", "; there", said)
-    assert told == f"framestep: {mistake}"
-    assert WRONG[text] in told
+    reported = re.sub(r"; did you mean \w+\? There", "; there", said)
+    assert reported == f"framestep: {mistake}"
+    assert WRONG[text] in reported
 
 
 @pytest.mark.parametrize("content", NO_JSON)
-def test_what_is_no_json_is_told_with_its_line(content, tmp_path, capsys):
+def test_what_is_no_json_is_reported_with_its_line(content, tmp_path, capsys):
     file = tmp_path / "rig.json"
     file.write_bytes(content)
     assert cli.app.status(["rig", "check", str(file)]) == 1
@@ -73,21 +73,21 @@ def edit(tmp_path, versions, answers):
     these versions."""
     file = tmp_path / "rig.json"
     file.write_text("{}")
-    versions, answers, told = iter(versions), iter(answers), []
+    versions, answers, reported = iter(versions), iter(answers), []
 
     def again(mistake):
-        told.append(mistake)
+        reported.append(mistake)
         return next(answers)
 
     return rig_file.edit_until_right(
         file, board_data("pico"), lambda p: p.write_text(next(versions)), again
-    ), told
+    ), reported
 
 
 def test_editing_until_it_is_right(tmp_path):
-    new, told = edit(tmp_path, ['{"ports": 3}', '{"ports": 2', '{"ports": 1}'], [True, True])
+    new, reported = edit(tmp_path, ['{"ports": 3}', '{"ports": 2', '{"ports": 1}'], [True, True])
     assert new == b'{"ports": 1}'
-    assert [mistake.split(",")[0] for mistake in told] == [
+    assert [mistake.split(",")[0] for mistake in reported] == [
         "rig.json: ports: found 3",
         "rig.json: not valid JSON in line 1",
     ]
@@ -100,7 +100,7 @@ def test_giving_up_and_leaving_it_as_it_was(tmp_path):
     assert edit(tmp_path, ["no JSON", "{}"], [True])[0] is None
 
 
-def test_a_setting_that_was_changed_in_a_comment_is_told(tmp_path):
+def test_a_setting_that_was_changed_in_a_comment_is_reported(tmp_path):
     path = tmp_path / "rig.json"
     path.write_text(rig_file.commented("{}"))
     asked = []
@@ -213,7 +213,7 @@ def test_what_goes_onto_a_board_has_no_comments(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b'{"ports": 1} // one', b'\xef\xbb\xbf{"ports": 1}'])
-def test_a_boards_file_with_comments_is_told_as_such(content):
+def test_a_boards_file_with_comments_is_reported_as_such(content):
     with pytest.raises(RigFileError, match="a board reads neither // comments nor a byte order"):
         rig_file.parse(content, "/rig.json")
 
@@ -233,7 +233,7 @@ def test_a_draft_goes_on_from_what_the_board_has(tmp_path):
 
 def test_what_is_copied_out_of_the_comments(tmp_path):
     draft = rig_file.commented("{}")
-    told = []
+    reported = []
     file = tmp_path / "rig.json"
     file.write_text(draft)
     lines = draft.splitlines()
@@ -242,10 +242,10 @@ def test_what_is_copied_out_of_the_comments(tmp_path):
         file,
         board_data("pico"),
         lambda p: p.write_text("\n".join(lines)),
-        lambda mistake: told.append(mistake),
+        lambda mistake: reported.append(mistake),
     )
     assert new == b'{\n"ports": 1,\n"dmx": false}'
-    assert not told
+    assert not reported
     lines[2] = '{\n"ports" 1}'
     with pytest.raises(RigFileError, match="line 4, column 9"):
         rig_file.edit_until_right(

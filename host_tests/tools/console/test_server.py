@@ -86,8 +86,8 @@ class Stage:
 
     def __init__(self, work=None, serial=False):
         self._board = Server(SimulatedBoard({"jog_timeout_ms": 0}, 2), speed=1.0, tcp="127.0.0.1:0")
-        told = {len(each.split()): each.split()[-1] for each in self._board.announcements}
-        self.device = told[1] if serial else f"socket://{told[2]}"
+        reported = {len(each.split()): each.split()[-1] for each in self._board.announcements}
+        self.device = reported[1] if serial else f"socket://{reported[2]}"
         self._loop = asyncio.new_event_loop()
         self._threads = [
             threading.Thread(target=self._run_board, daemon=True),
@@ -363,7 +363,7 @@ def test_the_port_is_let_go_when_what_went_on_has_come_to_rest(shared):
         assert client.request(MotorGetPosition()).steps[1] == before - 700
 
 
-def test_a_device_that_is_not_there_is_told(shared, monkeypatch):
+def test_a_device_that_is_not_there_is_reported(shared, monkeypatch):
     nowhere = "socket://127.0.0.1:1"
     monkeypatch.setattr(shared.server.device, "_open_port", lambda: open_port(nowhere, 1.0))
     with shared.link() as page:
@@ -520,7 +520,7 @@ def test_what_a_page_sends_after_the_port_was_closed_is_dropped():
     in_a_loop(play())
 
 
-def test_a_page_gets_the_port_however_often_the_watch_has_to_be_told():
+def test_a_page_gets_the_port_however_often_the_watch_has_to_be_reported():
     async def play():
         server = ConsoleServer(ConsoleDevice(lambda: None, "x", BoardWork(None, "x")))
 

@@ -80,12 +80,12 @@ def test_frame_vectors():
 
 
 def test_every_message_is_in_the_table():
-    told = table()
-    missing = sorted(set(TYPE_NAMES.values()) - told.keys())
+    reported = table()
+    missing = sorted(set(TYPE_NAMES.values()) - reported.keys())
     assert not missing, (
         f"add a row to the table in 2 of docs/internals/protocol-notes.md: {missing}"
     )
-    gone = sorted(told.keys() - set(TYPE_NAMES.values()))
+    gone = sorted(reported.keys() - set(TYPE_NAMES.values()))
     assert not gone, (
         "not in framestep.protocol.declared, so remove them from the table in 2 of "
         f"docs/internals/protocol-notes.md: {gone}"
@@ -107,6 +107,6 @@ def test_requests_are_declared_as_in_the_table(cls):
 @pytest.mark.parametrize("cls", REPORTS.values(), ids=lambda cls: cls.__name__)
 def test_answers_are_declared_as_in_the_table(cls):
     """The longest form, and the shortest if the device sends more than one."""
-    told = table()[type_name(cls.TYPE)].told
-    assert told[-1] == (cls.SIZE, cls.ENTRY)
-    assert told[0][0] == cls.LEAST or len(told) == 1
+    reported = table()[type_name(cls.TYPE)].reported
+    assert reported[-1] == (cls.SIZE, cls.ENTRY)
+    assert reported[0][0] == cls.LEAST or len(reported) == 1

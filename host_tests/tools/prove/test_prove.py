@@ -371,7 +371,7 @@ def test_machines_that_do_not_wait_are_left_alone():
         ({"estop": "nc"}, [], "the E-stop is held"),
     ],
 )
-def test_what_would_be_refused_is_told_before_anything_moves(rig, requests, text):
+def test_what_would_be_refused_is_reported_before_anything_moves(rig, requests, text):
     with SimulatedBoard(rig) as board:
         client = Client(LockstepPort(board))
         client.wait_event(DeviceInfo, 10)

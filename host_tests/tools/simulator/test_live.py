@@ -94,8 +94,8 @@ def test_lights_and_outputs_are_shown(bench):
 def test_the_estop_key_stops_what_moves_and_a_second_one_frees_it(bench):
     bench.ask(p.MotorMove(1, 20000), 0.2)
     bench.server.press("e")
-    told = bench.run(0.5)
-    assert p.HardStop.TYPE in [frame.type for frame in told]
+    reported = bench.run(0.5)
+    assert p.HardStop.TYPE in [frame.type for frame in reported]
     text = bench.picture()
     assert "the E-stop is held" in text
     assert re.search(r"E-stop \(e\) +held", text)
@@ -113,8 +113,8 @@ def test_digits_press_switches_and_inputs(bench):
     bench.ask(p.MotorSetLimits(1, 0, 0, 0, 0, 1))
     bench.ask(p.MotorMove(1, 20000), 0.2)
     bench.server.press("1")
-    told = [frame for frame in bench.run(0.5) if frame.type == p.HardStop.TYPE]
-    assert [p.HardStop.unpack(frame.payload) for frame in told] == [p.HardStop(1, 1)]
+    reported = [frame for frame in bench.run(0.5) if frame.type == p.HardStop.TYPE]
+    assert [p.HardStop.unpack(frame.payload) for frame in reported] == [p.HardStop(1, 1)]
     before = p.InputLevels.unpack(bench.ask(p.GioIn())[0].payload).levels
     bench.server.press("3")
     bench.run(0.1)
@@ -133,8 +133,8 @@ def test_a_pulled_cable_is_a_lost_host_until_it_is_put_back(bench):
     assert not bench.board.host_board.moving()
     assert "the cable is out" in bench.picture()
     bench.server.press("h")
-    told = bench.run(0.1)
-    assert p.DeviceInfo.TYPE in [frame.type for frame in told]
+    reported = bench.run(0.1)
+    assert p.DeviceInfo.TYPE in [frame.type for frame in reported]
     assert len(bench.ask(p.Hi())) == 1
 
 

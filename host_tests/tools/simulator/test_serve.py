@@ -368,7 +368,7 @@ def test_pace_does_not_make_up_for_a_long_pause(monkeypatch):
         ),
     ],
 )
-def test_time_that_was_lost_is_told(speed, lost_ns, said, capsys):
+def test_time_that_was_lost_is_reported(speed, lost_ns, said, capsys):
     server = Server(FakeBoard(), speed)
     try:
         server.pace.lost_ns = lost_ns

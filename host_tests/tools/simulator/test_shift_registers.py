@@ -53,7 +53,7 @@ def test_nothing_played_has_no_edges(tmp_path):
 
 
 @pytest.mark.parametrize("cut", [1, 11, 13])
-def test_a_record_that_is_cut_off_is_told(tmp_path, cut):
+def test_a_record_that_is_cut_off_is_reported(tmp_path, cut):
     whole = (0).to_bytes(8, "little") + (4).to_bytes(4, "little") + b"\1\2\3\4"
     (tmp_path / "record").write_bytes(whole + whole[:cut])
     with pytest.raises(shift_registers.ChainError, match="ends within a buffer"):

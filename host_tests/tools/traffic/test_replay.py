@@ -205,7 +205,7 @@ def test_what_is_left_of_a_frame_is_in_the_log():
         (p.Condition(2, (p.PositionTrust(2, 1),)), "positions=[2/1]  ("),
     ],
 )
-def test_what_a_device_says_is_told_in_words(said, words):
+def test_what_a_device_says_is_reported_in_words(said, words):
     assert words in describe(Frame(0, said.TYPE, said.pack()), False)
 
 
@@ -218,7 +218,7 @@ def test_what_a_device_says_is_told_in_words(said, words):
         (p.MotorConfigure(1, 0x11), "(on, coupled)"),
     ],
 )
-def test_what_a_host_asks_is_told_in_words(said, words):
+def test_what_a_host_asks_is_reported_in_words(said, words):
     assert words in describe(Frame(1, said.TYPE, said.pack()), True)
 
 
@@ -239,7 +239,7 @@ def test_in_the_same_virtual_time_all_is_exactly_the_same(log):
     assert len(found) <= 1, found  # at most the position under way
 
 
-def test_another_board_is_told_apart(log):
+def test_another_board_is_recognised(log):
     now = played(log, SimulatedBoard({"dialect": "dmc-lite"}, 3))
     found = list(differences(log, now, Rules()))
     assert any("HI" in text and "motors=3" in text for text in found)
@@ -255,7 +255,7 @@ def test_where_the_motors_were_before_does_not_matter(log):
             assert list(differences(log, now, Rules())) == []
 
 
-def test_a_board_whose_limit_is_nearer_is_told(log):
+def test_a_board_whose_limit_is_nearer_is_reported(log):
     with SimulatedBoard({}, 2) as board:
         with Client(LockstepPort(board)) as client:
             client.request(p.MotorSetLimits(1, 0, 0, 1, 2000))
@@ -266,7 +266,7 @@ def test_a_board_whose_limit_is_nearer_is_told(log):
 
 
 @pytest.mark.parametrize(
-    ("kind", "nth", "payload", "told"),
+    ("kind", "nth", "payload", "reported"),
     [
         (p.MotorSetSpeed, 0, b"\x14\0", "OK (0x0010) instead of ACK ERR_RANGE"),
         (p.MotorMove, 1, b"\x12\0", "ERR_RANGE (0x0014) (there is no such motor"),
@@ -274,11 +274,11 @@ def test_a_board_whose_limit_is_nearer_is_told(log):
         (p.MotorMove, 0, b"\0", "(it moves) instead of moving=0"),
     ],
 )
-def test_an_answer_that_differs_is_told(log, kind, nth, payload, told):
+def test_an_answer_that_differs_is_reported(log, kind, nth, payload, reported):
     changed = with_answer(log, index_of(log, kind, nth), payload)
     found = list(differences(changed, log, Rules()))
     assert len(found) == 1, found
-    assert told in found[0]
+    assert reported in found[0]
     assert p.type_name(kind.TYPE) in found[0]
     ignored = names_known(["MSG_" + p.type_name(kind.TYPE).lower()])
     assert list(differences(changed, log, Rules(ignored=ignored))) == []
@@ -297,7 +297,7 @@ def test_a_position_under_way_is_compared_by_kind(log):
     assert list(differences(changed, log, Rules(exact=True)))
 
 
-def test_what_is_told_unasked_is_compared(log):
+def test_what_is_reported_unasked_is_compared(log):
     ends = [e for e in log if e.frame and e.frame.type == p.RtEnd.TYPE]
     without = [e for e in log if e not in ends]
     (found,) = differences(log, without, Rules())
@@ -309,7 +309,7 @@ def test_what_is_told_unasked_is_compared(log):
     )
 
 
-def test_an_answer_that_is_missing_is_told(log):
+def test_an_answer_that_is_missing_is_reported(log):
     number = index_of(log, p.MotorSetSpeed)
     asked = [e.frame for e in log if e.who == HOST and e.frame][number]
     without = [e for e in log if not (e.who == DEVICE and e.frame and e.frame.id == asked.id)]
@@ -419,9 +419,12 @@ def test_the_command_plays_a_log_against_a_device(log, tmp_path, capsys):
             with Client.open(url, 100) as client:
                 info = client.request(p.Hi())
             for motors, status in ((2, 0), (3, 1)):
-                told = encode(p.DeviceInfo.TYPE, replaced(info, motors=motors).pack(), 5)
+                reported = encode(p.DeviceInfo.TYPE, replaced(info, motors=motors).pack(), 5)
                 lines = ["# framestep sniff 1", "0 open"]
-                lines += [line_of(Entry(0.0, HOST, greeting)), line_of(Entry(0.0, DEVICE, told))]
+                lines += [
+                    line_of(Entry(0.0, HOST, greeting)),
+                    line_of(Entry(0.0, DEVICE, reported)),
+                ]
                 lines += [line_of(Entry(0.0, HOST, question)), "0 close"]
                 path = tmp_path / "log"
                 path.write_text("\n".join(lines))
