@@ -199,3 +199,32 @@ def test_functions_are_there():
                 f"{document.relative_to(ROOT)}: {found[1]} has no {found[2]}: `{part}`"
             )
     assert count > 30, "the search has found next to nothing"
+
+
+def sentences(text: str) -> list[int]:
+    """Return the numbers of words of a page's sentences, without examples, tables and headings."""
+    text = re.sub(r"^(?: {4}.*|\|.*|#.*)$", "", text, flags=re.MULTILINE)
+    text = re.sub(r"!\[[^\]]*\]\([^)]*\)", "", text)
+    text = re.sub(r"\]\([^)]*\)", "]", text)
+    return [
+        len(words)
+        for each in re.split(r"[.!?](?:\s|$)|\n\n|\n\* ", text)
+        if (words := each.split())
+    ]
+
+
+def test_sentences_are_counted():
+    assert sentences("# A\n\nOne two. Three [four](five.md)!\n\n    code\n\n* six\n* seven\n") == [
+        2,
+        2,
+        1,
+        1,
+    ]
+
+
+def test_the_readme_is_short():
+    """Who reads it for the first time has no patience. All else belongs to docs/."""
+    text = (ROOT / "README.md").read_text()
+    assert len(text.splitlines()) <= 120
+    counts = sentences(text)
+    assert sum(counts) / len(counts) <= 17, f"{sum(counts)} words in {len(counts)} sentences"
