@@ -77,6 +77,8 @@ def test_it_boots(firmware):
         )
         assert set(repl.eval(looked)) == {1}
         assert board_data("pico")["name"] in repl.eval("__import__('sys').implementation._machine")
+        # what neopixel, onewire, ds18x20 and dht need, which `mpremote mip install` adds
+        repl.exec("import _onewire; from machine import bitstream, dht_readinto")
 
 
 def test_the_longest_move_that_is_promised(firmware):
