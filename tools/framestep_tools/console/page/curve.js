@@ -55,7 +55,7 @@ export class Curve {
     setText(this.#caption, `Play head at frame ${frame.toFixed(3)}. Each motor has a scale of its own.`);
   }
 
-  /** Where a frame is in the drawing; and which frame is there. */
+  /** Convert a frame to a place in the drawing, and back. */
   x(frame) {
     const { startFrame, endFrame } = this.#move;
     const share = endFrame > startFrame ? (frame - startFrame) / (endFrame - startFrame) : 0.5;
@@ -67,7 +67,7 @@ export class Curve {
     return startFrame + ((x - LEFT) / (WIDTH - 2 * LEFT)) * (endFrame - startFrame);
   }
 
-  /** Where a motor's position is in the drawing; and which position is there. */
+  /** Convert a motor's position to a place in the drawing, and back. */
   y(motor, steps) {
     const [low, high] = this.#ranges[motor];
     const share = high > low ? (steps - low) / (high - low) : 0.5;

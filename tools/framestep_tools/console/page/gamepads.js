@@ -5,7 +5,7 @@ const ENABLE = [4, 5];
 const STOP = 1;
 const CHOOSE = [[12, -1], [13, 1]];
 const STICK = 0;
-const BEGINS = 0.5; // of the stick's way
+const BEGINS = 0.5; // of the stick's travel
 const ENDS = 0.3;
 
 export class Gamepads {

@@ -40,7 +40,7 @@ export class Keyframes {
     return this.#keys.find((key) => key.frame === frame);
   }
 
-  /** Set the pose at a frame; a keyframe that is there keeps its way and its slopes. */
+  /** Set the pose at a frame; a keyframe that is already there keeps its curve and its slopes. */
   put(frame, steps) {
     const there = this.at(frame);
     if (there) there.steps = [...steps];
@@ -48,7 +48,7 @@ export class Keyframes {
     this.#sort();
   }
 
-  /** Move a keyframe to another frame. False if that one has a keyframe. */
+  /** Move a keyframe to another frame. Return false if that frame has a keyframe. */
   shift(key, frame) {
     if (key.frame !== frame && this.at(frame)) return false;
     key.frame = frame;
@@ -64,7 +64,7 @@ export class Keyframes {
     this.#keys.sort((one, other) => one.frame - other.frame);
   }
 
-  /** Return a motor's slope at keyframe number `at`, in steps per frame: the set one, or one by itself. */
+  /** Return a motor's slope at keyframe number `at`, in steps per frame: the one that is set, or the automatic one. */
   slope(at, motor) {
     const key = this.#keys[at];
     if (key.slopes[motor] !== null) return key.slopes[motor];

@@ -8,7 +8,7 @@ const PLAYING = "playing";
 /** Events: "change", "stopped" when everything has been stopped. `name`: such as "Run 1 to 240". */
 export class Operation extends EventTarget {
   name = "";
-  /** Whether the last one has not come to its end. */
+  /** Whether the last one is still going on. */
   early = false;
   #device;
   #state = NONE;

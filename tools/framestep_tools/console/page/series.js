@@ -54,7 +54,7 @@ export class Series {
     return [`All ${frames.length} frames are shot.${note}`, late > 0];
   }
 
-  /** Bring the rig to a frame and prepare its shot. False if it is refused or stopped. */
+  /** Bring the rig to a frame and prepare its shot. Return false if it is refused or stopped. */
   async #ready(frame, request) {
     if (!(await this.#device.ask("RtPositionFrame", { frame }))) return false;
     await this.#device.seeWhatMoves();

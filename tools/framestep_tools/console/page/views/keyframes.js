@@ -120,7 +120,7 @@ export class KeyframesView {
     else this.#changed();
   }
 
-  /** The keyframes are different: keep them in the browser, and show them. */
+  /** Keep changed keyframes in the browser, and show them. */
   #changed() {
     localStorage.setItem(SAVED, this.#keyframes.text(this.#rate()));
     setText(this.#verdict, "");
@@ -213,7 +213,7 @@ export class KeyframesView {
     ].map((content) => h("td", {}, content)));
   }
 
-  /** A field for units per frame; empty: by itself, which is shown in grey. */
+  /** A field for units per frame; if it is empty, the automatic slope is shown in grey. */
   #slopeField(key, at, axis, motor, label) {
     const unit = axis.perUnit; // may be negative
     const shown = (slope) => String(Number((slope / unit).toFixed(axis.decimals + 3)));
