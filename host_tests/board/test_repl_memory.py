@@ -117,7 +117,7 @@ def test_too_little_memory_is_a_sentence():
 
 @pytest.fixture(scope="module")
 def refused():
-    """Yield the REPL of a board that rejects its rig file."""
+    """Yield the REPL of a board that refuses its rig file."""
     rig = json.dumps({"motor_count": 99}).encode()
     with (
         Emulator(

@@ -111,7 +111,7 @@ def test_a_rig_file_that_only_the_board_refuses(device, monkeypatch):
     before = work.read_rig()
     taken = rig_file.check({"ports": 2}, {}, "rig.json")
     monkeypatch.setattr(rig_file, "check", lambda *_: taken)
-    with pytest.raises(ToolError, match=r"rejects it \(/rig.json: motor_count: found 99"):
+    with pytest.raises(ToolError, match=r"refuses it \(/rig.json: motor_count: found 99"):
         work.write_rig('{"name": "wrong", "motor_count": 99}')
     assert work.read_rig() == before
     assert takes_rig(device.url)

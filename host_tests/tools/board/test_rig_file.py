@@ -278,7 +278,7 @@ def test_a_file_that_only_the_board_refuses_leaves_the_draft(tmp_path, monkeypat
 
         def see(self, opened, protocol, ports):
             assert (protocol, ports) == ("/dev/protocol", 2)
-            raise rig_change.Refused("the board rejects it (why)")
+            raise rig_change.Refused("the board refuses it (why)")
 
     def run_editor(draft):
         draft.write_text(draft.read_text().replace("before", "after"))
@@ -290,6 +290,6 @@ def test_a_file_that_only_the_board_refuses_leaves_the_draft(tmp_path, monkeypat
         rig_file.edit(Board(), "/dev/protocol")
     draft = tmp_path / "rig.json"
     assert str(caught.value) == (
-        f"the board rejects it (why); framestep rig edit {draft} goes on with the draft"
+        f"the board refuses it (why); framestep rig edit {draft} goes on with the draft"
     )
     assert "after" in draft.read_text()

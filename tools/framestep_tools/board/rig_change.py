@@ -52,4 +52,4 @@ class RigChange:
                 device.replace(RIG_FILE, self._before)
             device.restart()
         hello(self._repl, protocol, self._ports_before)
-        raise Refused(f"the board rejects it ({why}) and has restarted with the previous one")
+        raise Refused(f"the board refuses it ({why}) and has restarted with the previous one")

@@ -1,6 +1,6 @@
 """Serves the page, and connects one page at a time with the device.
 
-It listens on this computer only, or on request in the local network too. It rejects foreign
+It listens on this computer only, or on request in the local network too. It refuses foreign
 requests: a Host other than this computer (DNS rebinding: a foreign name that leads here), a
 WebSocket with the Origin of another page, and one without the token. The token is part of the
 address that the server prints, and new each time.

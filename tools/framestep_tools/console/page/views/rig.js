@@ -125,7 +125,7 @@ export class RigView {
     const again = this.#device.client;
     await this.#ask("restore_rig", found.before);
     await this.#connectAgain(again);
-    throw new Error("rig.json: the board rejects these settings together (framestep rig check says why); it has restarted with the previous file");
+    throw new Error("rig.json: the board refuses these settings together (framestep rig check says why); it has restarted with the previous file");
   }
 
   /** Return whether the board has accepted its rig file; it reports a mistake as a condition. */
