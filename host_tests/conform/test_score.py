@@ -17,6 +17,7 @@ _PARTS = {
     "no lights": ("lengths", "lights"),
     "lights that no trace shows": ("lights",),
     "answers after 20 ms": ("shoot",),
+    "each step at its frame's time": ("runs",),
     "S-curve ramps and play in the gears": ("edges", "couples"),
     "no inputs, outputs or switches": ("inputs", "lights"),
 }

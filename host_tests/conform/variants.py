@@ -48,6 +48,7 @@ VARIANTS = (
     Variant("HI of 49 bytes", 2, None, _ShortHi),
     Variant("no lights", 2, {"dmx": False}),
     Variant("lights that no trace shows", 2, None, _LevelsUnseen),
+    Variant("each step at its frame's time", 2, {"smoothing": False}),
     Variant("one motor", 1),
     Variant("two motors", 2),
     Variant("answers after 20 ms", 3, None, _Slow),

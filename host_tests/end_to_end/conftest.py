@@ -66,9 +66,9 @@ def both(request):
 
 
 @pytest.fixture
-def fast():
-    """Yield a session whose motors can do MOVE."""
-    session = simulated()
+def fast(request):
+    """Yield a session whose motors can do MOVE; its parameter is the rig file, if it has one."""
+    session = simulated(getattr(request, "param", None))
     for motor in MOVE:
         session.speed(motor, 20000, 100_000)
     return session

@@ -50,7 +50,7 @@ def draw_rig(dice: Random, board: str) -> dict:
         ("estop_cuts_power", 0.2, (True,)),
         ("strict_moves", 0.3, (True,)),
         ("go_input", 0.15, (1, 2)),
-        ("smoothing", 0.4, (True,)),
+        ("smoothing", 0.4, (False,)),
     ):
         if some() < chance:
             rig[name] = dice.choice(values)

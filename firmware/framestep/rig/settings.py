@@ -26,10 +26,10 @@ SETTINGS = {
     "strict_moves": (bool, None, None, False, "",
         "refuses moves that exceed a motor's acceleration at corners; otherwise they are played "
         "as uploaded"),
-    "smoothing": (bool, None, None, False, "",
-        "smooths out the ripple of runs that comes from rounding to whole steps. Each frame still "
-        "finds the motor on its uploaded step; the motor may make this step a little before the "
-        "frame's time instead of at it"),
+    "smoothing": (bool, None, None, True, "",
+        "smooths out the ripple of runs that comes from rounding to whole steps. At a frame's time "
+        "a motor has made its uploaded steps, the last of them up to a step's time earlier than "
+        "without smoothing. Costs a Pico with eight motors 4 % of its time at 60 frames/s"),
     "report_ms": (int, 20, 1000, 100, "ms", "how often positions are sent while something moves"),
     "motor_count": (int, 0, 12, 0, "",
         "how many motors; the other motors' pins become free. 0: all that the board has"),

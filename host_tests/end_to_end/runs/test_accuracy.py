@@ -32,7 +32,7 @@ def smooth(fps, frames, swing, phase):
     ).astype(int)
 
 
-def played(session, positions, fps, first=1, pre=500, post=500, limits=None):
+def played(session, positions, fps, first=1, pre=500, post=500, limits=None, smooth=True):
     """Upload and play; return the verdict."""
     for motor in positions:
         session.speed(motor, VELOCITY, ACCELERATION)
@@ -46,11 +46,13 @@ def played(session, positions, fps, first=1, pre=500, post=500, limits=None):
         before,
         session.positions,
         limits=limits or Limits(),
+        smooth=smooth,
     )
 
 
+@pytest.mark.parametrize("smoothed", [True, False], ids=["smooth", "exact"])
 @pytest.mark.parametrize("fps", RATES)
-def test_every_rate(fps):
+def test_every_rate(fps, smoothed):
     frames = max(5, min(40, round(1.6 * fps)))
     positions = {
         1: smooth(fps, frames, 0.6, 0.0),
@@ -59,7 +61,7 @@ def test_every_rate(fps):
         # slow, then at rest
         8: np.minimum(np.round(3 * np.arange(frames)), 3 * frames // 2).astype(int),
     }
-    verdict = played(simulated(), positions, fps)
+    verdict = played(simulated({"smoothing": smoothed}), positions, fps, smooth=smoothed)
     assert verdict.good, verdict.complaints
     steady = {m.motor: m.worst_time_us for m in verdict.motors}
     assert steady[5] < 1

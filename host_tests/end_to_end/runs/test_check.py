@@ -133,7 +133,7 @@ def test_what_fits():
         ([0, 100, 200, 300], Setting(20_000, 100_000, 0, None),
          "in its pre-roll of 1000 ms motor 2 would pass its soft limit, 0"),
         ([0, 100, 200, 300], Setting(20_000, 2000),
-         "in its pre-roll of 1000 ms motor 2 would need 2400 steps/s², its acceleration is 2000"),
+         "in its pre-roll of 1000 ms motor 2 would need 2389 steps/s², its acceleration is 2000"),
         ([0, 100, 200, 300], Setting(3_000_000, 2000), "motor 2 cannot do 3000000 steps/s"),
         ([0, 100, 200, 300], Setting(9000, 9000, 5, 4), "is above the upper one, 4"),
     ],
@@ -217,8 +217,8 @@ def test_what_is_said(framestep, tmp_path):
     assert out.splitlines() == [
         "motor 1, pan: fits",
         "  velocity      2500 steps/s at frame 1, set 5000",
-        "  acceleration  2500 steps/s² in the pre-roll, set 20000",
-        "  jerk          0 steps/s³",
+        "  acceleration  2503 steps/s² in the pre-roll, set 20000",
+        "  jerk          6 steps/s³ in the pre-roll",
         "  positions     -1150 to 3750, soft limits -1200 and none",
     ]
 
@@ -234,10 +234,7 @@ def test_for_programs(framestep):
     assert first["set"] == {"velocity": 20_000, "acceleration": 80_000, "lower": 0, "upper": 40_000}
     assert first["verdict"] == "refused"
     assert "past its upper soft limit, 40000" in first["reason"]
-    assert (
-        first["highest"] == {"value": 47_500.0, "frame": 240.0, "part": "frames"}
-        or first["highest"]["value"] == 47_500
-    )
+    assert first["highest"]["value"] == pytest.approx(47_500, abs=0.5)  # the path, not the steps
     assert found["motors"][1]["reason"] is None
 
 

@@ -22,9 +22,10 @@ def swing(fps, frames):
     return np.rint(reach * np.sin(2 * np.pi * time / period + 0.4)).astype(int)
 
 
+@pytest.mark.parametrize("smooth", [True, False], ids=["smooth", "exact"])
 @pytest.mark.parametrize("backward", [False, True], ids=["forward", "backward"])
 @pytest.mark.parametrize("fps", [1, 12, 23.976, 24, 29.97, 60])
-def test_every_edge_is_on_the_path(fps, backward):
+def test_every_edge_is_on_the_path(fps, backward, smooth):
     frames = max(7, min(40, round(1.6 * fps)))
     index = np.arange(frames)
     steps = {
@@ -36,7 +37,7 @@ def test_every_edge_is_on_the_path(fps, backward):
         ),
     }
     upload = {motor: positions.astype(int) for motor, positions in steps.items()}
-    board = SimulatedBoard(None)
+    board = SimulatedBoard({"smoothing": smooth})
     client = Client(LockstepPort(board))
     for motor in upload:
         client.request(MotorSetSpeed(motor, 20_000, 100_000))
@@ -52,12 +53,14 @@ def test_every_edge_is_on_the_path(fps, backward):
     client.wait_idle()
     client.pump(0.1)
     end = dict(enumerate(client.request(MotorGetPosition()).steps, 1))
-    path = Reference(upload, round(fps * 1000), 400, 600, first, last)
+    path = Reference(upload, round(fps * 1000), 400, 600, first, last, smooth=smooth)
     index = index[:0:-1] if backward else index
     played = {motor: positions[index] for motor, positions in upload.items()}
     edges = board.edges()
     trace = Trace.from_edges(edges)
-    verdict = judge(trace, played, round(fps * 1000), start, end, path, limits=LIMITS)
+    verdict = judge(
+        trace, played, round(fps * 1000), start, end, path, limits=LIMITS, smooth=smooth
+    )
     assert verdict.complaints == []
     assert all(path(motor, -1.0) == start[motor] for motor in upload)  # waits where the path begins
     run = Trace.from_edges([edge for edge in edges if edge[0] < ended_ns])

@@ -4,15 +4,16 @@ and the step back."""
 import numpy as np
 import pytest
 
+from framestep_tools.judge.judge import frame_times_ns
+from framestep_tools.judge.ripple import origins_ns
 from framestep_tools.payloads import MotorConfigure, RtGo
 from host_tests.end_to_end.session import run_request, simulated
 
-PERIOD = {24: 1 / 24, 23.976: 1 / 23.976, 60: 1 / 60, 25: 1 / 25}
+SLACK_NS = 30_000
 
 
 def played(positions, fps, flags=1, motor=1):
-    """Return the steps made slightly before and after each frame's time, over all possible origins
-    of the start."""
+    """Return where the motor waits, and the times (s) and directions of its steps."""
     session = simulated()
     session.speed(1, 200_000, 4_000_000)
     session.speed(2, 200_000, 4_000_000)
@@ -29,19 +30,11 @@ def played(positions, fps, flags=1, motor=1):
     return before, times, signs
 
 
-def misses(positions, fps, before, times, signs):
-    """Return the greatest distance from a frame's position at its time, for the run's best
-    origin."""
-    made = np.concatenate(([0], np.cumsum(signs))) + before
-    at = np.arange(len(positions)) * PERIOD[fps]
-    best = None
-    for origin in np.arange(times[0] - 0.2, times[0] + 0.55, 0.0001):
-        late = made[np.searchsorted(times, origin + at + 30e-6, side="right")]
-        early = made[np.searchsorted(times, origin + at - 30e-6, side="left")]
-        miss = np.minimum(np.abs(late - positions), np.abs(early - positions)).max()
-        if best is None or miss < best:
-            best = miss
-    return best
+def on_every_frame(positions, fps, before, times, signs):
+    """Return whether the motor is on each frame's position at its time, with one origin of time."""
+    due = frame_times_ns(len(positions), round(1000 * fps))
+    times = np.rint(times * 1e9).astype(int)
+    return bool(origins_ns(times, signs, before, positions, due, SLACK_NS))
 
 
 @pytest.mark.parametrize("fps", [24, 23.976, 60, 25])
@@ -56,7 +49,7 @@ def test_a_peak_is_reached(fps, peak, lean):
     made = np.cumsum(signs) + before
     assert made.max() == max(positions)
     assert made.min() == min(positions)
-    assert misses(np.array(positions), fps, before, times, signs) == 0
+    assert on_every_frame(positions, fps, before, times, signs)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -64,11 +57,11 @@ def test_any_zigzag(seed):
     rng = np.random.default_rng(seed)
     positions = np.concatenate(([0], np.cumsum(rng.integers(-60, 61, 60)))).tolist()
     before, times, signs = played(positions, 24)
-    assert misses(np.array(positions), 24, before, times, signs) == 0
+    assert on_every_frame(positions, 24, before, times, signs)
 
 
 @pytest.mark.parametrize("flag, sense", [(0x10, 1), (0x20, -1)])
 def test_coupled_motors_turn_together(flag, sense):
     positions = [0, 0, 40, 80, 100, 80, 40, 0, -40, -41, -40, 0, 0]
     before, times, signs = played(positions, 24, 1 | flag, motor=2)
-    assert misses(sense * np.array(positions), 24, before, times, signs) == 0
+    assert on_every_frame(sense * np.array(positions), 24, before, times, signs)

@@ -1,12 +1,18 @@
 """The judge, given good runs and runs with one known fault each: it must find every one of
 them."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from framestep_tools.judge.judge import Limits, NoRun, frame_times_ns, judge
+from framestep_tools.judge import judge as judging
+from framestep_tools.judge.judge import Limits, NoRun, frame_times_ns
+from framestep_tools.judge.reference import Reference
 from framestep_tools.judge.trace import Trace
 from framestep_tools.move.move_file import read_move
+
+judge = partial(judging.judge, smooth=False)
 
 ORIGIN_NS = 3_123_456_789
 ROLL_S = 1.0
@@ -53,6 +59,17 @@ class Path:
         )
 
 
+class SmoothPath:
+    """One motor's path with the rig file's `smoothing`."""
+
+    def __init__(self, positions, fps_milli):
+        self.t = frame_times_ns(len(positions), fps_milli) * 1e-9
+        self.reference = Reference({1: positions}, fps_milli, 1000 * ROLL_S, 1000 * ROLL_S)
+
+    def __call__(self, seconds):
+        return self.reference(1, seconds)
+
+
 def crossings(path, begin, end):
     """Return (times in s, directions) of the steps: step k when the path reaches k."""
     t = np.append(np.arange(begin, end, GRID_S), end)
@@ -86,11 +103,12 @@ def trace_of(move, fps_milli, kind="cubic", start=0, jitter_ns=0, seed=1):
     rng = np.random.default_rng(seed)
     signals = {}
     for motor, positions in move.items():
-        path = Path(positions, fps_milli, kind)
+        smooth = kind == "smooth"
+        path = SmoothPath(positions, fps_milli) if smooth else Path(positions, fps_milli, kind)
         first = round(float(path(-ROLL_S)))
         count = abs(first - start)
         to = np.linspace(0.2, 1.8, count) if count else np.zeros(0)
-        times, signs = crossings(path, -ROLL_S, path.t[-1] + ROLL_S)
+        times, signs = crossings(path, -ROLL_S, path.t[-1] + ROLL_S + 1.1)  # a frame of 1 s
         ns = np.concatenate((np.rint(to * 1e9), np.rint(times * 1e9) + ORIGIN_NS)).astype(np.int64)
         ns += rng.integers(-jitter_ns, jitter_ns + 1, len(ns))
         values = np.concatenate((np.full(count, np.sign(first - start), int), signs))
@@ -202,19 +220,66 @@ FAULTS = {
 }
 
 
+@pytest.mark.parametrize("kind", ["cubic", "smooth"])
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_fault_is_found(name):
+def test_a_fault_is_found(name, kind):
     motor, edit, complaint = FAULTS[name]
     move = curves()
-    good = trace_of(move, 24_000)
+    good = trace_of(move, 24_000, kind)
     end = {m: int(good.position_at(m, [10**12])[0]) for m in move}
-    assert judge(good, move, 24_000, end=end).good
-    verdict = judge(edited(good, motor, edit), move, 24_000, end=end)
+    judged = partial(judge, fps_milli=24_000, end=end)
+    if kind == "smooth":
+        path = Reference(move, 24_000, 1000 * ROLL_S, 1000 * ROLL_S)
+        judged = partial(judged, path=path, smooth=True)
+    assert judged(good, move).good
+    verdict = judged(edited(good, motor, edit), move)
     assert not verdict.good
     assert any(c.startswith(f"motor {motor}: ") and complaint in c for c in verdict.complaints), (
         verdict.complaints
     )
     assert all(c.startswith(f"motor {motor}: ") for c in verdict.complaints), verdict.complaints
+
+
+@pytest.mark.parametrize("fps_milli", FPS)
+def test_a_good_smooth_run_is_good(fps_milli):
+    """Its origin is known exactly from the ideal path, without it to a part of a step's time."""
+    frames = 12 if fps_milli == 1000 else 60
+    move = {motor: steps[:frames] for motor, steps in curves().items()}
+    trace = trace_of(move, fps_milli, "smooth", jitter_ns=1000)
+    path = Reference(move, fps_milli, 1000 * ROLL_S, 1000 * ROLL_S)
+    verdict = judge(trace, move, fps_milli, path=path, smooth=True)
+    assert verdict.complaints == []
+    assert verdict.worst_position == 0
+    assert verdict.worst_time_us < 3
+    assert abs(verdict.origin_ns - ORIGIN_NS) < 2000
+    verdict = judge(trace, move, fps_milli, smooth=True)
+    assert verdict.complaints == []
+    assert verdict.worst_time_us < 3
+    assert abs(verdict.origin_ns - ORIGIN_NS) < 0.1e12 / fps_milli / 100
+    assert not judge(trace, move, fps_milli).good
+
+
+def test_a_smooth_run_without_its_path():
+    """A motor may arrive before the frame's time and leave after it."""
+    move = curves()
+    good = trace_of(move, 24_000, "smooth")
+    times, _ = good.steps(5)
+    at = ORIGIN_NS + frame_times_ns(21, 24_000)[-1]
+    arrives, leaves = times[np.searchsorted(times, at) - 1 :][:2]
+    for ns, ok in (
+        (at - arrives, True),
+        (at - leaves, True),
+        (at - arrives + 30_000, False),
+        (at - leaves - 30_000, False),
+    ):
+        verdict = judge(
+            edited(good, 5, shifted(20, ns)),
+            move,
+            24_000,
+            limits=Limits(moving_steps=0, velocity_share=1),
+            smooth=True,
+        )
+        assert verdict.good == ok, (ns, verdict.complaints)
 
 
 def test_errors_within_the_limits_are_reported_and_pass():

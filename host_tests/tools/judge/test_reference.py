@@ -13,18 +13,20 @@ FPS = [1000, 23_976, 24_000, 60_000]
 TINY_S = 1e-9
 
 
-def both(fps_milli):
-    return Reference(MOVE.positions, fps_milli, 1000, 700), frame_times_ns(
+def both(fps_milli, smooth=True):
+    return Reference(MOVE.positions, fps_milli, 1000, 700, smooth=smooth), frame_times_ns(
         MOVE.frames, fps_milli
     ) * 1e-9
 
 
+@pytest.mark.parametrize("smooth", [False, True])
 @pytest.mark.parametrize("fps_milli", FPS)
-def test_the_path_meets_every_frame_with_one_velocity(fps_milli):
-    path, frames = both(fps_milli)
+def test_the_path_meets_every_frame_with_one_velocity(fps_milli, smooth):
+    path, frames = both(fps_milli, smooth)
     for motor, steps in MOVE.positions.items():
         for side in (-TINY_S, 0, TINY_S):
-            assert np.abs(path(motor, frames + side) - steps).max() < 1e-3
+            beyond = np.abs(path(motor, frames + side) - steps)
+            assert beyond.max() < (1 if smooth else 1e-3)
         jumps = path.velocity(motor, frames + TINY_S) - path.velocity(motor, frames - TINY_S)
         assert np.abs(jumps).max() < 1e-3
 
@@ -44,7 +46,7 @@ def test_derivatives_are_those_of_the_position():
 
 
 def test_holds_are_still():
-    path, frames = both(24_000)
+    path, frames = both(24_000, smooth=False)
     for motor, steps in MOVE.positions.items():
         for frame in np.flatnonzero(np.diff(steps) == 0):
             inside = np.linspace(frames[frame], frames[frame + 1], 5)
@@ -72,21 +74,25 @@ def test_rolls_have_constant_acceleration_and_rest_on_steps():
 
 def test_sections_and_backward_play_see_the_frames_outside():
     steps = MOVE.positions[1]
-    whole = slopes(steps, 0, len(steps) - 1)
-    assert slopes(steps, 100, 150) == pytest.approx(whole[100:151], abs=0)
-    assert slopes(steps, 150, 100) == pytest.approx(-whole[150:99:-1], abs=0)
-    forward = Reference({1: steps}, 24_000, 500, 500, 20, 60)
-    backward = Reference({1: steps}, 24_000, 500, 500, 60, 20)
-    times = np.linspace(0, 40 / 24, 200)
-    # frame times are whole µs
-    assert backward(1, times) == pytest.approx(forward(1, 40 / 24 - times), abs=0.02)
+    for smooth in (False, True):
+        whole, beyond = slopes(steps, 0, len(steps) - 1, smooth=smooth)
+        velocity, same = slopes(steps, 100, 150, smooth=smooth)
+        assert velocity == pytest.approx(whole[100:151], abs=0)
+        assert same == pytest.approx(beyond[100:151], abs=0)
+        assert slopes(steps, 150, 100, smooth=smooth)[0] == pytest.approx(-whole[150:99:-1], abs=0)
+        forward = Reference({1: steps}, 24_000, 500, 500, 20, 60, smooth=smooth)
+        backward = Reference({1: steps}, 24_000, 500, 500, 60, 20, smooth=smooth)
+        times = np.linspace(0, 40 / 24, 200)
+        # frame times are whole µs; a smooth path is half a step beyond, whichever way it goes
+        assert backward(1, times) == pytest.approx(
+            forward(1, 40 / 24 - times), abs=1.02 if smooth else 0.02
+        )
 
 
 def test_a_soft_limit_takes_the_velocity_of_a_turn():
     steps = [0, 300, 600, 540, 200, -100]
-    assert slopes(steps, 0, 5)[2] == 120
-    assert slopes(steps, 0, 5, (None, 617))[2] == 0
-    assert slopes(steps, 0, 5, (-100, 618))[2] == 120
+    for limits, velocity in (((None, None), 120), ((None, 617), 0), ((-100, 618), 120)):
+        assert slopes(steps, 0, 5, limits, smooth=False)[0][2] == velocity
 
 
 def test_a_roll_of_no_time_is_only_for_motors_at_rest():

@@ -72,19 +72,27 @@ FIGURES = (
         "µs",
         None,
         5,
-        "pins: worst distance between the time of a frame and the edge onto the frame's step, "
-        "over all frames in motion; one origin of time for all motors",
+        "pins: worst distance of the edge onto a frame's step from where the ideal path crosses "
+        "it, over all frames in motion; one origin of time for all motors",
     ),
     Figure(
         "velocity_ripple",
         "",
         None,
         0.25,
-        "pins, with `smoothing` in the rig file: rms of the velocity against the path before it "
-        "was rounded to steps, divided by the same without it; lines, eases and sines of 0.4 to "
-        "500 steps/frame at 12, 24 and 60 frames/s",
+        "pins: rms of the velocity against the path before it was rounded to steps, divided by the "
+        "same with smoothing: false in the rig file; lines, eases and sines of 0.4 to 500 "
+        "steps/frame of eight motors at 12, 24 and 60 frames/s",
     ),
     Figure("acceleration_ripple", "", None, 0.15, "the same of the acceleration"),
+    Figure(
+        "smoothing_load_percent",
+        "%",
+        None,
+        None,
+        "emulated clock: share of the processor's time in these runs at 60 frames/s, minus the "
+        "same with smoothing: false",
+    ),
     Figure(
         "tick_us_8",
         "µs",

@@ -39,7 +39,7 @@ from .figures import FIGURES
 from .late import worst_late_us
 from .moves import MOTORS, STEADY_RATES, STEEPEST, WINDOW, mixed_move, steady_move
 from .session import Session
-from .smoothness import ripple_ratios
+from .smoothness import smoothing_figures
 from .virtual_cost import virtual_update_us
 
 _CHANNELS = 512
@@ -218,7 +218,7 @@ def measure(mhz: int, cache: bool, say: Callable[[str], None]) -> dict[str, floa
     say("upload through a single port")
     with EmulatedBoard({**rig, "ports": 1}, trace=False, args=args) as board:
         figures["rx_bytes_per_s_single_port"] = upload_rate(Session(board), 1000)
-    figures["velocity_ripple"], figures["acceleration_ripple"] = ripple_ratios(rig, args, say)
+    figures |= smoothing_figures(rig, args, say)
     return {figure.key: figures[figure.key] for figure in FIGURES}
 
 

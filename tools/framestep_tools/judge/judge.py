@@ -1,11 +1,17 @@
 """Judges a played move by the edges on the pins: was each motor at its uploaded position at each
 frame's time?
 
+A run is smooth or not, after the rig file's setting `smoothing`. Without it a motor in motion
+reaches a frame's position at the frame's time. With it a motor reaches the position up to a step's
+time before, and has not left it at the frame's time.
+
 Time origin. A trace does not contain the time of the first frame, so it is found by vote. When a
 motor passes through a frame's position p(N), the edge that reaches p(N) votes for (edge time −
 frame time) as the time of frame 0. All edges of the run vote for the same moment; edges of
 positioning moves, other laps or errors vote for scattered ones. The origin is the median of the
-fullest window of `_VOTE_WINDOW_NS`, and is the same for all motors.
+fullest window of `_VOTE_WINDOW_NS`, and is the same for all motors. In a smooth run the whole time
+at p(N) votes; the origin is the middle of the time with the most votes, or where the edges fit the
+ideal path best.
 
 Frame times are rational: frame N is round(N · 10⁹ / fps_milli) µs after the run's first, which is
 frame 0.
@@ -15,8 +21,8 @@ Requirements (each can fail alone, `Limits` has the figures):
     position   within ±20 µs of a frame's time, steps made = position uploaded: ±1 in motion,
                exactly at rest (where a neighbouring frame has the same position)
     time       in motion the edge that reaches the position comes within 20 µs of the frame's time;
-               at rest and where the motion turns the motor has arrived by then, and does not leave
-               before
+               in a smooth run, at rest and where the motion turns, the motor has arrived by then,
+               and does not leave before
     sum        all steps of the trace add up to the motor's reported position, if given
     holds      no edge between two frames with the same position
     reversals  no edge against the motion between two frames, except at a turn: there the path may
@@ -32,6 +38,9 @@ If the ideal path is given (reference.py makes one), it decides the last two, an
     velocity   the fitted cubics have the path's velocity at the frame
     path       each edge lies where the path crosses that step: reported, and judged if there is a
                limit for it
+
+With it the time error in motion is the lateness of the edge that reaches the position, also in a
+smooth run.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -148,6 +157,7 @@ def judge(
     path: Callable[[int, np.ndarray], np.ndarray] | None = None,
     after_ns: int = 0,
     limits: Limits = Limits(),
+    smooth: bool = True,
 ) -> Verdict:
     """Judge the edges of a run.
 
@@ -157,6 +167,7 @@ def judge(
     end         the motor's reported position after the last edge
     path        path(motor, seconds): the ideal positions at times after the first frame
     after_ns    earliest time of the run
+    smooth      setting `smoothing` of the rig file
 
     Raises NoRun if no motor passes through frames in time with the others.
     """
@@ -169,13 +180,16 @@ def judge(
     start = start or {}
     times = frame_times_ns(counts.pop(), fps_milli)
     made = {motor: trace.positions(motor, start.get(motor, 0)) for motor in frames}
-    origin = _origin(frames, made, start, times, after_ns)
+    origin = _origin(frames, made, start, times, after_ns, smooth)
+    if path and smooth:
+        origin = _fitted(origin, path, made, int(times[-1]))
     verdict = Verdict(fps_milli, len(times), origin, [])
     for motor, steps in frames.items():
         edges, after = made[motor]
-        one = _Motor(motor, steps, origin + times, edges, after, start.get(motor, 0), limits)
+        stands = start.get(motor, 0)
+        one = _Motor(motor, steps, origin + times, edges, after, stands, limits, smooth)
         verdict.motors.append(one.judge(path, verdict.complaints))
-        counted = start.get(motor, 0) + int(np.sum(trace.steps(motor)[1]))
+        counted = stands + int(np.sum(trace.steps(motor)[1]))
         if end and end.get(motor, counted) != counted:
             verdict.complaints.append(
                 f"motor {motor}: is at {counted} by its steps, but reports {end[motor]}"
@@ -214,25 +228,47 @@ def _turns(steps: np.ndarray) -> np.ndarray:
     return turns
 
 
-def _origin(frames, made, start, times, after_ns) -> int:
-    votes = []
+def _near_motion(steps: np.ndarray) -> np.ndarray:
+    """Return True for each frame with a step before or after it."""
+    moves = np.diff(steps) != 0
+    return np.append(moves, False) | np.append(False, moves)
+
+
+def _votes(steps, edges, after, start, times, after_ns, smooth):
+    """Yield arrays of times of frame 0, earliest and latest, with which a motor is right."""
+    if smooth:
+        places = np.append(start, after)
+        begins = np.append(edges[0] - times[-1], edges)
+        ends = np.append(edges, edges[-1] + times[-1])
+        groups = [(_near_motion(steps), ends > after_ns)]
+    else:
+        places, begins, ends = after, edges, edges
+        signs = np.diff(after, prepend=start)
+        groups = [
+            (_through(steps) == sign, (signs == sign) & (edges >= after_ns)) for sign in (1, -1)
+        ]
+    for frames, kept in groups:
+        order = np.flatnonzero(kept)
+        order = order[np.argsort(places[order], kind="stable")]
+        first = np.searchsorted(places[order], steps[frames], side="left")
+        end = np.searchsorted(places[order], steps[frames], side="right")
+        for time, low, high in zip(times[frames], first, end, strict=True):
+            there = order[low:high]
+            yield np.stack((begins[there], ends[there])) - time
+
+
+def _origin(frames, made, start, times, after_ns, smooth) -> int:
+    votes: list[np.ndarray] = []
     for motor, steps in frames.items():
         edges, after = made[motor]
-        if not len(edges):
-            continue
-        before = np.concatenate(([start.get(motor, 0)], after[:-1]))
-        for direction in (1, -1):
-            through = np.flatnonzero(_through(steps) == direction)
-            kept = np.flatnonzero((after - before == direction) & (edges >= after_ns))
-            order = kept[np.argsort(after[kept], kind="stable")]
-            first = np.searchsorted(after[order], steps[through], side="left")
-            end = np.searchsorted(after[order], steps[through], side="right")
-            for frame, low, high in zip(through, first, end, strict=True):
-                votes.append(edges[order[low:high]] - times[frame])
-    ballots = np.sort(np.concatenate(votes)) if votes else np.zeros(0, np.int64)
-    counts = np.searchsorted(ballots, ballots + _VOTE_WINDOW_NS, side="right") - np.arange(
-        len(ballots)
-    )
+        if len(edges):
+            votes += _votes(steps, edges, after, start.get(motor, 0), times, after_ns, smooth)
+    begins, ends = np.sort(np.concatenate(votes, axis=1) if votes else np.zeros((2, 0), np.int64))
+    if smooth:  # how many votes are valid at each beginning of one
+        counts = np.arange(1, len(begins) + 1) - np.searchsorted(ends, begins, side="left")
+    else:
+        counts = np.searchsorted(begins, begins + _VOTE_WINDOW_NS, side="right")
+        counts -= np.arange(len(begins))
     if counts.max(initial=0) < _LEAST_VOTES:
         raise NoRun(
             "no run of this move in the trace: at least "
@@ -241,25 +277,56 @@ def _origin(frames, made, start, times, after_ns) -> int:
             "check the frame rate, the start positions and the upload"
         )
     best = int(np.argmax(counts))
-    return int(np.median(ballots[best : best + counts[best]]))
+    if smooth:
+        return int(begins[best] + ends[np.searchsorted(ends, begins[best])]) // 2
+    return int(np.median(begins[best : best + counts[best]]))
+
+
+def _fitted(origin, path, made, length) -> int:
+    """Return the origin next to `origin` with which the edges of the run fit the path best."""
+    for _ in range(2):
+        found = []
+        for motor, (edges, after) in made.items():
+            run = slice(*np.searchsorted(edges, (origin, origin + length)))
+            error_us, _ = _along(path, motor, (edges[run] - origin) * 1e-9, after[run])
+            if not np.isnan(error_us).all():
+                found.append(np.nanmedian(error_us))
+        if found:
+            origin += int(1000 * np.median(found))
+    return origin
+
+
+def _along(path, motor, seconds, after) -> tuple[np.ndarray, np.ndarray]:
+    """Return each edge's lateness against the path's crossing of its position (µs), and the path's
+    velocity. Within a step of rest: NaN and 0."""
+    before, ideal, behind = (path(motor, seconds + h) for h in (-_STENCIL_S, 0.0, _STENCIL_S))
+    velocity = (behind - before) / (2 * _STENCIL_S)
+    acceleration = (behind - 2 * ideal + before) / _STENCIL_S**2
+    # A step comes when the path reaches its position, up or down.
+    moving = velocity**2 > 2 * np.abs(acceleration)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        late = np.where(moving, (ideal - after) / velocity * 1e6, np.nan)
+    return late, np.where(moving, velocity, 0)
 
 
 class _Motor:
     """Judgement of one motor. All times, also of frames, are in ns as in the trace."""
 
-    def __init__(self, motor, steps, times, edges, after, start, limits: Limits):
+    def __init__(self, motor, steps, times, edges, after, start, limits: Limits, smooth: bool):
         self.motor, self.steps, self.times, self.limits = motor, steps, times, limits
+        self.smooth = smooth
         self.edges, self.after, self.start = edges, after, start
         self.positions = np.concatenate(([start], after))  # positions[i]: position after i edges
         self.through = _through(steps)
 
     def judge(self, path, complaints: list[str]) -> MotorVerdict:
         limits = self.limits
-        position, time_us = self._at_frames()
+        position, time_us = self._at_frames(path)
         run = slice(*np.searchsorted(self.edges, (self.times[0], self.times[-1] + 1)))
         seconds = (self.edges[run] - self.times[0]) * 1e-9
         if path:
-            error_us, forward = self._along(path, seconds, run)
+            error_us, velocity = _along(path, self.motor, seconds, self.after[run])
+            forward = velocity * np.diff(self.positions[run.start : run.stop + 1])
             wrong_velocity, fitted = self._velocity_errors(path)
         else:
             error_us = np.zeros(0)
@@ -337,14 +404,15 @@ class _Motor:
                 moving[at] = self._position_at(outside) != self._position_at(self.times[at])
         return moving
 
-    def _at_frames(self) -> tuple[np.ndarray, np.ndarray]:
+    def _at_frames(self, path) -> tuple[np.ndarray, np.ndarray]:
         """Return the position error (steps) and the time error (µs) at each frame."""
         count = len(self.times)
         position, time_us = np.zeros(count, np.int64), np.full(count, np.nan)
         slack = int(self.limits.time_us * 1000)
         # the motor was at positions[i] from around[i] to around[i + 1]
         around = np.concatenate(([_EVER_BEFORE], self.edges, [_EVER_AFTER]))
-        through = np.where(self._end_in_motion(), 1, self.through)
+        through = np.where(self._end_in_motion(), 1, self.through) != 0
+        arrived = np.full(count, np.nan)
         turns = _turns(self.steps)
         for frame in range(count):
             at, wanted = int(self.times[frame]), self.steps[frame]
@@ -361,11 +429,18 @@ class _Motor:
                 time_us[frame] = np.nan if turns[frame] else np.inf
                 continue
             reached, left = around[there], around[there + 1]
-            if through[frame]:
+            if through[frame] and not self.smooth:
                 distance = reached - at
             else:
                 distance = np.where(reached > at, reached - at, np.where(left <= at, left - at, 0))
-            time_us[frame] = distance[np.argmin(np.abs(distance))] / 1000
+            nearest = np.argmin(np.abs(distance))
+            time_us[frame] = distance[nearest] / 1000
+            arrived[frame] = reached[nearest]
+        if path and self.smooth:
+            seen = np.flatnonzero(through & ~np.isnan(arrived))
+            seconds = (arrived[seen] - self.times[0]) * 1e-9
+            late_us, _ = _along(path, self.motor, seconds, self.steps[seen])
+            time_us[seen] = np.where(np.isnan(late_us), time_us[seen], late_us)
         return position, time_us
 
     def _between_frames(self) -> tuple[int, int]:
@@ -423,20 +498,3 @@ class _Motor:
         before, behind = (velocity - ideal for velocity in self._velocities())
         worse = np.nan_to_num(np.abs(before), nan=-1.0) > np.nan_to_num(np.abs(behind), nan=-1.0)
         return np.where(worse, before, behind), ideal
-
-    def _along(self, path, seconds: np.ndarray, run: slice) -> tuple[np.ndarray, np.ndarray]:
-        """Return each edge's lateness against the path's crossing of its position (µs), and whether
-        it goes with the path (1) or against it (-1). Within a step of rest: NaN and 0."""
-        before, ideal, behind = (
-            path(self.motor, seconds + h) for h in (-_STENCIL_S, 0.0, _STENCIL_S)
-        )
-        velocity = (behind - before) / (2 * _STENCIL_S)
-        acceleration = (behind - 2 * ideal + before) / _STENCIL_S**2
-        # A step comes when the path reaches its position, up or down.
-        ahead = ideal - self.after[run]
-        moving = velocity**2 > 2 * np.abs(acceleration)
-        signs = np.diff(self.positions[run.start : run.stop + 1])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(moving, ahead / velocity * 1e6, np.nan), np.where(
-                moving, np.sign(velocity * signs), 0
-            )

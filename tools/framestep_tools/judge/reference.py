@@ -1,10 +1,10 @@
 """The ideal motion of a run, for judging and drawing a played move.
 
-The velocity at a frame comes from the firmware (framestep.moves.path.path.slope). Everything else
-is calculated here independently in floating point: a cubic Hermite from frame to frame, the end
-frame's period at constant velocity, and pre-roll and post-roll with constant acceleration from and
-to rest on a whole step, as framestep/moves/run.py describes them. It does not include backlash or
-the way back to the end frame.
+The velocity at a frame, and how far beyond its position a smoothed run passes it, come from the
+firmware (slope() in framestep.moves.path.path and .smoothing). Everything else is calculated here
+independently in floating point: a cubic Hermite from frame to frame, the end frame's period, and
+pre-roll and post-roll from and to rest on a whole step, as framestep/moves/run.py describes them.
+It does not include backlash or the way back to the end frame.
 """
 
 from array import array
@@ -12,35 +12,51 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from framestep.moves.path import path
+from framestep.moves.path import path, smoothing
 
 from .judge import frame_times_ns
 
 _FAR = 2**30 - 1  # means no soft limit
+_LONG_ROLL_MS = 64  # a shorter one begins and ends on whole steps
 Limits = tuple[int | None, int | None]  # lower and upper soft limit, steps
 
 
 def slopes(
-    positions: Sequence[int] | np.ndarray, first: int, last: int, limits: Limits = (None, None)
-) -> np.ndarray:
+    positions: Sequence[int] | np.ndarray,
+    first: int,
+    last: int,
+    limits: Limits = (None, None),
+    smooth: bool = True,
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the velocity at each frame from index `first` to `last` (backward if that is less), in
-    steps per played frame. limits: the motor's soft limits."""
+    steps per played frame, and how far beyond its position the frame is passed, in steps.
+
+    limits: the motor's soft limits; smooth: setting `smoothing` of the rig file.
+    """
     step = 1 if last >= first else -1
-    window = array("i", [0] * path.WINDOW_WORDS)
-    window[path.MOST] = path.MONOTONE
+    beside = path.BESIDE if smooth else 2
+    window = array("i", [0] * (path.SMOOTH_WORDS if smooth else path.WINDOW_WORDS))
     bounds = array(
         "i",
         (far if limit is None else limit for limit, far in zip(limits, (-_FAR, _FAR), strict=True)),
     )
     bounds.append(0)
-    found = []
+    found, beyond = [], []
     for index in range(first, last + step, step):
-        around = np.clip(np.arange(index - 2 * step, index + 3 * step, step), 0, len(positions) - 1)
+        reach = np.arange(-beside, beside + 1) * step
+        around = np.clip(index + reach, 0, len(positions) - 1)
         for word, frame in enumerate(around):
             window[path.FRAMES + word] = int(positions[frame])
         before, after = (index, len(positions) - 1 - index)[::step]
-        found.append(path.slope(window, bounds, before, after))
-    return np.array(found) / path.TWELFTHS
+        if smooth:
+            slope = smoothing.slope(window, bounds, before, after)
+            found.append(slope / 2 ** window[smoothing.BITS])
+            beyond.append(window[path.PART] / 2**16)
+        else:
+            window[path.MOST] = path.MONOTONE
+            found.append(path.slope(window, bounds, before, after))
+            beyond.append(0.0)
+    return np.array(found) / path.TWELFTHS, np.array(beyond)
 
 
 class Reference:
@@ -52,6 +68,7 @@ class Reference:
     first, last     indices of the frames played, the whole upload if not given
     limits          soft limits (lower, upper) of motors that have them, in steps
     velocities      the motors' velocity settings, steps/s, which they do not exceed at a frame
+    smooth          setting `smoothing` of the rig file
 
     Times are seconds after the first frame played. Outside the rolls a motor is at rest.
     """
@@ -66,23 +83,22 @@ class Reference:
         last: int | None = None,
         limits: Mapping[int, Limits] | None = None,
         velocities: Mapping[int, int] | None = None,
+        smooth: bool = True,
     ):
+        self.smooth = smooth
         self._pieces: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         for motor, steps in positions.items():
             end = len(steps) - 1 if last is None else last
             way = 1 if end >= first else -1
             frames = np.arange(first, end + way, way)
             p = np.asarray(steps, np.int64)[frames]
-            v = (
-                slopes(steps, first, end, (limits or {}).get(motor, (None, None)))
-                * fps_milli
-                / 1000
-            )
+            v, beyond = slopes(steps, first, end, (limits or {}).get(motor, (None, None)), smooth)
+            v *= fps_milli / 1000
             if velocities and motor in velocities:
                 v = np.clip(v, -velocities[motor], velocities[motor])
             t = frame_times_ns(len(frames), fps_milli) * 1e-9
             if len(frames) == 1:
-                v = np.zeros(1)
+                v, beyond = np.zeros(1), np.zeros(1)
             for what, ms, velocity in (("pre", pre_ms, v[0]), ("post", post_ms, v[-1])):
                 if not ms and velocity:
                     raise ValueError(
@@ -94,6 +110,11 @@ class Reference:
             period = 10**9 // fps_milli * 1e-6
             lasts = p[-1] + np.floor(v[-1] * period + 1 / 2)
             ends = lasts + np.floor((1 + v[-1] * post_ms / 1000) / 2)
+            p = p + beyond
+            if pre_ms < _LONG_ROLL_MS:
+                p[0] -= beyond[0]
+            if post_ms >= _LONG_ROLL_MS:
+                lasts += beyond[-1]
             t = np.append(t, frame_times_ns(len(frames) + 1, fps_milli)[-1] * 1e-9)
             p, v = np.append(p, lasts), np.append(v, v[-1])
             if pre_ms:

@@ -76,17 +76,23 @@ def ripple(
 
 
 def origins_ns(
-    times_ns: np.ndarray, ways: np.ndarray, start: int, uploaded: Sequence[int], due_ns: np.ndarray
+    times_ns: np.ndarray,
+    ways: np.ndarray,
+    start: int,
+    uploaded: Sequence[int],
+    due_ns: np.ndarray,
+    slack_ns: int = 0,
 ) -> list[tuple[int, int]]:
     """Return the spans of time in which the first frame can have been.
 
     With such a time, the motor is at its uploaded position at each frame's time. No spans: it
     missed a position. times_ns, ways: the motor's edges; start: its position before them; due_ns:
-    times of the frames after the first one.
+    times of the frames after the first one; slack_ns: how late the motor may reach a position, or
+    how early leave it.
     """
     positions = np.concatenate(([start], start + np.cumsum(ways)))
-    begins = np.concatenate(([-(1 << 62)], times_ns))
-    ends = np.concatenate((times_ns, [1 << 62]))
+    begins = np.concatenate(([-(1 << 62)], times_ns - slack_ns))
+    ends = np.concatenate((times_ns + slack_ns, [1 << 62]))
     spans = [(-(1 << 62), 1 << 62)]
     for position, due in zip(uploaded, due_ns, strict=True):
         here = np.flatnonzero(positions == position)

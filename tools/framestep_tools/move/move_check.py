@@ -5,6 +5,7 @@ simulated board with the motor's settings, and a run is prepared there. Velocity
 come from the same path in floating point (reference.py).
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -27,6 +28,7 @@ from .rig_axes import Axes
 FITS, STEEP, REFUSED = "fits", "too steep", "refused"
 _SHORTEST_ROLL_S = 0.002  # for a motor that moves (framestep.moves.run_plan)
 _WINDOW = 4
+_REACHED = 0.01  # steps; a motor makes a step once the path is there
 _ROUNDED = 1e-3  # a ramp may be steeper by this part, because rest is on a whole step
 
 
@@ -108,7 +110,7 @@ def check(
     for motor, steps in move.positions.items():
         setting = settings.get(motor, Setting())
         verdict, reason = _ask(replace(move, positions={motor: steps}), run, settings, device)
-        path = _path(move, motor, run, setting)
+        path = _path(move, motor, run, setting, device.rig.get("smoothing", True))
         motors.append(
             MotorVerdict(
                 motor, move.names[motor], setting, peaks(path, motor), path, verdict, reason
@@ -169,12 +171,13 @@ def _board(device: Device) -> SimulatedBoard:
     return board
 
 
-def _path(move: Move, motor: int, run: RtRunMove, setting: Setting) -> Reference:
+def _path(move: Move, motor: int, run: RtRunMove, setting: Setting, smooth: bool) -> Reference:
     """Return the ideal path of a motor in this run."""
     steps = move.positions[motor]
     first, last = run.start_frame - move.start_frame, run.end_frame - move.start_frame
     limits = (setting.lower, setting.upper)
-    ends = slopes(steps, first, last, limits)[[0, -1]] * run.fps_milli / 1000
+    velocity, _ = slopes(steps, first, last, limits, smooth)
+    ends = velocity[[0, -1]] * run.fps_milli / 1000
     if first == last:
         ends = ends * 0
     pre_ms, post_ms = (
@@ -185,7 +188,15 @@ def _path(move: Move, motor: int, run: RtRunMove, setting: Setting) -> Reference
     fastest = np.abs(np.diff(steps)).max(initial=0) * run.fps_milli / 1000
     velocities = {motor: setting.velocity} if fastest <= setting.velocity else None
     return Reference(
-        {motor: steps}, run.fps_milli, pre_ms, post_ms, first, last, {motor: limits}, velocities
+        {motor: steps},
+        run.fps_milli,
+        pre_ms,
+        post_ms,
+        first,
+        last,
+        {motor: limits},
+        velocities,
+        smooth,
     )
 
 
@@ -233,8 +244,8 @@ def lines(found: MoveVerdict, axes: Axes) -> list[str]:
             f"  acceleration  {peak(top.acceleration, 's²')}"
             + _setting(top.acceleration, limits.acceleration),
             f"  jerk          {peak(top.jerk, 's³')}",
-            f"  positions     {axes.position(motor, round(top.lowest.value))} to "
-            f"{axes.position(motor, round(top.highest.value))}, "
+            f"  positions     {axes.position(motor, math.ceil(top.lowest.value - _REACHED))} to "
+            f"{axes.position(motor, math.floor(top.highest.value + _REACHED))}, "
             + (
                 "no soft limits"
                 if limits.lower is None and limits.upper is None

@@ -216,10 +216,18 @@ class Pins(Gathering):
             times = edges.times_ns.astype(np.int64)
             signals[f"m{motor}"] = times, np.full(len(times), sign, np.int64)
         seen = {motor: positions[motor] for motor in motors}
-        path = Reference(seen, fps_milli, ROLL_MS, ROLL_MS)
+        smooth = board.rig.get("smoothing", True)
+        path = Reference(seen, fps_milli, ROLL_MS, ROLL_MS, smooth=smooth)
         start = {motor: before[motor - 1] for motor in motors}
         verdict = judge(
-            Trace(signals), seen, fps_milli, start, None, path, limits=Limits(velocity_share=1)
+            Trace(signals),
+            seen,
+            fps_milli,
+            start,
+            None,
+            path,
+            limits=Limits(velocity_share=1),
+            smooth=smooth,
         )
         self.complaints += [f"{fps_milli / 1000} fps: {text}" for text in verdict.complaints]
         played = Played(verdict, path, {}, 0, [])

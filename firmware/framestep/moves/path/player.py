@@ -3,8 +3,6 @@
 The checks are in move_check.py. Nothing allocates after construction.
 """
 
-from array import array
-
 from framestep.base.native import micropython, ptr32
 from framestep.motion import phases, reals
 from framestep.motion.compute import compute
@@ -92,8 +90,8 @@ class UploadPlayer(MoveCheck):
     """Player of the path through the uploaded frames on the axes."""
 
     def smooth(self, velocity):
-        """Make runs use the velocities of this function, smoothing.velocity(). Allocates."""
-        self.view = array("i", [0] * path.SMOOTH_WORDS)
+        """Make runs use the velocities of this function, smoothing.velocity()."""
+        self.view = self.values  # at least path.SMOOTH_WORDS long
         self.curve = velocity
 
     def slope(self, motor, index, step):

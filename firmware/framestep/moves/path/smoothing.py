@@ -28,8 +28,8 @@ from framestep.motors.bounds import LOWER, NO_OVERSHOOT, UPPER
 from framestep.moves.path.path import BESIDE, PART
 
 # Words of a window
-SPAN = const(17)  # positions from frame -8 to frame 8; slope() counts them from the middle one
-SMOOTHED = const(17)  # frame -2 to frame 2, in parts of a step: see BITS
+_SPAN = const(17)  # positions from frame -8 to frame 8; slope() counts them from the middle one
+_SMOOTHED = const(17)  # frame -2 to frame 2, in parts of a step: see BITS
 _HERE = const(22)  # position of the middle frame
 BITS = const(23)  # _Q; 0 if positions are so far apart that smoothing makes no difference
 # Of the last frame of place():
@@ -56,7 +56,7 @@ _CORNER = const(4)  # the same, passed on its position, as in path.py
 
 @micropython.viper
 def smooth(w: ptr32, before: int, after: int):
-    """Make the positions relative to the middle one, and set SMOOTHED and BITS. before, after: as
+    """Make the positions relative to the middle one, and set _SMOOTHED and BITS. before, after: as
     for slope()."""
     # Halve both first, since the difference of two words may need 33 bits.
     here = w[BESIDE]
@@ -72,7 +72,7 @@ def smooth(w: ptr32, before: int, after: int):
         k += 1
     w[BITS] = bits
     k = 0
-    while k < SPAN:
+    while k < _SPAN:
         d = (w[k + 0] >> 1) - (here >> 1)
         if d > (far >> 1) - 2:
             d = far
@@ -86,11 +86,11 @@ def smooth(w: ptr32, before: int, after: int):
     first = 0
     if before < BESIDE:
         first = BESIDE - before
-    last = SPAN - 1
+    last = _SPAN - 1
     if after < BESIDE:
         last = BESIDE + after
     k = last
-    while k < SPAN - 1:
+    while k < _SPAN - 1:
         k += 1
         d = last + last - k
         if d < first:
@@ -117,7 +117,7 @@ def smooth(w: ptr32, before: int, after: int):
                 d = _CLOSEST
             elif d < 0 - _CLOSEST:
                 d = 0 - _CLOSEST
-        w[k + SMOOTHED - BESIDE + 2] = (here << bits) + d
+        w[k + _SMOOTHED - BESIDE + 2] = (here << bits) + d
         k += 1
 
 
@@ -156,7 +156,7 @@ def place(w, bounds, k: int) -> int:
     f[_SIGN] = arrival
     f[_ADDED] = 0
     bits = f[BITS]
-    at = k + SMOOTHED - BESIDE + 2
+    at = k + _SMOOTHED - BESIDE + 2
     smoothed = f[at + 0] - (p << bits)
     if i + j >= _HOLD:
         f[_KIND] = _STILL
@@ -277,26 +277,26 @@ def slope(window, bounds, before: int, after: int) -> int:
     if kind == _STILL:
         return 0
     # The same of smoothed positions
-    first = w[SMOOTHED + 2] - w[SMOOTHED + 1]
-    last = w[SMOOTHED + 3] - w[SMOOTHED + 2]
+    first = w[_SMOOTHED + 2] - w[_SMOOTHED + 1]
+    last = w[_SMOOTHED + 3] - w[_SMOOTHED + 2]
     s = 6 * (first + last)
     least = 0
     if kind == _ONWARD:
         if before == 0:
             s = 12 * last
             if after > 1:
-                s = 18 * last - 6 * (w[SMOOTHED + 4] - w[SMOOTHED + 3])
+                s = 18 * last - 6 * (w[_SMOOTHED + 4] - w[_SMOOTHED + 3])
         elif after == 0:
             s = 12 * first
             if before > 1:
-                s = 18 * first - 6 * (w[SMOOTHED + 1] - w[SMOOTHED])
+                s = 18 * first - 6 * (w[_SMOOTHED + 1] - w[_SMOOTHED])
         else:
             least = 6 * (last if (last - first) * sign < 0 else first) * sign
             if least < 0:
                 least = 0
             if before > 1 and after > 1:
                 s += first + last
-                s += w[SMOOTHED] - w[SMOOTHED + 1] + w[SMOOTHED + 3] - w[SMOOTHED + 4]
+                s += w[_SMOOTHED] - w[_SMOOTHED + 1] + w[_SMOOTHED + 3] - w[_SMOOTHED + 4]
         if onward < past:
             past = onward
     elif kind == _BEYOND:
