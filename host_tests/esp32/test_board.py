@@ -95,6 +95,13 @@ def test_memory():
     assert said.endswith(">>> ")
 
 
+@pytest.mark.parametrize("length", [1, 14, 21])
+def test_it_starts_with_any_memory(board, length):
+    """A word that looks like the address of a block kept this block, and there was no memory left
+    for the upload; it depended on the length of a text in the rig file."""
+    assert board({"motors": [{"pulse_us": 1.0}] * 8, "name": "x" * length}).ask(Hi()).upload_frames
+
+
 def test_who_it_is(board):
     info = board({"name": "jib"}).ask(Hi())
     assert (info.name, info.motors, info.dmx_channels) == ("jib", 8, 0)

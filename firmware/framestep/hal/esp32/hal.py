@@ -15,7 +15,7 @@ import gc
 from array import array
 from time import sleep_ms
 
-from machine import Pin, Timer, idle
+from machine import Pin, Timer, idle, mem32
 
 from framestep.base.native import const
 from framestep.hal import PASS
@@ -34,6 +34,12 @@ _CYCLES_PER_US = const(CYCLES // 1000)
 _LEAST = const(512)
 _CLOSE = const(32)
 _READINGS = const(4)  # of the E-stop, as in io/safety.py
+
+
+def _release(block):
+    """Free the memory of a bytearray, even if a word that looks like its address keeps the object
+    alive: see release() of the RP2040's HAL."""
+    mem32[id(block) + 8] = mem32[id(block) + 12] = 0
 
 
 class Inside:
@@ -144,7 +150,7 @@ class Esp32Hal:
         while most - size > _CLOSE:
             middle = (size + most) // 2
             try:
-                bytearray(middle)
+                _release(bytearray(middle))
                 size = middle
             except MemoryError:
                 most = middle
