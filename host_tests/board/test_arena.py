@@ -4,6 +4,7 @@ played. The firmware says what does not fit."""
 from itertools import pairwise
 
 import numpy as np
+import pytest
 
 from framestep_tools import payloads as p
 from framestep_tools.client.client import upload_requests
@@ -62,6 +63,7 @@ def test_two_thousand_frames_with_lights_and_triggers():
         assert changes([0, *mine["level"]]) == changes(wanted)
 
 
+@pytest.mark.repeats
 def test_ten_thousand_frames_without_lights():
     """Eight motors, judged by their edges in the last second; then lights, until memory is full."""
     frames, first = 10_000, 9_975

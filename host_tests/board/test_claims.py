@@ -22,6 +22,7 @@ from framestep_tools.payloads import (
 )
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.modules import board_modules
+from host_tests.covering import sweep
 from host_tests.end_to_end.session import Session, run_request
 
 STEP, DIRECTION = 14, 15  # of motor 7 on a Pico
@@ -44,7 +45,7 @@ MODULES = (
 CLAIM = Path(__file__).parent / "claims_setup.py"
 
 
-@pytest.mark.parametrize("chip", ["B1", "B2"])
+@pytest.mark.parametrize("chip", sweep(["B1", "B2"], "B2"))
 def test_a_claim_at_any_time_around_a_bus_reset(emulator, chip):
     """The direction pin follows its engine, whenever it was claimed, and USB starts again."""
     emu = emulator(files=board_modules(MODULES), args=["--chip", chip])
@@ -157,6 +158,7 @@ def test_a_pin_that_something_else_takes(rig, asked):
     assert rig.made(7) == 50
 
 
+@pytest.mark.repeats
 def test_a_bus_reset_in_motion_with_one_port():
     """That port is the REPL's, and gets no message: the motors ramp down all the same, as for a
     lost host."""

@@ -49,6 +49,7 @@ def conform(capsys):
     return run
 
 
+@pytest.mark.repeats
 def test_no_false_alarm(conform, tmp_path):
     """Over either port, one after the other."""
     rig = tmp_path / "rig.json"

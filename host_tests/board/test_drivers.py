@@ -206,6 +206,7 @@ def test_a_fault_in_motion(moving):
     assert [(motor, level) for motor, level, _ in enables(talk)] == [(2, 0)]
 
 
+@pytest.mark.repeats
 def test_one_port_prints_it_with_ctrl_c():
     """`ports: 1`: the host gets only messages; the firmware's texts come with the REPL's
     prompt."""

@@ -87,6 +87,7 @@ def test_form_of_the_answers(session):
     assert session.moving == []
 
 
+@pytest.mark.repeats
 def test_form_of_the_answers_in_the_other_dialect():
     with EmulatedBoard({"dialect": "dmc-lite"}, trace=False) as board:
         assert_form(Session(board, reply_s=0.1), wide=True)
@@ -147,6 +148,7 @@ def test_nothing_is_allocated(session):
     assert between(whole_session) == own
 
 
+@pytest.mark.repeats
 def test_one_port():
     """`ports: 1`: the protocol on the REPL's port. A move from upload to RT_END, then Ctrl-C
     returns to the REPL."""

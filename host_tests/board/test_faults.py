@@ -304,6 +304,7 @@ def test_a_main_loop_that_hangs(rig):
     )
 
 
+@pytest.mark.repeats
 def test_how_long_the_main_loop_may_be_away(rig, capsys):
     """The shortest queue of any motor, at its worst: these are the README's figures."""
     motors = range(1, 7)
@@ -343,6 +344,7 @@ def test_how_long_the_main_loop_may_be_away(rig, capsys):
     assert found["constant velocity"] >= 300
 
 
+@pytest.mark.repeats
 def test_a_call_that_takes_longer_than_the_watchdog_waits(rig):
     """On the REPL, in C, in motion: the motors ramp down, nothing is lost, the host hears of it,
     and all continues."""
@@ -395,6 +397,7 @@ def test_a_tick_that_has_died(rig):
     assert [message for _, message in rig.events(p.HardStop)] == [p.HardStop(100)]
 
 
+@pytest.mark.repeats
 def test_the_watchdog_leaves_the_repl_alone(rig):
     """A soft reset at rest, as mpremote makes one before it copies files: framestep starts again,
     and the watchdog does not act."""

@@ -77,6 +77,7 @@ def steps(bench):
     return len(edge_times(bench.emu.trace_stop(), STEP, 1))
 
 
+@pytest.mark.repeats
 def test_nothing_was_edited(bench):
     """The command in its own process, with the modules of this checkout."""
     command = ["make", "-s", "flash", f"PORT={bench.repl}", f"ARGS=--protocol {bench.protocol}"]
@@ -104,6 +105,7 @@ def test_edited_modules_are_copied_and_removed(bench, flash):
     assert files(bench) == {"/rig.json": RIG}
 
 
+@pytest.mark.repeats
 def test_interrupted_the_board_starts_with_the_modules_of_its_image(bench, flash):
     script = (
         "import sys; from host_tests.board.test_flash import edited_flash; "
@@ -192,6 +194,7 @@ def test_rig_edit(bench, monkeypatch, capsys):
     assert files(bench)["/rig.json"] == b'{"name": "small", "ports": 1}'
 
 
+@pytest.mark.repeats
 def test_one_port(bench, flash, monkeypatch, capsys):
     """If Ctrl-C ends the controller, the command asks before it whether anything moves."""
     port = serial.Serial(bench.repl, timeout=1)  # a host that does not claim the port for itself

@@ -81,6 +81,7 @@ def test_it_boots(firmware):
         repl.exec("import _onewire; from machine import bitstream, dht_readinto")
 
 
+@pytest.mark.repeats
 def test_the_longest_move_that_is_promised(firmware):
     """As many frames as HI reports, for all motors, with steps per frame that always change by
     511."""

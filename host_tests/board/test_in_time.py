@@ -97,6 +97,7 @@ def test_a_virtual_jog_of_fast_motors_is_planned_in_time(
         assert session.timing.least_queued >= QUEUED_MS
 
 
+@pytest.mark.repeats
 def test_jog_all_comes_to_rest_on_a_frame(session):
     session.accept(p.VirtConfig.unpack(b"\0"))
     speeds(session, 50_000, 200_000)

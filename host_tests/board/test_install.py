@@ -59,6 +59,7 @@ def bare_board(tmp_path):
         emulator.close()
 
 
+@pytest.mark.repeats
 def test_from_an_image_to_a_move(bare_board, installed):  # noqa: F811
     drive, port = bare_board
     image = images.frozen().with_suffix(".uf2")

@@ -103,6 +103,7 @@ def test_the_drivers_stay_off_while_motors_move(board):
         assert level == wanted
 
 
+@pytest.mark.repeats
 def test_a_measurement_in_short(board):
     """There are no complaints, every figure is there, and the figures of edges are those in the
     emulated board's file."""
@@ -146,6 +147,7 @@ SERVO_PIN = 27
 RIG = {"motor_count": 6, "motors": [{}, {}, {}, {"servo": {"pin": SERVO_PIN, "at_start": "on"}}]}
 
 
+@pytest.mark.repeats
 def test_machines_that_no_motor_has_watch_as_well():
     """The tool leaves them as if unused, a servo's pulses continue, and one machine watches a motor
     of its own block while all others move."""

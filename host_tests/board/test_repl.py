@@ -37,6 +37,7 @@ def shows(pattern, shown):
     return shown in 3 * pattern
 
 
+@pytest.mark.repeats
 def test_bench_commands_beside_a_run(session):
     """An import, printing, measuring and collecting while four motors run: every edge is in its
     place."""
@@ -172,6 +173,7 @@ def test_faults_in_words(session):
     )
 
 
+@pytest.mark.repeats
 def test_a_move_that_asks_too_much_is_reported_unasked():
     """Field note 5.5: which motor and where, on the REPL; status() says by how much."""
     with EmulatedBoard() as board:

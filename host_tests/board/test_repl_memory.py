@@ -14,6 +14,7 @@ from framestep_tools.console.scripts import CHECK
 from framestep_tools.payloads import Hi
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_overlay import edited, ident_of, on_board
+from host_tests.covering import sweep
 
 HOME = {"limit": 1, "travel": 3000, "back_off": 400}
 START_MS = 3000  # from power-on until framestep runs, with a margin
@@ -55,13 +56,17 @@ held.clear()
 """
 
 
+MOST = ("homing and drivers", "positions that are kept")  # they load the most modules
+
+
 def rigs():
     for board in board_names():
         if board_data(board)["chip"] == "rp2040":
             rig = json.loads((ROOT / "boards" / board / "rig.json").read_text())
-            yield pytest.param(board, rig, id=f"example of {board}")
+            yield pytest.param(board, rig, id=f"example of {board}", marks=pytest.mark.repeats)
     for name, (board, rig) in FEATURES.items():
-        yield pytest.param(board, rig, id=name)
+        marks = () if name in MOST else pytest.mark.repeats
+        yield pytest.param(board, rig, id=name, marks=marks)
 
 
 def every_command_works(repl):
@@ -79,7 +84,10 @@ def test_every_command_works(name, rig):
         every_command_works(board.emulator.repl())
 
 
-@pytest.mark.parametrize("module", ["framestep/controller.mpy", "framestep/motion/reals.mpy"])
+@pytest.mark.parametrize(
+    "module",
+    sweep(["framestep/controller.mpy", "framestep/motion/reals.mpy"], "framestep/motion/reals.mpy"),
+)
 def test_every_command_works_beside_an_overlay(module):
     """A module of the usual size, and one of the largest."""
     rig = json.dumps(FEATURES["homing"][1]).encode()

@@ -92,7 +92,10 @@ def assert_shows(session, pattern, wanted):
     assert set(levels) - {""} == {wanted}
 
 
-@pytest.mark.parametrize(("name", "motors"), [("skr_pico", 4), ("fysetc_erb", 2)])
+@pytest.mark.parametrize(
+    ("name", "motors"),
+    [pytest.param("skr_pico", 4, marks=pytest.mark.repeats), ("fysetc_erb", 2)],
+)
 def test_light(name, motors):
     """From waiting to a fault. (fysetc_erb: in one PIO block with the motors; skr_pico: in another
     block.)"""

@@ -47,6 +47,7 @@ def test_it_follows_the_path_that_a_step_motor_takes():
         assert session.events(p.HardStop) == []
 
 
+@pytest.mark.repeats
 def test_a_soft_reset_in_mid_pulse():
     """A pulse that the reset cuts off ends before framestep starts again, because the pins of a
     program go low. Then no pulses come until the motor is to move."""

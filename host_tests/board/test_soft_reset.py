@@ -43,6 +43,7 @@ def answers(path):
         return client.request(Hi())
 
 
+@pytest.mark.repeats
 def test_mpremote_finds_its_port_and_framestep_is_there_again(tmp_path):
     package = tmp_path / "hello"
     package.mkdir()
@@ -69,6 +70,7 @@ def test_mpremote_finds_its_port_and_framestep_is_there_again(tmp_path):
         ]
 
 
+@pytest.mark.repeats
 def test_whoever_has_the_protocol_port_open(image):
     """Bytes sent before and during the reset belong to nobody; after it the host begins a new
     session."""
@@ -164,7 +166,13 @@ else:
 """
 
 
-@pytest.mark.parametrize("beside", [COPIED, "mine = 6 * 7\n"], ids=["framestep's", "user's"])
+@pytest.mark.parametrize(
+    "beside",
+    [
+        pytest.param(COPIED, id="framestep's", marks=pytest.mark.repeats),
+        pytest.param("mine = 6 * 7\n", id="user's"),
+    ],
+)
 def test_an_image_beside_a_boot_py(beside):
     """It is a user's, or left from copied files: DMX512 and framestep continue after a soft
     reset."""
@@ -188,6 +196,7 @@ def test_an_image_beside_a_boot_py(beside):
             assert Client(emu.serial(1)).request(Hi()).motors == 8
 
 
+@pytest.mark.repeats
 def test_one_port_set_on_a_board_that_has_two():
     """mpremote's raw REPL comes: framestep does not take it over from within boot.py. After Ctrl-D
     or a reset framestep has the one port."""

@@ -175,6 +175,7 @@ def test_a_ctrl_c_while_something_is_reported(session):
     assert session.client.request(MotorStatus()).moving == []
 
 
+@pytest.mark.repeats
 def test_the_limit_after_a_soft_reset():
     """MicroPython sets it only at power-on: framestep's second start finds its own."""
     with EmulatedBoard({"dmx": False}) as board:

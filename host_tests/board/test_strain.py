@@ -1,6 +1,8 @@
 """A part of `make fuzz BOARD=emulator`: any requests on the emulated board, alone and together with
 work on its REPL. See strain.py."""
 
+import pytest
+
 from host_tests.board.strain import strain
 
 QUIET_SEED = 5
@@ -9,6 +11,7 @@ OVERLAY_SEED = 7
 REQUESTS = 500
 
 
+@pytest.mark.repeats
 def test_requests_beside_work_on_the_repl():
     counts = strain(SEED, REQUESTS).counts
     assert counts["answers"] + counts["left unanswered"] == counts["requests"] >= REQUESTS
@@ -26,6 +29,7 @@ def test_requests_alone():
     assert found.least_queued > 20
 
 
+@pytest.mark.repeats
 def test_requests_with_an_overlay():
     """The tick and the planning of motion are compiled on the board's heap, not frozen."""
     modules = ("framestep.pulse.tick", "framestep.motors.axis", "framestep.controller")

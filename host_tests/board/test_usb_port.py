@@ -145,6 +145,7 @@ def test_a_bus_reset_after_a_soft_reset(usb):
         stop(repl)
 
 
+@pytest.mark.repeats
 def test_every_length(usb):
     """Each frame is answered at once, whatever its length: also multiples of a packet, and frames
     that look like the mark."""

@@ -117,6 +117,7 @@ def test_a_rig_file_that_only_the_board_refuses(device, monkeypatch):
     assert takes_rig(device.url)
 
 
+@pytest.mark.repeats
 def test_rig_file_and_load_without_a_server(stage, device, tmp_path):
     """Over two ports of Web Serial; the board itself judges the rig file."""
     saved = SavedPage(tmp_path)

@@ -238,6 +238,7 @@ def demo_edges(move, folder):
     return recorder.edges
 
 
+@pytest.mark.repeats
 def test_the_tour_and_the_edges_of_its_run(page, tmp_path):
     """Every step in order; the run's edges match `make demo`."""
     with jog_up(page, 200):

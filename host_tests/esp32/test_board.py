@@ -26,6 +26,7 @@ from framestep_tools.payloads import (
     RtGo,
 )
 from framestep_tools.simulator.esp32_board import BOARD, Esp32Board
+from host_tests.covering import sweep
 from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played
 from host_tests.end_to_end.session import Session, deceleration, run_request
 
@@ -56,7 +57,7 @@ def rig(board):
     return session
 
 
-@pytest.mark.parametrize("name", files_boards())
+@pytest.mark.parametrize("name", sweep(files_boards(), "esp32_595", "mks_tinybee"))
 def test_each_board_with_its_example(name):
     """Its motors move, its drivers are on meanwhile, and its E-stop is where its data says.
 

@@ -117,6 +117,7 @@ def test_a_rig_file_and_a_move_from_the_shell(boards, capsys, monkeypatch, tmp_p
     assert "motor 2: 200" in said
 
 
+@pytest.mark.repeats
 def test_power_cuts(boards, packaged, capsys):
     """At each moment of an update the board has all old modules, all new ones, or a REPL and a
     sentence, and another attempt completes it."""
