@@ -10,6 +10,7 @@ from framestep_tools.bench.session import Session
 from framestep_tools.judge.trace import Trace
 from framestep_tools.payloads import HardStop, MotorSetSpeed, MotorStatus, RtEnd, RtGo
 from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.covering import sweep
 
 WORST_MS = 10  # design.md's goal
 WORST_VIRTUAL_MS = 15
@@ -25,7 +26,7 @@ def session():
         assert not any(isinstance(event.message, HardStop) for event in session.client.events)
 
 
-@pytest.mark.parametrize("fps", [25, 60])
+@pytest.mark.parametrize("fps", sweep([25, 60], 60))
 def test_right_after_go_and_in_play(session, fps):
     """Eight motors: the first phases are planned right after GO, frames and segments in play."""
     client = session.client
@@ -61,6 +62,7 @@ def test_from_go_to_the_first_edge(session, again):
     assert begun < min(first) < begun + EDGE_MS * 1_000_000
 
 
+@pytest.mark.repeats
 def test_while_a_rig_moves_along_lines(session):
     found = virtual_replies(session)
     assert len(found) > 2 * AT_ONCE

@@ -98,7 +98,7 @@ def comes_back(found):
     found.client.wait_event(DeviceInfo)
 
 
-@pytest.mark.parametrize("late", [True, False])
+@pytest.mark.parametrize("late", sweep([True, False], False))
 def test_a_bus_reset_in_motion(rig, late):
     """Motor 7 turns every 17 ms when the bus is reset. It ramps down before the chip releases its
     direction pin, even while a long call holds the main loop up (late): every step that was made

@@ -194,6 +194,7 @@ def test_a_command_that_finds_its_fifo_full(rig):
     rig.forget()
 
 
+@pytest.mark.repeats
 def test_a_host_that_takes_nothing(rig):
     """Its port is open, but it does not read: no request would get an answer, so nothing could stop
     the rig."""

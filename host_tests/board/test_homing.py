@@ -5,6 +5,7 @@ import pytest
 from framestep.motors.positions import HOMED, HOMING, KNOWN, LOST, NOT_FOUND, NOT_OPENED
 from framestep_tools import payloads as p
 from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.covering import sweep
 from host_tests.end_to_end.motors.home_switches import trust
 from host_tests.end_to_end.session import Session
 
@@ -118,7 +119,9 @@ def lost(session):
     session.forget()
 
 
-@pytest.mark.parametrize("bounce", [(0, 1, 0), (1, 0, 1, 1, 0, 1, 0, 0, 1)])
+@pytest.mark.parametrize(
+    "bounce", sweep([(0, 1, 0), (1, 0, 1, 1, 0, 1, 0, 0, 1)], (1, 0, 1, 1, 0, 1, 0, 0, 1))
+)
 def test_bounce(session, bounce):
     """The first contact of the slow approach counts, and contacts after the switch has opened do
     not end homing."""

@@ -47,7 +47,13 @@ def configured(session, rig, velocity=VELOCITY, acceleration=ACCELERATION):
 @pytest.mark.parametrize(
     "stop", [p.VirtStop(m.VIRT_MOTOR_EW), p.MotorStopAll()], ids=["VIRT_STOP", "STOP_ALL"]
 )
-@pytest.mark.parametrize("rig", [BOOM_NODAL, XYZ], ids=["type 1", "type 4"])
+@pytest.mark.parametrize(
+    "rig",
+    [
+        pytest.param(BOOM_NODAL, id="type 1"),
+        pytest.param(XYZ, id="type 4", marks=pytest.mark.repeats),
+    ],
+)
 def test_a_virtual_move_is_stopped(session, rig, stop):
     configured(session, rig)
     with session.timing.judged():
@@ -60,6 +66,7 @@ def test_a_virtual_move_is_stopped(session, rig, stop):
             session.wait_idle()
 
 
+@pytest.mark.repeats
 @pytest.mark.parametrize("velocity", sweep([5000, VELOCITY], VELOCITY))
 def test_a_virtual_jog_is_let_go(session, velocity):
     """By a VIRT_STOP, and by lack of repetition."""

@@ -271,6 +271,7 @@ def release(board_session, board):
     board_session.wait_idle()
 
 
+@pytest.mark.repeats
 def test_limit():
     rig = {"limits": [{"high": LIMIT_PIN, "contact": "no"}], "outputs": [], "inputs": []}
     board_session, board = session(rig)

@@ -94,6 +94,7 @@ def at_rest(session):
     assert not session.moving
 
 
+@pytest.mark.repeats
 def test_a_stop(full):
     under_way(full)
     full.accept(MotorStopAll())

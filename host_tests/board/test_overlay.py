@@ -11,6 +11,7 @@ from framestep_tools.building import images
 from framestep_tools.building.board_files import board_modules, board_sources, compiled
 from framestep_tools.client.client import Client
 from framestep_tools.payloads import GetCondition, Hi, MotorMove
+from host_tests.covering import sweep
 
 BACKLASH = "framestep/motors/backlash.mpy"
 TICK = "framestep/pulse/tick.mpy"
@@ -125,7 +126,7 @@ def test_an_overlay_that_cannot_start_is_left_out(firmware, ident, more, why):
 
 
 @pytest.mark.parametrize(
-    "listing", [b"00000000 framestep.motors.backlash", b"\xff", None], ids=repr
+    "listing", sweep([b"00000000 framestep.motors.backlash", b"\xff", None], b"\xff"), ids=repr
 )
 def test_an_overlay_for_another_image_or_incomplete_is_left_out(firmware, listing):
     files = on_board("", seven_more())

@@ -90,6 +90,7 @@ def test_a_runaway_recursion_while_a_motor_moves(session):
     assert REPL_STACK < session.repl.eval("low()") <= TOP - BOTTOM - SPARE
 
 
+@pytest.mark.repeats
 def test_the_estop_acts_in_a_runaway_recursion(session):
     """Pressed at any depth: its interrupt runs to its end, although MicroPython's limit would end
     it."""

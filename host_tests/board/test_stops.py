@@ -12,6 +12,7 @@ from framestep_tools.payloads import (
     MotorStopAll,
 )
 from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.covering import sweep
 from host_tests.end_to_end.session import Session
 
 RIG = {"motors": [{"jerk": 0}, {"jerk": 0}, {"jerk": 100, "backlash": 24}, {"jerk": 100}]}
@@ -27,7 +28,7 @@ def session():
         yield session
 
 
-@pytest.mark.parametrize("motor", [1, 3])
+@pytest.mark.parametrize("motor", sweep([1, 3], 3))
 @pytest.mark.parametrize(
     "requests", [2 * [MotorStopAll()], [MotorStopAll()], []], ids=["hard stop", "stop", "move"]
 )

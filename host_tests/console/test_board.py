@@ -105,6 +105,7 @@ def test_a_jog_the_load_and_a_new_rig_file(stage, device):
     assert "motor_count" in rig_text  # the page showed the mistake with the file, too
 
 
+@pytest.mark.repeats
 def test_a_rig_file_that_only_the_board_refuses(device, monkeypatch):
     """Firmware of another version may do so; the page reports it and puts the old file back."""
     work = BoardWork(device.repl, device.url)
