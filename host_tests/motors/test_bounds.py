@@ -25,7 +25,7 @@ class Motion:
         self.block[stepper.POSITION] = 1000
         self.backlash = make_backlash(self.block)
         self.backlash[BACKLASH] = backlash
-        self.bounds = array("i", [-(2**31), 2**31 - 1, 0, 0, 0])
+        self.bounds = array("i", [-(2**31), 2**31 - 1, *[0] * (bounds.BOUNDS_WORDS - 2)])
 
     def bound(self, room):
         """Set a bound this many steps ahead."""
@@ -85,9 +85,18 @@ def test_a_motor_outside_stops_as_usual():
 
 @given(st.floats(101, FASTEST), st.integers(10, 4_000_000))
 def test_at_most_four_times_as_steep(velocity, acceleration):
+    """That is for a bound that has been set in motion."""
     motion = Motion(velocity)
     motion.bound(0)
+    motion.bounds[bounds.IN_MOTION] = 1
     assert motion.rate(acceleration) <= 4
+
+
+@given(st.floats(1, FASTEST), st.integers(3, 1000), st.sampled_from([1, -1]))
+def test_as_steep_as_the_path_that_turns_before_the_bound(velocity, room, sign):
+    motion = Motion(sign * velocity)
+    motion.bound(room)
+    assert motion.way(10) < room + 1
 
 
 @given(st.floats(1, 99), st.sampled_from([1, -1]))

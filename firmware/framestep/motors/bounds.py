@@ -18,7 +18,8 @@ UPPER = const(1)
 NO_OVERSHOOT = const(2)
 SOFT_LOWER = const(3)  # soft limits, as set
 SOFT_UPPER = const(4)
-BOUNDS_WORDS = const(5)
+IN_MOTION = const(5)  # not 0: set while the motor moved, so its path may be on the way beyond them
+BOUNDS_WORDS = const(6)
 
 ENDS = array("i", [-(1 << 31), (1 << 31) - 1])  # the range of positions
 
@@ -70,6 +71,8 @@ def stop_rate(m: ptr32, bounds: ptr32, rate: int) -> int:
         n = (n << 6) + (((room << 8) % part) << 6) // part  # Q8
         if n < 1 << 8:
             n = 1 << 8  # a stop in one tick
+        elif n < 1 << 12:
+            n = n & ~0xFF  # a stop in a few ticks and a part of one goes farther than that formula
     else:
         speed = speed >> 6
     while n >= 1 << 22:
@@ -78,7 +81,7 @@ def stop_rate(m: ptr32, bounds: ptr32, rate: int) -> int:
     d = ((speed // n) << 8) + ((speed % n) << 8) // n
     d += (d >> 10) + 1
     most = v
-    if v > _SLOW:
+    if v > _SLOW and bounds[IN_MOTION]:
         most = rate << 2
     if d > most:
         d = most
@@ -94,6 +97,7 @@ def update(axis):
     """
     bounds = axis.bounds
     _own(axis)
+    bounds[IN_MOTION] = axis.moving
     partner = axis.partner
     bounds[NO_OVERSHOOT] = axis.backlash[BACKLASH]
     if not partner:
