@@ -50,9 +50,7 @@ class Request:
 
     @property
     def moves(self):
-        """Whether it may move something: an aim point that is switched off does not."""
-        if self.kind == m.MSG_VIRT_AIM_POINT and self.payload[:1] == b"\0":
-            return False
+        """Whether it may move something."""
         return self.kind in MOTIONS
 
     @property

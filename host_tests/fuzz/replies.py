@@ -261,6 +261,8 @@ class Replies(Part):
     def _set_speed(self, request, payload):
         i, velocity, acceleration = request.words("BII")
         motor = self.motors[i - 1]
+        if motor.quiet is not None and motor.edges:
+            self.trial.edges.judge(motor)
         motor.velocity = max(velocity, 10)
         motor.acceleration = min(acceleration or max(motor.velocity // 2, 1), STEEPEST)
         motor.least = min(motor.least, motor.acceleration)

@@ -74,7 +74,7 @@ class VirtAimPoint(Payload):
 MSG_VIRT_AIM_POINT = 0x0207
 
 
-class SetVirtAimPoint(VirtAimPoint, Request[VirtAimPoint], number=MSG_VIRT_AIM_POINT, moves=True):
+class SetVirtAimPoint(VirtAimPoint, Request[VirtAimPoint], number=MSG_VIRT_AIM_POINT):
     """The request of that name."""
 
 
