@@ -368,3 +368,27 @@ def test_nothing_of_a_page_is_left_in_the_device(stage):
         client.wait_idle()
         with pytest.raises(RequestRefused):
             client.request(RtGo())
+
+
+def test_moves_uploaded_before_are_at_hand(stage):
+    device = stage.simulated(motors=2, speed=SPEED)
+    page = stage.page(stage.console(device.url).url)
+    wait_connected(page)
+    go_to(page, "Moves")
+    expect(page.get_by_label("Uploaded before")).to_be_hidden()
+    for name, text in (("one.csv", MOVE), ("two.csv", FAST_MOVE), ("one.csv", MOVE)):
+        choose(page, text, name)
+        page.get_by_role("button", name="Upload").click()
+        expect(newest(page)).to_contain_text("are uploaded")
+        expect(page.get_by_role("button", name="Upload")).to_be_enabled()
+    before = page.get_by_label("Uploaded before")
+    names = before.locator("option").all_text_contents()
+    assert [name.partition(",")[0] for name in names] == ["choose…", "one.csv", "two.csv"]
+    page.reload()
+    wait_connected(page)
+    go_to(page, "Moves")
+    before.select_option(index=2)
+    expect(page.locator("main")).to_contain_text(f"two.csv: frames 1 to {FRAMES} for 2 motors")
+    page.get_by_role("button", name="Upload").click()
+    expect(newest(page)).to_contain_text("are uploaded")
+    assert page.errors == []

@@ -2,10 +2,11 @@
 
 import { Curve } from "../curve.js";
 import { check, field, h, number, read, setText } from "../dom.js";
-import { parseMove } from "../move_csv.js";
+import { moveText, parseMove } from "../move_csv.js";
 import { MoveNeeds } from "../move_needs.js";
 import { PositionStrip } from "../position_strip.js";
 import { M } from "../protocol.js";
+import { Recent } from "../recent.js";
 import { RunOptions } from "../run_options.js";
 import { upload } from "../upload.js";
 
@@ -32,7 +33,9 @@ export class MovesView {
   #upload = h("button", { class: "main", disabled: true }, "Upload");
   #progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": "Upload" });
   #about = h("p", { class: "faint" }, "A CSV file as for framestep upload: a column frame, then a column per motor in steps.");
+  #recent = new Recent("recent moves", "Uploaded before", (text, name) => this.#takeText(text, name));
   #read = null;
+  #name = "";
   #start = number(1, -FARTHEST_FRAME, FARTHEST_FRAME);
   #end = number(240, -FARTHEST_FRAME, FARTHEST_FRAME);
   #fps = number(24, 0.001, 1000, { step: "0.001", inputMode: "decimal" });
@@ -56,7 +59,7 @@ export class MovesView {
     this.#fps.addEventListener("change", () => this.#showNeeds());
     this.#file.addEventListener("change", () => this.#open());
     this.element.append(
-      h("form", { class: "card", onsubmit: (event) => this.#send(event) }, field("Move", this.#file), this.#upload, this.#progress, this.#about, this.#needs.element, this.#speeds),
+      h("form", { class: "card", onsubmit: (event) => this.#send(event) }, field("Move", this.#file), this.#recent.element, this.#upload, this.#progress, this.#about, this.#needs.element, this.#speeds),
       this.#strip.element,
       this.#curve.element,
       h("div", { class: "cards job" }, this.#runCard(), this.#frameCard()),
@@ -130,9 +133,12 @@ export class MovesView {
     const [file] = this.#file.files;
     this.#read = null;
     this.#upload.disabled = true;
-    if (!file) return;
+    if (file) await this.#takeText(await file.text(), file.name);
+  }
+
+  async #takeText(text, name) {
     try {
-      await this.take(parseMove(await file.text(), file.name), file.name);
+      await this.take(parseMove(text, name), name);
     } catch (error) {
       this.#device.tell(error.message, true);
     }
@@ -142,6 +148,7 @@ export class MovesView {
   async take(move, name, fps = null) {
     if (fps !== null) this.#fps.value = String(fps);
     this.#read = move;
+    this.#name = name;
     this.move = null; // the curve no longer shows the device's move
     this.#curve.show(move);
     this.#upload.disabled = !this.#device.connected;
@@ -160,6 +167,7 @@ export class MovesView {
         this.#progress.value = share;
       });
       this.move = move;
+      this.#recent.add(this.#name, moveText(move));
       this.#device.tell(`Frames ${move.startFrame} to ${move.endFrame} for ${move.positions.length} motors are uploaded.`);
     } catch (error) {
       this.#device.tell(`The upload has ended: ${error.message}`, true);

@@ -3,6 +3,7 @@
 import { check, field, h, number, read, setText } from "../dom.js";
 import { joints, TYPES } from "../kinematics.js";
 import { M } from "../protocol.js";
+import { Recent } from "../recent.js";
 import { RigDrawing } from "../rig_drawing.js";
 import { packConfig, parseTable } from "../virtual_config.js";
 
@@ -10,7 +11,6 @@ const POSITION = 100_000;
 const MILLI = 1000;
 const FULL_SPEED = 10_000;
 const FARTHEST = 2_000_000_000; // a step of the main motor beyond every jog
-const SAVED = "virtual rig";
 const LENGTHS = { length: 1000 }; // an arm of length 0 is refused
 // Virtual motors, their fields of VirtPositions, and the axes of their main motors
 const POSE = [
@@ -35,6 +35,7 @@ export class VirtualView {
   #device;
   #holds;
   #moves;
+  #recent = new Recent("recent rigs", "Configured before", (saved) => this.#takeUp(saved));
   #rig = null; // the rig as this page has configured it
   #type = h("select", {}, ...Object.entries(TYPES).map(([type, { name }]) => h("option", { value: type }, name)));
   #fields = h("div");
@@ -59,7 +60,7 @@ export class VirtualView {
       h("details", { class: "card", open: true }, h("summary", {}, "The rig"),
         h("form", { onsubmit: (event) => this.#configure(event) },
           field("Type", this.#type), this.#fields,
-          h("div", { class: "row" }, h("button", { class: "main" }, "Configure"),
+          h("div", { class: "row" }, this.#recent.element, h("button", { class: "main" }, "Configure"),
             h("button", { type: "button", onclick: () => this.#forget() }, "No virtual axes")))),
       h("div", { class: "beside" },
         h("div", { class: "card" }, h("h2", {}, "Along the camera's own axes"), this.#cross(), field("Jog speed, % of what the motors allow", this.#speed)),
@@ -74,12 +75,7 @@ export class VirtualView {
     this.#able.hidden = !can;
     this.#rig = null;
     this.#drawing.clear();
-    let saved = {};
-    try {
-      saved = JSON.parse(localStorage.getItem(SAVED) ?? "{}");
-    } catch { /* what an older page has left */ }
-    if (TYPES[saved.type]) this.#type.value = saved.type;
-    this.#fill(saved);
+    this.#takeUp(this.#recent.newest ?? {});
     this.#showPose();
   }
 
@@ -91,6 +87,12 @@ export class VirtualView {
   }
 
   // ---- the rig's configuration
+
+  /** Put a set-up into the fields. */
+  #takeUp(saved) {
+    if (TYPES[saved.type]) this.#type.value = saved.type;
+    this.#fill(saved);
+  }
 
   #fill(saved) {
     const { axes, arm } = TYPES[this.#type.value];
@@ -146,7 +148,7 @@ export class VirtualView {
     const bytes = this.#packed(rig);
     if (!bytes || !(await this.#device.ask("VirtConfig", { bytes }))) return;
     this.#rig = rig;
-    localStorage.setItem(SAVED, JSON.stringify(saved));
+    this.#recent.add(TYPES[rig.type].name, saved);
     this.#drawing.clear();
     this.#showPath();
     this.#device.tell(`${TYPES[rig.type].name}: configured.`);
