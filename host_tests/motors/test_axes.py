@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from framestep.motion import reals
-from framestep.motors.axes import Axes
+from framestep.motors.axes import AHEAD, LOW, Axes
 from framestep.motors.motor import (
     ACCELERATION_LIMIT,
     MAX_ACCELERATION,
@@ -472,6 +472,25 @@ def test_one_pass_between_two_long_absences(young):
         rig.axes.feed()
     rig.bench.run(47)
     assert rig.bench.state[stepper.FAULTS] == 0
+
+
+def test_a_pass_fills_many_low_queues_only_as_far_as_needed():
+    """One queue is filled, the others only until they are no longer low."""
+    rig = Rig(8)
+    for motor in range(8):
+        rig[motor].set_speed(20_000, 100_000)
+        rig.move_to(motor, 40_000)
+    rig.run(400)
+
+    def queued():
+        blocks = [rig[motor].block for motor in range(8)]
+        return [(b[stepper.WRITE_INDEX] - b[stepper.READ_INDEX]) & 0xFFFFFFFF for b in blocks]
+
+    while max(queued()) >= LOW:
+        rig.bench.run(1)
+    rig.axes.feed(True)
+    assert sorted(queued())[:-1] == [LOW] * 7
+    assert max(queued()) > AHEAD
 
 
 # ---------------------------------------------------------- phases that begin and end within a tick

@@ -78,7 +78,8 @@ class Axes:
 
         If that was little work, fill the next one as well. A pass of the main loop does only a
         piece of the work, so that requests are answered in between. But it may be the only pass for
-        a long time, so it leaves no moving motor with fewer than LOW. urgent: fill only such ones.
+        a long time, so it leaves no moving motor with fewer than LOW, and after its piece fills
+        queues only so far. urgent: fill only such ones.
 
         Return whether there may be more to do.
         """
@@ -99,7 +100,7 @@ class Axes:
             if low and axis.block[stepper.MODE] == stepper.RUN:
                 state[stepper.SHALLOWEST] = queued(axis.block, 1, state[stepper.SHALLOWEST])
             tail = axis.block[stepper.WRITE_INDEX]
-            axis.feed(min((found & 31) + AHEAD, MOST_SEGMENTS))
+            axis.feed(min((found & 31) + AHEAD, MOST_SEGMENTS) if left > 0 else LOW)
             left -= ((axis.block[stepper.WRITE_INDEX] - tail) & ALL_BITS) + _CALL
         for backlash in self.with_backlash:
             backlash.refresh()

@@ -277,6 +277,7 @@ class Header(array):
                     fifo = ptr32(m[sw.FIFO])
                     carry = m[sw.CARRY] - engine.COMMAND_CYCLES
                     bent = 0
+                    extra = 0
                     back = 0  # whole steps from this command's last pulse to the tick's last one
                     if acc:
                         if (acc ^ (acc >> 31)) > (d - sw.ONE // 2) >> 7:
@@ -288,11 +289,10 @@ class Header(array):
                         e = m[sw.SPAN] - ((rem >> 8) * step >> 14)
                         if bent:
                             bent = ((acc >> 12) * step >> 13) * h[sw.SQUARE] >> 12
-                            if (n - 2) >> 3:
+                            if (n + 2) >> 4:
                                 pass
                             else:
                                 back = n - (n >> 1)  # more commands follow the curve more closely
-                                extra = 0
                                 if n - 3:
                                     pass
                                 elif carry > 0:
@@ -308,7 +308,6 @@ class Header(array):
                             # there was no pulse in the tick before, so the two pulses of this tick
                             # have different distances
                             back = 1
-                            extra = 0
                     else:
                         if d < 64:
                             # a step left over from before, at rest or at a turn
@@ -368,11 +367,15 @@ class Header(array):
                         if bent:
                             # p(x) = d·x - a·x·(1 - x)/2 in a tick: x is reached a·x·(1 - x)/2d
                             # later
-                            x = (
-                                ((((m[sw.SPAN] - x) >> 3) * (x >> 3) >> 13) * h[sw.SQUARE] >> 6)
-                                * bent
-                                >> 11
-                            ) + x
+                            k = ((m[sw.SPAN] - x) >> 3) * (x >> 3)
+                            if back:
+                                if pulses - 1:
+                                    # Pulses at equal distances stray from the curve by up to its
+                                    # arc, all to one side. With this command's last one two thirds
+                                    # of that to the other side, none strays further.
+                                    d = pulses * step * 13 >> 8
+                                    k += d * d
+                            x = (((k >> 13) * h[sw.SQUARE] >> 6) * bent >> 11) + x
                         x = x + carry  # cycles available for the pulses
                         if pulses >> 6:
                             # One command would drift by up to half a cycle per pulse. Two commands

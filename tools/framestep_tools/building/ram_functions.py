@@ -17,7 +17,6 @@ RAM_FUNCTIONS = (
     ("framestep/hal/ports/usb_transfers.py", "", "arrived"),
     ("framestep/hal/ports/usb_port.py", "UsbPort", "send"),
     ("framestep/pulse/tick.py", "Header", "tick"),
-    ("framestep/pulse/stepper.py", "", "awaiting_target"),
     ("framestep/pulse/stepper.py", "", "poll_flags"),
     ("framestep/pulse/stepper.py", "", "moving"),
     ("framestep/motors/feeder.py", "", "emptiest_queue"),
