@@ -465,6 +465,14 @@ class _Finder(importlib.abc.MetaPathFinder):
         return spec
 
 
+def missing() -> str:
+    """Return what has to be installed before kernels can be compiled, "" if nothing."""
+    if not shutil.which("gcc"):
+        return "gcc"
+    headers = Path(sysconfig.get_path("include"), "Python.h")
+    return "" if headers.exists() else f"Python's headers ({headers}; python3-dev on Debian)"
+
+
 def install() -> None:
     """Load kernels as machine code from now on, if this computer can make it.
 
@@ -474,6 +482,5 @@ def install() -> None:
         return
     if loaded := [name for name in sys.modules if name.startswith(_NAMES)]:
         raise RuntimeError(f"already loaded in Python: {', '.join(loaded)}")
-    headers = Path(sysconfig.get_path("include"), "Python.h")
-    if shutil.which("gcc") and headers.exists():
+    if not missing():
         sys.meta_path.insert(0, _Finder())

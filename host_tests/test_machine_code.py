@@ -1,7 +1,6 @@
 """Kernels as machine code of this computer do what they do in Python (machine_code.py)."""
 
 import importlib.util
-import shutil
 import types
 from array import array
 
@@ -88,8 +87,7 @@ WORDS = st.integers(-(2**31), 2**31 - 1)
 @pytest.fixture(scope="module")
 def both(tmp_path_factory):
     """Return the module in Python and the same as machine code."""
-    if not shutil.which("gcc"):
-        pytest.fail("install gcc, with which kernels are compiled")
+    assert not (missing := machine_code.missing()), f"install {missing}, to compile kernels"
     path = tmp_path_factory.mktemp("kernels") / "kernels.py"
     path.write_text(KERNELS)
     modules = []
@@ -181,5 +179,6 @@ def test_devices(both):
 
 
 def test_the_core_runs_as_machine_code():
+    assert not (missing := machine_code.missing()), f"install {missing}, to compile kernels"
     for kernel in (compute.compute, samples.sample, Header.tick):
         assert not isinstance(kernel, types.FunctionType)
