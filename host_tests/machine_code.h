@@ -147,11 +147,16 @@ static inline word divided(word a, word b) {
 
 static inline word modulo(word a, word b) { return a - divided(a, b) * b; }
 
-/* A kernel's arguments: what is no whole number or no memory takes the function in Python. */
-static inline int is_word(PyObject *object) { return PyLong_Check(object); }
+/* A kernel's arguments: for others than small numbers and memory the function in Python is called. */
+static inline int is_word(PyObject *object) {
+    int beyond = 0;
+    if (!PyLong_Check(object))
+        return 0;
+    PyLong_AsLongLongAndOverflow(object, &beyond);
+    return !beyond;
+}
 
-static inline int is_memory(PyObject *object, int size) {
-    (void)size;
+static inline int is_memory(PyObject *object) {
     return PyObject_CheckBuffer(object) || is_device(object);
 }
 

@@ -343,7 +343,7 @@ class _Function:
             elif kind == _OBJECT:
                 values.append(f"args[{i}]")
             else:
-                checks.append(f"!is_memory(args[{i}], {kind})")
+                checks.append(f"!is_memory(args[{i}])")
                 values.append(f"to_object(args[{i}], {kind})")
         call = f"{self.name}({', '.join(values)})"
         if self.returns == _NOTHING:

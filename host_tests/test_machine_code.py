@@ -158,6 +158,11 @@ def test_addresses(both):
     ] * 2
 
 
+def test_numbers_beyond_a_word(both):
+    here, there = outcomes(both, "divided", lambda _: (2**70, 3))
+    assert here == there == (2**70 // 3, int, [])
+
+
 def test_truth(both):
     assert both[1].truth(3) is True
     assert both[1].truth(0) is False
