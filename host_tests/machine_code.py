@@ -31,7 +31,7 @@ _CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or _ROOT / ".cache") / "machine_
 _PACKAGES = ("pulse", "motion", "motors", "moves", "virtual_axes", "io", "protocol.checksum")
 _NAMES = tuple(f"framestep.{each}" for each in _PACKAGES)
 _KEPT = 8  # libraries of a module, for its last versions
-_RUNTIME = Path(__file__).with_suffix(".h")
+_RUNTIME = Path(__file__).with_suffix(".h").read_text()
 _FLAGS = ("-O2", "-fwrapv", "-shared", "-fPIC", "-w")
 _SIZES = {"ptr8": 1, "ptr16": 2, "ptr32": 4}
 _SIMPLE = {
@@ -383,7 +383,7 @@ def _translated(functions: dict[str, types.FunctionType]) -> tuple[str, dict[str
         for each in ("memory", *objects)
     )
     text = (
-        _RUNTIME.read_text()
+        _RUNTIME
         + "".join(f"static PyObject *{each};\n" for each in objects)
         + "".join(unit.texts + entries)
         + "static PyObject *bind(PyObject *self, PyObject *objects) {\n"

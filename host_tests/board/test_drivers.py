@@ -96,7 +96,6 @@ def enables(talk):
     return found
 
 
-@pytest.mark.repeats
 def test_nothing_moves_before_the_drivers_answer(talk):
     board = talk.board
     talk.run(1.3)
