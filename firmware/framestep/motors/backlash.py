@@ -1,7 +1,8 @@
 """Backlash: steps that a motor makes after a change of direction before its load moves.
 
 Hosts ask for positions of the load; limits and reports refer to them, too. The motor's position is
-the load's plus an offset: 0 if the motor has last moved the load up, minus the backlash if down.
+the load's plus an offset: 0 if the motor has last moved the load up, minus the backlash if down,
+and anything between while it turns.
 
 Positions are words, int32, passed as (array, index). Nothing allocates.
 """
@@ -14,7 +15,7 @@ from framestep.pulse import stepper
 
 # Words of a Backlash
 BACKLASH = const(0)  # in steps
-LOAD = const(1)  # position of the load once all queued commands are done
+LOAD = const(1)  # position of the load, as far as refresh() has followed the motor
 PLANNED_LOAD = const(2)  # position of the load at the end of the phases,
 OFFSET = const(3)  # the offset there,
 MOTOR = const(4)  # and the position of the motor
@@ -51,7 +52,7 @@ class Backlash(array):
 
     @micropython.viper
     def taken_up(w: ptr32, direction: int) -> int:
-        """Return whether it is taken up for a motion in that direction; 0: always."""
+        """Return whether it is taken up for a motion in that direction; for direction 0 it is."""
         offset = ptr32(w[BLOCK])[stepper.POSITION] - w[LOAD]
         return 1 if offset == turned(offset, w[BACKLASH], 0, direction) else 0
 
@@ -59,7 +60,7 @@ class Backlash(array):
 
     @micropython.viper
     def offset_for(w: ptr32, direction: int) -> int:
-        """Return the offset at the beginning of a motion in that direction; 0 (no motion): any."""
+        """Return the offset at the beginning of a motion in that direction; 0 for no motion."""
         return turned(0, w[BACKLASH], 0, direction)
 
     @micropython.viper
@@ -77,9 +78,10 @@ class Backlash(array):
 
     @micropython.viper
     def plan_from_cut(w: ptr32, cut: ptr32, positions, i: int) -> int:
-        """Continue the plan from the motor's place `cut` (stepper.AT_STEP, AT_PART).
+        """Continue the plan from where the motor's queue has been cut. cut: AT_STEP, AT_PART.
 
-        positions[i] = whole steps of the load there, with the planned offset. Return the fraction.
+        Set positions[i] to the whole steps of the load there, with the planned offset. Return the
+        fraction.
         """
         step = cut[stepper.AT_STEP] - w[OFFSET]
         part = cut[stepper.AT_PART]
@@ -104,14 +106,16 @@ class Backlash(array):
 
     @micropython.viper
     def coast_to(w: ptr32, positions, i: int, part: int):
-        """Like turn_to(), but keep the offset: if the motion turns, the load stays behind."""
+        """Like turn_to(), but keep the offset: if the motion turns, the motor does not take up the
+        backlash, so the load is not moved as far as planned."""
         step = ptr32(positions)[i + 0]
         w[PLANNED_LOAD] = step + (part >> 15)
         w[MOTOR] = step + w[OFFSET]
 
     @micropython.viper
     def take_up(w: ptr32, direction: int):
-        """Plan MOTOR for a motion in that direction from where the load is; 0: either."""
+        """Plan MOTOR for a motion in that direction from where the load is. Direction 0 keeps the
+        offset."""
         offset = turned(w[OFFSET], w[BACKLASH], 0, direction)
         w[OFFSET] = offset
         w[MOTOR] = w[PLANNED_LOAD] + offset
