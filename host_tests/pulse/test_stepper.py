@@ -415,3 +415,15 @@ def test_halt_without_motion(when):
     assert block[stepper.POSITION] == place
     assert block[stepper.READ_INDEX] == block[stepper.WRITE_INDEX]
     assert bench.state[stepper.FAULTS] == 0
+
+
+def test_hidden_plans_come_back_to_their_motors():
+    """The motor between them, at rest, gets none."""
+    bench = Bench(3)
+    timed = stepper.PLAN_SEGMENTS | stepper.PLAN_TIMED
+    for motor in (0, 2):
+        bench.block(motor)[stepper.PLANNED] = timed
+    hidden = stepper.hide_planned(bench.state)
+    assert stepper.moving(bench.state) == 0
+    stepper.restore_planned(bench.state, hidden)
+    assert [bench.block(motor)[stepper.PLANNED] for motor in range(3)] == [timed, 0, timed]

@@ -1,5 +1,7 @@
 """The stores of light levels and of triggers, against dictionaries."""
 
+import itertools
+
 import pytest
 from hypothesis import given, settings
 
@@ -260,3 +262,16 @@ def test_what_lies_past_the_end_is_ignored():
         "",
         "0 0 0",
     ]
+
+
+def test_any_frame_of_levels_that_rise_slowly():
+    """A frame's level is the sum of the codes before it, which have one bit each."""
+    rises = [k * k // 7 % 2 for k in range(200)]
+    wanted = list(itertools.accumulate(rises, initial=3))
+    lines = ["NEW 1000", f"BEGIN {len(wanted)}", levels(1, 0, 1, wanted), "FINISH"]
+    frames = [k * 89 % len(wanted) for k in range(len(wanted))]
+    found = answers(*lines, *(f"PLAY {frame} {frame}" for frame in frames))[len(lines) :]
+    shown = 0
+    for frame, answer in zip(frames, found, strict=True):
+        shown = int(answer.removeprefix("1=")) if answer else shown
+        assert shown == wanted[frame], frame
