@@ -43,6 +43,8 @@ class Motor:
         self.homing = False
         self.goals: tuple[int, ...] = ()  # it comes to rest on one of these, if known
         self.renumbered = False  # homing has ended and may have changed its position
+        # a fault: the main loop may have missed where it turned, and so where the load is
+        self.loose = False
 
     def allow(self, ms, velocity=0.0, acceleration=0.0):
         if velocity > self.top[-1][1]:

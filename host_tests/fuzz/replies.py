@@ -184,6 +184,10 @@ class Replies(Part):
                 self.trial.edges.judge(motor)
             if motor.renumbered:
                 self._renumber(motor, reported)
+            if motor.loose:
+                motor.loose = False
+                if abs(reported - motor.load) <= motor.backlash:
+                    motor.load = reported
             if reported != motor.load:
                 self.fail(
                     "positions",

@@ -152,7 +152,7 @@ class Stops(Part):
                     f"(fault {self.trial.board.controller.faults.fault:#x})",
                 )
             for motor in self.motors:
-                motor.jerky = True
+                motor.jerky = motor.loose = True
             self.begin()
             if self.lit < self.ms - 3:
                 self.safe_at = self.ms + self.safe_ms()
