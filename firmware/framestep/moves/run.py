@@ -37,6 +37,9 @@ from framestep.pulse import stepper
 
 _LONG_ROLL = const(64)  # ticks
 _AHEAD = const(3)  # the next phase is queued when fewer than this wait
+# Smoothing a frame takes 0.4 ms a motor, so these motors get theirs in the next pass, or a host
+# would wait.
+_LATER = const(0x3FFFFFF0)
 
 # Waiting time of a motor whose ramp is shorter than X.
 _WAIT = formula(
@@ -56,7 +59,8 @@ class RunMove(PreparedRun):
         self.run_outputs = run_outputs  # lights, triggers and camera: moves/run_outputs.py
         self.queued = 0
         self.unclosed = 0  # bits of motors that have yet to get their post-roll
-        self.period = FRAME_TICKS  # register with the end frame's duration
+        self.unqueued = 0  # bits of motors that have yet to get the queued frame
+        self.period = FRAME_TICKS  # register with the queued frame's duration
         self.last = False  # the queued lap is the last one
         self.closed = False
         self.reported = 0
@@ -82,6 +86,7 @@ class RunMove(PreparedRun):
         self.clock.begin(plan.fps_milli, 0)
         self.queued = 0
         self.unclosed = 0
+        self.unqueued = 0
         self.closed = False
         self.reported = 0
 
@@ -119,6 +124,10 @@ class RunMove(PreparedRun):
         self.run_outputs.feed()
         if self.closed:
             return False
+        if self.unqueued:
+            self._append(self.unqueued)
+            self.unqueued = 0
+            return True
         if self.unclosed:
             self._close()
             return True
@@ -136,19 +145,28 @@ class RunMove(PreparedRun):
         plan = self.plan
         k = self.queued + 1
         duration = LONGER_FRAME_TICKS if self.clock.longer() else FRAME_TICKS
+        self.period = duration
         if k > plan.frames:
-            self.period = duration
             self.end = self.first + self.step * plan.frames
             self.last = not self.looping
             self.unclosed = plan.bits
             self._close()
             return
         self.queued = k
+        bits = plan.bits
+        if player.view is player.values:  # smoothing
+            self.unqueued = bits & _LATER
+            bits ^= self.unqueued
+        self._append(bits)
+
+    def _append(self, bits):
+        """Append the cubic up to the queued frame to these motors."""
+        player = self.player
         player.append_frame(
-            plan.bits,
-            self.first + self.step * k,
+            bits,
+            self.first + self.step * self.queued,
             self.step,
-            duration,
+            self.period,
             registers.SCALE,
             player.view,
             player.curve,
