@@ -105,8 +105,9 @@ def test_a_move_is_shown_with_what_it_needs_and_what_is_set(stage):
     expect(log(page)).to_contain_text("The speed of 4 motors is set.")
     expect(first).to_contain_text("11664 steps/s, set 20000 steps/s")
     expect(first).not_to_contain_text("too little")
-    page.get_by_label("Frames per second").fill("48")
-    page.get_by_label("Frames per second").press("Tab")
+    rate = page.get_by_role("article", name="Run", exact=True).get_by_label("Frames per second")
+    rate.fill("48")
+    rate.press("Tab")
     expect(first).to_contain_text("23328 steps/s, set 20000 steps/s: too little")
     assert page.errors == []
 
