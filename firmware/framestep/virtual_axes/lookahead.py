@@ -178,11 +178,14 @@ class LookAhead:
             return ERR_RANGE
         return survey.passed_bound(rows[0], rows[1], rows[2])
 
-    def extend(self):
+    def extend(self, more=False):
         """Survey another cell, a step at a time, or find that it must be shorter. Return False if
-        there is nothing to do."""
+        there is nothing to do.
+
+        more: the next knot needs more than CELLS cells, as they get short toward a bound.
+        """
         if self.step == _PROBE:
-            if self.closed or self.count >= CELLS:
+            if self.closed or self.count >= (_RING - 1 if more else CELLS):
                 return False
             if not self._probe():
                 self.step = _RATE
