@@ -37,6 +37,7 @@ export class Series {
       if (!this.#goesOn) break;
       due += interval;
       await this.#operation.go();
+      if (this.#operation.ready) break; // GO was refused
       await this.#until(() => !this.#operation.playing);
       if (!this.#goesOn || this.#operation.early) break;
       shot.push(frame);
