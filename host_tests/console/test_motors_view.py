@@ -46,6 +46,7 @@ def settings_of(page, motor):
     card = card_of(page, motor)
     card.locator("summary").click()
     expect(card.get_by_label("Velocity, steps/s")).to_be_visible()
+    expect(card.locator("details")).to_have_attribute("aria-busy", "false")
     return card
 
 

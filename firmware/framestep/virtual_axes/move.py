@@ -203,7 +203,8 @@ class LinearMove:
                 return False
             if self.ahead and self.ahead.extend():
                 return True
-            self._plan_or_survey()
+            if not self._plan() and self.ahead and not self.ahead.extend(True):
+                self.ahead.closed = True
             if not self.closed and self.ahead and not self.ahead.count:
                 self.halt()  # no way to go
             return True
@@ -212,7 +213,8 @@ class LinearMove:
             if self.ahead and left > _SCARCE_TICKS and self.ahead.extend():
                 return True
             if left < _AHEAD_TICKS:
-                self._plan_or_survey()
+                if not self._plan() and self.ahead and not self.ahead.extend(True):
+                    self.ahead.closed = True  # a survey that cannot get longer ends here
                 return True
         elif not self.axes.moving_bits() & self.line.bits:
             if state == MOVING and self._settle():
@@ -259,11 +261,6 @@ class LinearMove:
         else:
             return False
         return True
-
-    def _plan_or_survey(self):
-        """Plan, or survey what the plan still lacks. A survey that cannot get longer ends here."""
-        if not self._plan() and self.ahead and not self.ahead.extend(True):
-            self.ahead.closed = True
 
     def _queue(self, knot):
         """Append the phases to a knot that has one on either side."""

@@ -270,6 +270,7 @@ class MotorSettings {
 
   /** Read the settings; only framestep reports them. */
   async #fill() {
+    this.element.setAttribute("aria-busy", "true"); // what is typed before the answer comes is overwritten
     try {
       const reported = await this.#device.demand("GetExceeded", { motor: this.#motor });
       if (reported.velocity === undefined) return;
@@ -283,6 +284,8 @@ class MotorSettings {
       this.#enabled.checked = (reported.bits & M.SET_ENABLED) !== 0;
     } catch {
       this.#device.tell("This device does not report its settings; the fields show defaults.");
+    } finally {
+      this.element.setAttribute("aria-busy", "false");
     }
   }
 
