@@ -33,9 +33,9 @@ def stop_rate(m: ptr32, bounds: ptr32, rate: int) -> int:
 
     An uploaded path may end on a soft limit. Its frames are rounded to whole steps, so between them
     it may be faster than the original move by about a step per frame, and a stop at `rate` would
-    overrun the limit. The result is at most four times `rate`, because the limit may be new. Below
-    100 steps/s it is whatever is needed, because at that speed each step starts and stops the
-    motor.
+    overrun the limit. The path itself turns back before a limit, at least as steeply as needed
+    here. Only a limit that has been set in motion may be too close: then the result is at most four
+    times `rate`, except below 100 steps/s, where each step starts and stops the motor.
     """
     v = m[sw.VELOCITY] - ((m[sw.ACCEL] - m[sw.JERK]) >> 5)  # see stepper.halt()
     part = m[sw.FRACTION]
