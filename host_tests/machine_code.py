@@ -77,7 +77,7 @@ _originals: dict[object, types.FunctionType] = {}  # kernel in C -> the function
 
 
 class _Unit:
-    """The C source of a module's kernels, and of those that they call."""
+    """The C source of a module's kernels, and of the kernels that they call."""
 
     def __init__(self):
         self.functions: dict[types.FunctionType, _Function | None] = {}
