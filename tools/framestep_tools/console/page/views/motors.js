@@ -124,6 +124,7 @@ class MotorCard {
   #bar = new PositionBar();
   #name;
   #target = null; // of the last move that a step button has requested
+  #asked = 0; // such moves whose answer, and whether the motor moves then, is not known yet
 
   constructor(device, axis, { hold, choose }) {
     this.motor = axis.motor;
@@ -181,9 +182,12 @@ class MotorCard {
   async #moveBy(distance) {
     const at = this.#device.state.positions[this.motor - 1];
     if (at === undefined) return;
-    const from = this.#device.moves(this.motor) ? this.#target ?? at : at;
+    const from = this.#asked || this.#device.moves(this.motor) ? this.#target ?? at : at;
     this.#target = from + Math.round(distance * this.#axis.perUnit);
+    this.#asked += 1;
     await this.#moveTo(this.#target);
+    await this.#device.seeWhatMoves();
+    this.#asked -= 1;
   }
 
   async #moveTo(position) {
