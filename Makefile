@@ -36,10 +36,10 @@ micropython: setup ## build MicroPython for the RP2040 and for 32-bit tests on t
 images: micropython # images of the boards that tests emulate; the build takes a minute the first time, then some seconds
 	@"$(PYTHON_VENV)" -m framestep_tools.building.images $(IMAGES)
 
-try: setup node ## a static page that runs framestep on an emulated board in the browser (build/site/try)
+try: setup node ## static pages: framestep on an emulated board in the browser (build/site/try), and its installer (build/site/install)
 	@"$(PYTHON_VENV)" -m framestep_tools.site.try_page
 
-site: setup node ## the documents as a web site, with the page of make try in it (build/site); builds without network
+site: setup node ## the documents as a web site, with the pages of make try in it (build/site); builds without network
 	@"$(PYTHON_VENV)" -m framestep_tools.site.documents
 
 demo: setup ## play a camera move on the emulated board, check every edge, plot it (build/demo)
@@ -63,7 +63,7 @@ image: setup ## MicroPython with framestep in it: build/BOARD.uf2; BOARD=pico, a
 install: setup ## build the image and put it on a board plugged in with BOOTSEL held: BOARD=pico
 	@"$(PYTHON_VENV)" -m framestep_tools install --board $(BOARD) $(ARGS)
 
-release: setup ## the files of a release (build/release): the package for pip, images, sums, notes
+release: setup node ## the files of a release (build/release): the package for pip, images, pages, sums, notes
 	@"$(PYTHON_VENV)" -m framestep_tools.building.release
 
 test: lint types node images chromium ## everything: style, types, and every layer of tests

@@ -12,8 +12,9 @@ from host_tests.console.file_server import FileServer
 @pytest.fixture
 def url(tmp_path, stage):
     documents.stage(tmp_path / "pages")
-    (tmp_path / "pages/try").mkdir()
-    (tmp_path / "pages/try/index.html").write_text("<title>try</title>")
+    for name in ("try", "install"):
+        (tmp_path / "pages" / name).mkdir()
+        (tmp_path / "pages" / name / "index.html").write_text(f"<title>{name}</title>")
     documents.build(tmp_path / "pages", tmp_path / "site")
     server = FileServer(tmp_path / "site")
     stage.closing(server.close)

@@ -55,11 +55,12 @@ def elsewhere(text):
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory):
-    """Return the staged documents; an empty page takes the place of the emulated board's."""
+    """Return the staged documents; empty pages take the place of those of `make try`."""
     folder = tmp_path_factory.mktemp("pages")
     documents.stage(folder)
-    (folder / "try").mkdir()
-    (folder / "try/index.html").write_text("<title>try</title>")
+    for name in ("try", "install"):
+        (folder / name).mkdir()
+        (folder / name / "index.html").write_text(f"<title>{name}</title>")
     return folder
 
 
@@ -83,10 +84,11 @@ def test_each_document_is_a_page(pages, site):
         assert not re.findall(r"<code>[^<]*\n[^<]*</code>|```", prose), page
 
 
-def test_front_page_leads_to_the_emulated_board(site):
-    assert 'href="try/index.html"' in (site / "index.html").read_text()
+@pytest.mark.parametrize("name", ["try", "install"])
+def test_front_page_leads_to_the_pages(site, name):
+    assert f'href="{name}/index.html"' in (site / "index.html").read_text()
     assert "make try" not in (site / "index.html").read_text()
-    assert (site / "try/index.html").read_text() == "<title>try</title>"
+    assert (site / name / "index.html").read_text() == f"<title>{name}</title>"
 
 
 def test_nothing_comes_from_another_host(site):

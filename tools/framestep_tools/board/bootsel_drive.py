@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from ..errors import NO_PORT, ToolError
 
-_ABOUT = "INFO_UF2.TXT"
-_CHIPS = {"RPI-RP2": "rp2040", "RP2350": "rp2350"}  # by Board-ID in the drive's file
+ABOUT = "INFO_UF2.TXT"
+CHIPS = {"RPI-RP2": "rp2040", "RP2350": "rp2350"}  # by Board-ID in the drive's file
 _LABELS = ("RPI-RP2", "RP2350")
 _LOOK_S = 0.5
 _CHUNK = 64 * 1024
@@ -38,11 +38,11 @@ class Drive(NamedTuple):
 def look(folder: Path) -> Drive | None:
     """Return the drive at this path, or None if it is not a board's."""
     try:
-        text = (folder / _ABOUT).read_text(errors="replace")
+        text = (folder / ABOUT).read_text(errors="replace")
     except OSError:
         return None
     found = re.search(r"^Board-ID:\s*(\S+)", text, re.MULTILINE)
-    chip = _CHIPS.get(found[1]) if found else None
+    chip = CHIPS.get(found[1]) if found else None
     return Drive(folder, chip) if chip else None
 
 

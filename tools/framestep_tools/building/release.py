@@ -3,6 +3,7 @@
 framestep-VERSION-py3-none-any.whl   the package, for pipx install
 framestep-BOARD-VERSION.uf2          the image of each board with an RP2040 or RP2350
 framestep-BOARD-VERSION.zip          the files of each board with an ESP32
+framestep-pages-VERSION.zip          the pages to try framestep and to install it
 SHA256SUMS, NOTES.md                 sums of all of these; which file to take, and this version's
                                      changes
 
@@ -20,13 +21,16 @@ import time
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from .. import paths
 from ..board import on_files
 from ..errors import Command
 from ..paths import ROOT, version
+from ..site import install_page, try_page
 from .board_files import board_data, files_boards, image_boards
 from .images import BuildError, frozen
+from .release_names import files_name, image_name, pages_name
 
 RELEASE = ROOT / "build" / "release"
 _FIRST = 315532800  # 1980, the earliest time in a zip file
@@ -54,6 +58,7 @@ _NOTES = """\
 |---|---|
 {rows}
 | a computer with Linux, macOS or Windows and Python 3.10 or newer | `framestep-{version}-py3-none-any.whl` |
+| a web server, for the pages that install framestep and try it in the browser | `framestep-pages-{version}.zip` |
 
 ## What to do
 
@@ -89,16 +94,6 @@ def notes(changelog: str, wanted: str) -> str:
         for board in boards
     )
     return _NOTES.format(version=wanted, rows=rows, changes="\n\n".join(changes))
-
-
-def image_name(board: str, wanted: str) -> str:
-    """Return the name of a board's image in a release."""
-    return f"framestep-{board}-{wanted}.uf2"
-
-
-def files_name(board: str, wanted: str) -> str:
-    """Return the name of the archive with a board's files."""
-    return f"framestep-{board}-{wanted}.zip"
 
 
 def zipped(files: Mapping[str, bytes], when: int) -> bytes:
@@ -142,6 +137,19 @@ def wheel(folder: Path, when: int) -> Path:
     return path
 
 
+def pages() -> dict[str, bytes]:
+    """Return {path: content} of the pages to try framestep and to install it."""
+    with TemporaryDirectory() as scratch:
+        try_page.make(Path(scratch) / "try")
+        images = {board: frozen(board).with_suffix(".uf2") for board in image_boards()}
+        install_page.make(Path(scratch) / "install", images)
+        return {
+            path.relative_to(scratch).as_posix(): path.read_bytes()
+            for path in Path(scratch).rglob("*")
+            if path.is_file()
+        }
+
+
 def make(folder: Path) -> list[Path]:
     """Make the release in a folder, which is emptied first. Return its files."""
     if folder.exists():
@@ -160,6 +168,8 @@ def make(folder: Path) -> list[Path]:
         )
     print("the package for pip", flush=True)
     wheel(folder, when)
+    print("the pages", flush=True)
+    (folder / pages_name(version())).write_bytes(zipped(pages(), when))
     (folder / "NOTES.md").write_text(notes((ROOT / "CHANGELOG.md").read_text(), version()))
     files = sorted(path for path in folder.iterdir() if path.is_file())
     sums = [f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n" for path in files]

@@ -1,5 +1,5 @@
-// Bundles the page that runs an emulated board: node bundle.mjs CONSOLE OUT. CONSOLE is the console's page as a server
-// sends it, with setup.json.
+// Bundles a static page: node bundle.mjs CONSOLE OUT NAME [WORKER...]. CONSOLE is the console's page as a server sends it,
+// with setup.json; page/NAME.js begins. A WORKER is a module of the emulated board.
 
 import fs from 'node:fs';
 import { createRequire } from 'node:module';
@@ -11,7 +11,7 @@ const BOARD = path.join(HERE, '..', '..', 'framestep_emulator', 'board');
 const MODULES = path.join(BOARD, 'node_modules');
 const esbuild = createRequire(path.join(BOARD, 'package.json'))('esbuild');
 
-const [console_, out] = process.argv.slice(2);
+const [console_, out, name, ...workers] = process.argv.slice(2);
 const common = {
   bundle: true,
   minify: true,
@@ -23,17 +23,17 @@ const common = {
 const made = await Promise.all([
   esbuild.build({
     ...common,
-    entryPoints: [path.join(HERE, 'page', 'try.js')],
+    entryPoints: [path.join(HERE, 'page', `${name}.js`)],
     format: 'esm',
     alias: { 'framestep-console': console_ },
     outdir: out,
   }),
-  esbuild.build({
+  ...workers.map((worker) => esbuild.build({
     ...common,
-    entryPoints: [path.join(BOARD, 'worker.mjs')],
+    entryPoints: [path.join(BOARD, `${worker}.mjs`)],
     format: 'iife',
-    outfile: path.join(out, 'board_worker.js'),
-  }),
+    outfile: path.join(out, `board_${worker}.js`),
+  })),
 ]);
 
 /** Return the packages in the bundle, and their licences. */
@@ -52,4 +52,5 @@ function licences() {
   });
 }
 
-fs.writeFileSync(path.join(out, 'licences.txt'), licences().join(`\n${'-'.repeat(72)}\n\n`));
+const found = licences();
+if (found.length) fs.writeFileSync(path.join(out, 'licences.txt'), found.join(`\n${'-'.repeat(72)}\n\n`));

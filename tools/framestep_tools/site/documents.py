@@ -1,5 +1,5 @@
-"""`make site`: the documents as a web site in build/site, with the page of `make try` in its folder
-try. Built without network, and no page loads anything from another host."""
+"""`make site`: the documents as a web site in build/site, with the pages of `make try` in its
+folders try and install. Built without network, and no page loads anything from another host."""
 
 import os
 import re
@@ -11,14 +11,19 @@ from pathlib import Path
 from ..building import images
 from ..errors import Command, ToolError
 from ..paths import ROOT
-from . import try_page
+from . import install_page, try_page
 
 SITE = ROOT / "build" / "site"
 PAGES = ROOT / "build" / "pages"
 _CONFIG = Path(__file__).with_name("mkdocs.yml")
-# The README's sentence about the page is for a clone; the site has the page itself.
-_IN_A_CLONE = re.compile(r"^In a clone, `make try` builds .*?\.$", re.MULTILINE | re.DOTALL)
-_HERE = "[Try it in your browser](try/index.html): an emulated Pico runs the real image there."
+# The README's sentences about the pages are for a clone; the site has the pages themselves.
+_IN_A_CLONE = re.compile(
+    r"^In a clone, `make try` .*? A release has both\.$", re.MULTILINE | re.DOTALL
+)
+_HERE = (
+    "[Try it in your browser](try/index.html): an emulated Pico runs the real image there. "
+    "[Install it from your browser](install/index.html) when you have a board."
+)
 
 app = Command("site", expected=(images.BuildError,))
 
@@ -28,6 +33,7 @@ def main() -> None:
     """Build the site."""
     stage(PAGES)
     try_page.make(PAGES / "try")
+    install_page.make(PAGES / "install", images.images_ready())
     build(PAGES, SITE)
     shown = SITE.relative_to(ROOT)
     print(f"{shown}: to see it, python3 -m http.server -d {shown}")

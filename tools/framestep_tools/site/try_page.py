@@ -6,9 +6,7 @@ page of `framestep console` controls it. Nothing is loaded from other hosts.
 
 import json
 import shutil
-import subprocess
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from framestep.rig import Rig
@@ -16,30 +14,31 @@ from framestep.rig import Rig
 from ..board import littlefs_image, uf2
 from ..building import images
 from ..building.board_files import board_data
-from ..console import page_files
-from ..errors import Command, ToolError
+from ..errors import Command
 from ..judge import demo
 from ..move.move_file import CAMERA_MOVE
 from ..paths import ROOT
 from ..simulator.boards import closed_switches
+from . import install_page
+from .bundling import bundle
 
 BOARD = "pico"
 RIG = {"name": "crane on a track", "motor_count": 4, "estop": "nc"}
 OUT = ROOT / "build" / "site" / "try"
-_HERE = Path(__file__).parent
-_CONSOLE_HTML = "index.html"
-_INSTEAD = {"style.css": "try.css", "main.js": "try.js"}  # the console's files, bundled
+NAME = "try"
 
 app = Command("try", expected=(images.BuildError,))
 
 
 @app.command()
 def main() -> None:
-    """Build the page."""
+    """Build the page, and the one that installs framestep."""
     make(OUT)
-    size = sum(path.stat().st_size for path in OUT.iterdir())
-    shown = OUT.relative_to(ROOT)
-    print(f"{shown}, {size // 1024} kB: to see it, python3 -m http.server -d {shown}")
+    install_page.make(install_page.OUT, images.images_ready())
+    for out in (OUT, install_page.OUT):
+        size = sum(path.stat().st_size for path in out.iterdir())
+        shown = out.relative_to(ROOT)
+        print(f"{shown}, {size // 1024} kB: to see it, python3 -m http.server -d {shown}")
 
 
 def make(out: Path, rig: dict[str, Any] = RIG) -> None:
@@ -51,18 +50,7 @@ def make(out: Path, rig: dict[str, Any] = RIG) -> None:
     shutil.copyfile(image, out / f"{BOARD}.uf2")
     shutil.copyfile(CAMERA_MOVE, out / CAMERA_MOVE.name)
     (out / "files.img").write_bytes(_files(firmware, rig))
-    with TemporaryDirectory() as folder:
-        console = Path(folder)
-        page_files.save(console)
-        (console / "setup.json").write_text(json.dumps(_setup(rig)))
-        _bundle(console, out)
-        html = (console / _CONSOLE_HTML).read_text()
-        for name, other in _INSTEAD.items():
-            assert html.count(f'"{name}"') == 1
-            html = html.replace(f'"{name}"', f'"{other}"')
-        (out / "index.html").write_text(html)
-        for name in ("icon.svg", "rig.schema.json"):
-            shutil.copyfile(console / name, out / name)
+    bundle(NAME, out, _setup(rig), ("worker",))
 
 
 def _setup(rig: dict[str, Any]) -> dict[str, Any]:
@@ -86,14 +74,6 @@ def _files(firmware: Path, rig: dict[str, Any]) -> bytes:
         {"/rig.json": json.dumps(rig)}, area.size // littlefs_image.BLOCK_SIZE
     )
     return image.rstrip(b"\xff")
-
-
-def _bundle(console: Path, out: Path) -> None:
-    done = subprocess.run(
-        ["node", _HERE / "bundle.mjs", console, out], capture_output=True, text=True
-    )
-    if done.returncode != 0:
-        raise ToolError(f"esbuild cannot bundle the page:\n{done.stderr.strip()}")
 
 
 if __name__ == "__main__":
