@@ -46,11 +46,12 @@ _PORTS = """addresses => {
 
 
 class SavedPage:
-    """The page as `framestep console --save` writes it, on a web server that only serves files;
-    `url` is its address. `give_ports` leads a page's ports to TCP addresses, HOST:PORT."""
+    """The page as `framestep console --save` writes it, or as `make` does, on a web server that
+    only serves files; `url` is its address. `give_ports` leads a page's ports to TCP addresses,
+    HOST:PORT."""
 
-    def __init__(self, folder):
-        page_files.save(folder)
+    def __init__(self, folder, make=page_files.save):
+        make(folder)
         self._files = FileServer(folder)
         self.url = self._files.url
         self._loop = asyncio.new_event_loop()

@@ -1,5 +1,5 @@
 """The page that installs framestep: images onto drives that the browser itself keeps (OPFS), so
-they have the interface of real ones."""
+they have the interface of real ones; then the emulated board over ports of Web Serial."""
 
 import re
 
@@ -7,9 +7,13 @@ import pytest
 from playwright.sync_api import expect
 
 from framestep_tools.building.board_files import board_names, image_boards
+from framestep_tools.simulator.boards import EmulatedBoard
 from framestep_tools.site import install_page
+from host_tests.console.conftest import Device
 from host_tests.console.file_server import FileServer
+from host_tests.console.looking import go_to, wait_rest
 from host_tests.console.pictures import LOOKS
+from host_tests.console.serial_ports import SavedPage
 from host_tests.console.test_accessible import AXE, FINDINGS
 
 IMAGE = bytes(range(256)) * 800  # several pieces
@@ -107,7 +111,7 @@ def test_a_drive_that_is_not_the_boards_is_refused(stage, url):
     assert page.errors == []
 
 
-@pytest.mark.parametrize("look", ["wide", "dark", "phone"])
+@pytest.mark.parametrize("look", ["wide", pytest.param("dark", marks=pytest.mark.repeats), "phone"])
 def test_every_board_without_access_to_drives(stage, url, look):
     """A browser of a phone, or Firefox: a download and pictures."""
     page = stage.page("about:blank", **LOOKS[look])
@@ -132,4 +136,139 @@ def test_every_board_without_access_to_drives(stage, url, look):
         assert page.evaluate(FINDINGS) == []
     assert fits == len(image_boards()) + 2
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    assert page.errors == []
+
+
+@pytest.fixture(scope="module")
+def board(shared_stage):
+    rig = {"name": "before", "estop": "nc"}
+    found = Device(EmulatedBoard(rig, trace=False), 1.0, repl=True)
+    shared_stage.closing(found.close)
+    found.at_board(lambda board: board.wire_switches())
+    return found
+
+
+def card(page, name):
+    return page.get_by_role("article", name=name, exact=True)
+
+
+def press(page, name):
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def unfold(page):
+    page.evaluate("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+
+
+def sound(page):
+    """Nothing that axe-core finds, and no sideways scrolling, wide and on a phone."""
+    before = page.viewport_size
+    for viewport in (before, LOOKS["phone"]["viewport"]):
+        page.set_viewport_size(viewport)
+        assert page.evaluate(FINDINGS) == []
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    page.set_viewport_size(before)
+
+
+def set_up(page):
+    """Change the rig file in its form: a wrong value, then right ones, and their differences."""
+    go_to(page, "3. Rig file")
+    said = card(page, "Onto the board").get_by_role("status")
+    name = page.get_by_label("name", exact=True)
+    expect(name).to_have_value("before")
+    expect(page.get_by_label("estop", exact=True)).to_have_value('"nc"')
+    unfold(page)
+    name.fill("after")
+    count = page.get_by_label("motor_count", exact=True)
+    count.fill("99")
+    wrong = "motor_count: found 99, allowed is 0 to 12"
+    expect(page.locator(".setting", has=count).get_by_role("status")).to_have_text(wrong)
+    press(page, "Check, and show the differences")
+    expect(said).to_have_text(f"rig.json: {wrong}")
+    count.fill("9")
+    press(page, "Check, and show the differences")
+    expect(said).to_have_text("rig.json: motor_count: found 9, this board has 8 motors")
+    count.fill("2")
+    sound(page)
+    page.get_by_label("motors[2].backlash").fill("24")
+    press(page, "Add to outputs")
+    page.get_by_label("outputs[1].pin").fill("22")
+    expect_differences(
+        page,
+        [
+            'name: "before" → "after"',
+            "motor_count: not set → 2",
+            "motors[2].backlash: not set → 24",
+            "outputs[1].pin: not set → 22",
+        ],
+    )
+    press(page, "Put it onto the board")
+    expect(said).to_have_text("after has restarted with it.")
+    expect(page.locator("#who")).to_contain_text("after, firmware")
+    press(page, "Check, and show the differences")
+    expect(said).to_have_text("The board has exactly these settings.")
+
+
+def expect_differences(page, lines):
+    press(page, "Check, and show the differences")
+    shown = page.get_by_role("list", name="Differences").get_by_role("listitem")
+    expect(shown).to_have_text(lines)
+
+
+def try_switches(page, board):
+    go_to(page, "4. Motors")
+    estop = card(page, "Switches").get_by_role("row", name="E-stop")
+    expect(estop).to_contain_text("released")
+    for level, state in ((1, "held"), (0, "released")):
+        board.at_board(lambda board, level=level: board.emulator.set_pin(19, level))
+        expect(estop).to_contain_text(state)
+    expect(estop).to_contain_text("seen both ways")
+
+
+def try_motor(page):
+    """A hold moves a motor a little, and ends when it is let go; a wrong direction is swapped."""
+    tried = card(page, "One motor at a time")
+    up = tried.get_by_role("button", name="Jog up")
+    expect(up).to_be_disabled()
+    tried.get_by_label("The load is off").check()
+    up.focus()
+    page.keyboard.down("Enter")
+    expect(tried.locator("output")).to_have_text(re.compile(r"^[1-9]"))
+    page.evaluate("window.dispatchEvent(new Event('blur'))")  # the hold ends though the key is down
+    wait_rest(page)
+    page.keyboard.up("Enter")
+    assert int(tried.locator("output").text_content()) <= 800
+    press(page, "No, swap its direction")
+    expect(page.get_by_label("motors[1].invert")).to_have_value("true")
+    expect_differences(page, ["motors[1].invert: not set → true"])
+
+
+def test_from_the_ports_to_the_first_move(stage, board, tmp_path):
+    saved = SavedPage(tmp_path, lambda folder: install_page.make(folder, {}))
+    stage.closing(saved.close)
+    page = stage.page(saved.url)
+    saved.give_ports(page, board.tcp, board.repl_tcp)
+    page.evaluate(AXE.read_text())
+    go_to(page, "2. Connect")
+    press(page, "Choose Dragonframe's port…")
+    connect = card(page, "Connect")
+    expect(connect).to_contain_text("before answers: firmware")
+    expect(connect).to_contain_text("as on this page, 8 motors")
+    press(page, "Choose the REPL's port…")
+    expect(connect).to_contain_text("The REPL's port is chosen.")
+    sound(page)
+    set_up(page)
+    try_switches(page, board)
+    try_motor(page)
+    go_to(page, "4. Motors")
+    sound(page)
+    go_to(page, "5. First move")
+    first = card(page, "First move")
+    first.get_by_label("Motor", exact=True).select_option("Motor 2")
+    page.get_by_label("Distance, steps").fill("400")
+    press(page, "Move there and back")
+    expect(first.get_by_role("status")).to_have_text(
+        "Motor 2 went 400 steps and is back at 0. That was the first move."
+    )
+    sound(page)
     assert page.errors == []

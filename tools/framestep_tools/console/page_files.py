@@ -14,7 +14,7 @@ from framestep.motors.positions import HOMED
 from framestep.protocol import messages
 
 from .. import paths, payloads
-from ..documents import rig_schema
+from ..documents import rig_schema, rig_table
 from ..errors import ToolError
 from ..move.move_formats import FORMATS
 from ..move.move_formats.units import UNITS
@@ -87,6 +87,9 @@ def protocol_js() -> str:
         "UNITS": list(UNITS),
         "FORMATS": {each.NAME: each.ENDINGS[0] for each in FORMATS.values()},
         "SCRIPTS": scripts.FOR_THE_PAGE,
+        "RIG_TASKS": {
+            task: [key for key in keys if "[" not in key] for task, keys in rig_table.TASKS.items()
+        },
         "SECTION_POSITIONS": (messages.LARGEST_PAYLOAD - _bytes_before(RtUploadMoveAxis)) // 4,
     }
     return _HEAD + "".join(

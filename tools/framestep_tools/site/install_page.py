@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from ..board import bootsel_drive
+from ..board.rig_file import read
 from ..building.board_files import board_chip, board_data, board_names
 from ..building.release_names import image_name
 from ..chips import chips
-from ..paths import ROOT, version
+from ..paths import BOARDS, ROOT, version
 from .bundling import bundle
 
 OUT = ROOT / "build" / "site" / "install"
@@ -53,6 +54,7 @@ def _board(board: str, image: Path | None) -> dict[str, Any]:
         "chip": data["chip"],
         "motors": data["motors"],
         "unfit": data.get("page", {}).get("unfit"),
+        "example": read(BOARDS / board / "rig.json"),
         "hasImage": board_chip(board).uf2_family is not None,
         "image": {
             "file": image_name(board, version()),

@@ -3,10 +3,8 @@
 
 import { h, setText } from "../dom.js";
 import { LoadCard } from "../load_card.js";
-import { M } from "../protocol.js";
 import { allowed } from "../rig_text.js";
-
-const RESTART_MS = 60_000; // time for a board to restart
+import { RigWork } from "../rig_work.js";
 
 export class RigView {
   title = "Rig file, load";
@@ -14,6 +12,7 @@ export class RigView {
   worksAlone = true;
   element = h("section");
   #device;
+  #work;
   #text = h("textarea", { rows: 18, spellcheck: false, "aria-label": "Rig file" });
   #said = h("pre", { role: "status" });
   #load;
@@ -24,12 +23,13 @@ export class RigView {
 
   constructor(device) {
     this.#device = device;
+    this.#work = new RigWork(device);
     const button = (text, work, main = false) => {
       const made = h("button", { type: "button", class: main ? "main" : "", onclick: () => this.#busy(work) }, text);
       this.#buttons.push(made);
       return made;
     };
-    this.#load = new LoadCard((task) => this.#ask(task), (text) => device.tell(text, true), button);
+    this.#load = new LoadCard((task) => this.#work.ask(task), (text) => device.tell(text, true), button);
     device.addEventListener("gone", () => this.#load.stop());
     this.element.append(
       this.#without,
@@ -57,8 +57,8 @@ export class RigView {
 
   /** Show which tasks are possible, and which port has to be chosen first. */
   #allow() {
-    const { client, hello } = this.#device;
-    const repl = Boolean(hello?.repl);
+    const { client } = this.#device;
+    const repl = this.#work.possible;
     for (const button of this.#buttons) button.disabled = !repl;
     this.#load.disabled = !repl;
     this.#choose.hidden = repl || !client?.choosesRepl;
@@ -90,66 +90,19 @@ export class RigView {
   }
 
   async #read() {
-    const found = await this.#ask("read_rig");
+    const found = await this.#work.read();
     this.#text.value = found.text;
     setText(this.#said, found.there ? "As it is on the board." : "The board has none: all settings are at their defaults.");
   }
 
   async #check() {
-    setText(this.#said, (await this.#ask("check_rig", { text: this.#text.value })).text);
+    setText(this.#said, await this.#work.check(this.#text.value));
   }
 
   async #write() {
-    setText(this.#said, "The board accepts it and restarts …");
-    this.#device.restarts = !this.#device.client?.keeps; // with a server, that waits for the board
-    try {
-      await this.#replace();
-    } finally {
-      this.#device.restarts = false;
-    }
-  }
-
-  async #replace() {
-    const { client } = this.#device;
-    const found = await this.#ask("write_rig", { text: this.#text.value });
-    setText(this.#said, found.text);
-    if (!found.restarts) {
-      await this.#device.greet(); // the server has waited for the board
-      return;
-    }
-    await this.#connectAgain(client);
-    if (await this.#isTaken()) {
-      setText(this.#said, `${this.#device.state.info.name} has restarted with it.`);
-      return;
-    }
-    const again = this.#device.client;
-    await this.#ask("restore_rig", found.before);
-    await this.#connectAgain(again);
-    throw new Error("rig.json: the board refuses these settings together (framestep rig check says why); it has restarted with the previous file");
-  }
-
-  /** Return whether the board has accepted its rig file; it reports a mistake as a condition. */
-  async #isTaken() {
-    const { bits } = await this.#device.demand("GetCondition");
-    return (bits & M.CONDITION_RIG_FILE_INVALID) === 0;
-  }
-
-  /** Wait for a board that restarts. */
-  async #connectAgain(client) {
-    const end = performance.now() + RESTART_MS;
-    for (;;) {
-      try {
-        await this.#device.connect(await client.again());
-        return;
-      } catch (error) {
-        if (performance.now() > end) throw new Error(`the board has restarted: connect it again (${error.message})`);
-      }
-    }
-  }
-
-  #ask(task, values) {
-    if (!this.#device.client) return Promise.reject(new Error("no device is connected"));
-    return this.#device.client.ask(task, values);
+    const say = (text) => setText(this.#said, text);
+    say("The board accepts it and restarts …");
+    say(await this.#work.write(this.#text.value, say));
   }
 
   async #showHelp() {
