@@ -228,9 +228,10 @@ class Runs(Part):
             motor.let_go_by = None
             path = self.upload.paths[motor.index]
             self._over(motor, path)
-            # a stop that is not on a frame: between whole steps the path is faster than its mean
+            # A stop that is not on a frame: between whole steps the path is faster than its mean.
+            # Below 100 steps/s a stop ends within the step.
             velocity = min(bounds_of(path, max(fps / 1000, 2.0), 0)[0], 3 * motor.velocity)
-            way = int(velocity**2 / 2 / motor.least) + 1
+            way = int(velocity**2 / 2 / motor.least) + 1 if velocity > 100 else 1
             motor.reach(int(path.min()) - way, int(path.max()) + way)
             fastest = np.abs(np.diff(path)).max() if len(path) > 1 else 0
             self._along(motor, path, max(fps / 1000, 2.0), 12 * float(fastest + motor.backlash))

@@ -49,7 +49,7 @@ class Motion:
         return (way + (part if self.block[stepper.VELOCITY] > 0 else -part)) / ONE
 
 
-velocities = st.floats(1, FASTEST) | st.floats(1, 500)
+velocities = st.floats(101, FASTEST) | st.floats(101, 500)
 
 
 @given(
@@ -99,8 +99,8 @@ def test_as_steep_as_the_path_that_turns_before_the_bound(velocity, room, sign):
     assert motion.way(10) < room + 1
 
 
-@given(st.floats(1, 99), st.sampled_from([1, -1]))
-def test_a_slow_motor_stops_at_once(velocity, sign):
+@given(st.floats(1, 99), st.sampled_from([1, -1]), st.sampled_from([-1, 0, 2000]))
+def test_a_slow_motor_stops_at_once(velocity, sign, room):
     motion = Motion(sign * velocity)
-    motion.bound(0)
+    motion.bound(room)
     assert motion.way(10) < 1

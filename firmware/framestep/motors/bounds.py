@@ -35,7 +35,8 @@ def stop_rate(m: ptr32, bounds: ptr32, rate: int) -> int:
     it may be faster than the original move by about a step per frame, and a stop at `rate` would
     overrun the limit. The path itself turns back before a limit, at least as steeply as needed
     here. Only a limit that has been set in motion may be too close: then the result is at most four
-    times `rate`, except below 100 steps/s, where each step starts and stops the motor.
+    times `rate`. Below 100 steps/s, where each step starts and stops the motor, a stop ends within
+    the step; else it could go far past a path that makes a step now and then.
     """
     v = m[sw.VELOCITY] - ((m[sw.ACCEL] - m[sw.JERK]) >> 5)  # see stepper.halt()
     part = m[sw.FRACTION]
@@ -45,6 +46,8 @@ def stop_rate(m: ptr32, bounds: ptr32, rate: int) -> int:
         room = m[sw.POSITION] - bounds[LOWER] + ptr32(m[sw.BACKLASH])[BACKLASH]  # wraps
     else:
         room = bounds[UPPER] - m[sw.POSITION]  # wraps
+    if v <= _SLOW:
+        room = 0
     if room < 0 or room >= 1 << 24:
         return rate
     # A stop takes v² / 2d - v / 2 steps and may end within the step behind the bound. So

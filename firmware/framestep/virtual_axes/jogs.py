@@ -134,7 +134,8 @@ class Jogs:
         """
         if not self.jog.kind:
             return results.ERR_MOVING
-        self.virtuals.stop()
+        self.forget()
+        self.move.stop()
         jog = self.next
         jog.kind = kind
         jog.number = number

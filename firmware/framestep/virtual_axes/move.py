@@ -40,6 +40,10 @@ HALTED = const(3)  # the motors ramp down by themselves
 TAKING_UP = const(4)  # motors take up backlash for the direction in which they start
 SETTLING = const(5)  # at the end of the line: motors that have turned take up their backlash
 
+# Of `stopping`
+_TO_LINE = const(1)  # on the line, with all backlash taken up at the end
+_AT_ONCE = const(2)  # nothing begins to move any more
+
 _BEGIN_TICKS = const(128)  # queued before anything moves
 _AHEAD_TICKS = const(256)  # planned ahead
 _SCARCE_TICKS = const(128)  # with fewer, a knot takes precedence over a survey
@@ -87,7 +91,7 @@ class LinearMove:
         self.queued = 0  # the last knot to which a phase leads
         self.tick = 0  # tick in which the motion began
         self.closed = True  # no further knots follow
-        self.stopping = False
+        self.stopping = 0  # or one of the two below
 
     @property
     def engaged(self):
@@ -130,7 +134,7 @@ class LinearMove:
         self.knot = 0
         self.queued = 0
         self.closed = False
-        self.stopping = False
+        self.stopping = 0
         self.state = STARTING
 
     def _release(self):
@@ -139,7 +143,8 @@ class LinearMove:
         self.state = MOVING
 
     def _settle(self):
-        """At the end of the line, let the loads of motors that have turned on it follow.
+        """At the end of the line, let the loads of motors that have turned on it follow, except
+        after a stop of everything.
 
         Return whether there was such a motor.
         """
@@ -150,20 +155,30 @@ class LinearMove:
                 nearest_step(self.word, 0, self.rows, row + 2 * i, self.line.present, motor)
                 axis = self.axes[motor]
                 if not axis.rests_on(self.word, 0):
+                    if self.stopping == _AT_ONCE:
+                        self.state = HALTED  # not where the line ends
+                        return True
                     axis.move_to(self.axes.hal, self.word, 0)
                     self.state = SETTLING
         return self.state == SETTLING
 
-    def stop(self):
-        """Slow down along the line, as steeply as its motors allow."""
-        if self.state == STARTING or self.state == TAKING_UP:
-            self.halt()
-        elif self.state == MOVING and not self.stopping:
-            if self._cut():
-                self.stopping = True
-                if self.ahead and not self.ahead.back():
+    def stop(self, at_once=False):
+        """Slow down along the line, as steeply as its motors allow.
+
+        at_once: motors that have turned on the line do not take up their backlash at its end.
+        """
+        if self.state == MOVING:
+            if not self.stopping:
+                if self._cut():
+                    self.stopping = _TO_LINE
+                    if self.ahead and not self.ahead.back():
+                        self.halt()
+                elif not self.closed:
                     self.halt()
-            elif not self.closed:
+            if at_once:
+                self.stopping = _AT_ONCE
+        elif at_once or self.state != SETTLING:
+            if self.state != HALTED:
                 self.halt()
 
     def halt(self, factor=1):

@@ -229,7 +229,7 @@ class Virtuals(VirtualAxes):
         self.jogs.stop_axis(number)
         if self.moved == number:
             self.jogs.forget()
-            self.move.stop()
+            self.move.stop(self.move.closed)  # at the end or again: at once
         return m.OK
 
     # ---------------------------------------------------------------- jogs

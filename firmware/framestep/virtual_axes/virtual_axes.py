@@ -51,9 +51,9 @@ class VirtualAxes:
         return self.jogs.poll(now, self.rig.jog_timeout_ms)
 
     def stop(self):
-        """Slow down along the line."""
+        """Slow down along the line. Nothing follows."""
         self.jogs.stop()
-        self.move.stop()
+        self.move.stop(True)
 
     def halt(self, factor=1):
         """Let each motor ramp down by itself, with `factor` times its acceleration."""

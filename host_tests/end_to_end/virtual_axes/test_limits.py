@@ -145,6 +145,24 @@ def test_a_motor_that_turns_on_the_way_takes_up_its_play_in_the_end():
     assert [session.position(motor) for motor in range(1, 7)] == np.round(rest).tolist()
 
 
+@pytest.mark.parametrize("stop_s", [1.5, 2.45], ids=["on-the-line", "at-its-end"])
+def test_no_motor_takes_up_its_play_after_stop_all(stop_s):
+    """The track turns on the line, and takes up its play at the end, here for ten seconds; but
+    nothing moves on after a STOP_ALL."""
+    session = configured(BOOM, 4000, 20_000, settings=LOOSE)
+    session.accept(VirtMove(m.VIRT_MOTOR_EW, -190 * 100000))
+    session.wait_idle()
+    session.forget()
+    session.accept(VirtMove(m.VIRT_MOTOR_EW, 210 * 100000))
+    session.run(stop_s)
+    assert np.diff(session.steps(3)[1]).any()
+    session.speed(3, 20, 20_000)
+    session.accept(MotorStopAll())
+    session.run(1)
+    assert session.moving == []
+    assert not session.events(HardStop)
+
+
 def test_a_limit_switch_or_the_e_stop_in_a_move():
     """All motors of the rig come to rest, each by its own ramp, and the one at the switch by a hard
     stop."""
