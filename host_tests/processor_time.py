@@ -1,4 +1,4 @@
-"""Processor time of the tests: of this process, and of its child processes, ended or running.
+"""Processor time of the tests: of this process, and of its descendants, ended or running.
 Printed at the end of a run, all of it in build/processor_time.txt; not a verdict, as computers
 differ by half."""
 
@@ -16,9 +16,15 @@ _LARGE_SHARE = 0.03  # of the sum: such files are named
 
 
 def _seconds():
-    """Return the time so far; running children, such as emulated boards, count only with /proc."""
-    found = sum(os.times()[:4])
-    for children in Path("/proc/self/task").glob("*/children"):
+    """Return the time so far; running children, such as emulated boards, and theirs, such as a
+    browser's, count only with /proc."""
+    return sum(os.times()[:4]) + _running("self")
+
+
+def _running(process):
+    """Return the time of a process's running children and of theirs."""
+    found = 0
+    for children in Path("/proc", process, "task").glob("*/children"):
         pids = []
         with contextlib.suppress(OSError):  # the thread has just ended
             pids = children.read_text().split()
@@ -26,6 +32,7 @@ def _seconds():
             with contextlib.suppress(OSError):  # the process has just ended
                 status = Path("/proc", child, "stat").read_text().rpartition(")")[2].split()
                 found += sum(map(int, status[11:15])) / os.sysconf("SC_CLK_TCK")
+                found += _running(child)
     return found
 
 
