@@ -20,7 +20,13 @@ from framestep_tools.simulator.serve import Server
 
 _LOOK_S = 0.02
 PATIENCE_MS = 100_000  # the answer comes at once, but a busy computer may need time
-_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+_BROWSERS = (
+    "chromium-headless-shell",  # takes half of the time of the others
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+)
 FLAGS = (
     "--no-sandbox",
     "--disable-gpu",
