@@ -71,7 +71,7 @@ def pytest_configure(config):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers():
-    """Have one process more than processors for -n auto: some tests wait for a clock or a browser."""
+    """Have one process more than processors: some tests wait for a clock or a browser."""
     if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
         return None  # xdist's own hook reads it
     usable = getattr(os, "sched_getaffinity", None)  # not on macOS

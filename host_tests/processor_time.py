@@ -48,7 +48,8 @@ class ProcessorTime:
         try:
             return (yield)
         finally:
-            self.taken[item.nodeid] = _seconds() - before
+            # less than 0: the end of a browser, whose processes do not wait for one another
+            self.taken[item.nodeid] = max(_seconds() - before, 0)
 
     def pytest_sessionfinish(self, session):
         if hasattr(session.config, "workeroutput"):
