@@ -1,19 +1,23 @@
 """A simulated ESP32 behind a pseudo-terminal, for programs that open a serial port."""
 
+import termios
 import threading
 import time
 from types import TracebackType
 
+from framestep_tools.client.port_finder import BAUD
 from framestep_tools.client.pty_port import PtyLink
 from framestep_tools.simulator.esp32_board import Esp32Board
 
 _SLICE_NS = 2_000_000
 _REST_S = 0.002  # while both sides are silent: a waiting REPL needs no processor
+_RATES = {getattr(termios, f"B{baud}"): baud for baud in (115200, 230400, 460800, 921600)}
 _MOST = 4096  # bytes for the board at once, as its UART takes its time
 
 
 class Terminal:
-    """Runs a board in a thread at full speed, and passes its bytes on. `path` is the port's path.
+    """Runs a board in a thread at full speed, and passes its bytes on, at the rate that a program
+    sets. `path` is the port's path.
 
     If the power is cut (Esp32Board.cut_power_after), the port disappears.
     """
@@ -29,6 +33,9 @@ class Terminal:
         board = self.board
         waiting = b""
         while not self._over and board.powered:
+            baud = _RATES.get(termios.tcgetattr(self._link._master)[4], BAUD)
+            if baud != board.baud:
+                board.baud = baud
             data = self._link.read()
             for at in range(0, len(data), _MOST):
                 board.receive(data[at : at + _MOST])

@@ -8,6 +8,7 @@ from framestep.motors.positions import BROKEN_OFF, HELD, LOST, RESTORED
 from framestep.rig import Rig, RigError
 from framestep_tools.board.rig_file import read
 from framestep_tools.building.board_files import ROOT, board_data, files_boards
+from framestep_tools.client.wire import encode
 from framestep_tools.judge.judge import frame_times_ns
 from framestep_tools.payloads import (
     Ack,
@@ -36,11 +37,11 @@ REPLY_S = 0.06
 
 @pytest.fixture
 def board(request):
-    """Return board(rig): a session; all sessions end with the test."""
+    """Return board(rig, baud): a session; all sessions end with the test."""
     made = []
 
-    def make(rig=None):
-        made.append(Esp32Board(rig))
+    def make(rig=None, baud=115200):
+        made.append(Esp32Board(rig, baud=baud))
         made[-1].wire_switches()
         return Session(made[-1], reply_s=REPLY_S)
 
@@ -358,6 +359,47 @@ def test_reading_the_upload_port_takes_no_step(rig):
     assert steady.max() - steady.min() < 9e-6
 
 
+@pytest.mark.parametrize("baud", [230400, 460800, 921600])
+def test_a_higher_rate(board, baud):
+    """An upload while a motor moves, with pauses of the main loop: no byte is lost."""
+    session = board({"uart_baud": baud}, baud)
+    session.speed(5, 20000, 100_000)
+    session.accept(MotorMove(5, 20_000))
+    began = session.now
+    for first in (1, 101):
+        session.board.pause(200 / baud * 10_000)  # MicroPython's ring holds 260 bytes
+        frames = {motor: list(range(0, 1000 * motor, 10 * motor)) for motor in range(1, 9)}
+        session.client.upload_move(first, first + 99, frames)
+    assert session.now - began < 6400 / baud * 10 + 0.2
+    session.wait_idle()
+    assert session.made(5) == 20_000
+    assert session.ask(Hi()).motors == 8
+
+
+def test_the_rate_stays_after_ctrl_c_and_a_soft_reset(board):
+    there = board({"uart_baud": 460800}, 460800).board
+
+    def said(data):
+        there.receive(data)
+        there.run_until(there.now_ns + 500_000_000)
+        return there.transmit()
+
+    assert said(b"\r\x03").endswith(b">>> ")
+    assert said(b"import os\r\nos.remove('/rig.json')\r\n").endswith(b">>> ")
+    assert b"soft reboot" in said(b"\x04")  # and the file is gone, so the rate is the usual one
+    there.baud = 115200
+    assert b"framestep" in said(encode(Hi.TYPE, b"", 1))
+
+
+def test_at_another_rate_nothing_gets_across():
+    with Esp32Board({"uart_baud": 460800}) as there:
+        there.run_until(there.now_ns + 200_000_000)
+        there.transmit()
+        there.receive(encode(Hi.TYPE, b"", 1))
+        there.run_until(there.now_ns + 200_000_000)
+        assert not there.transmit()
+
+
 @pytest.mark.parametrize(
     "found, wanted",
     [
@@ -368,6 +410,7 @@ def test_reading_the_upload_port_takes_no_step(rig):
         ({"inputs": [{"pin": 3}]}, r"found 3, which is the board's uart 2 already"),
         ({"motors": [{"servo": {"pin": 4}}]}, r"motors\[1\].servo: found an object"),
         ({"ports": 2}, "ports: found 2, this board has 1"),
+        ({"uart_baud": 57600}, "uart_baud: found 57600, allowed is one of 115200, 230400, 460800"),
         ({"watchdog": True}, "watchdog: found true, but framestep has none for this board"),
         ({"dmx": True}, "dmx: found true, but framestep has none for this board"),
     ],

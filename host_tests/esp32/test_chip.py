@@ -237,3 +237,13 @@ def test_while_flash_is_written_the_ring_plays_its_old_content(on_chip):
     )
     assert said == ["2"]
     assert values(heard)[3:15] == [0, 1, 2, 3] * 3
+
+
+def test_the_rate_of_the_repl_is_set_before_an_error(on_chip):
+    """ESP-IDF's driver, which MicroPython asks next, is not there for that UART."""
+    said, _ = on_chip(
+        "from machine import UART\n"
+        "print(error(UART, 0, 460800), error(UART, 0, 0))\n"
+        "print(error(UART, 0, 6_000_000))"
+    )
+    assert said == ["('OSError', -259) ('OSError', -259)", "('OSError', 1)"]

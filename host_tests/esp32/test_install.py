@@ -117,6 +117,24 @@ def test_a_rig_file_and_a_move_from_the_shell(boards, capsys, monkeypatch, tmp_p
     assert "motor 2: 200" in said
 
 
+def test_another_rate_from_the_shell(boards, capsys, monkeypatch, tmp_path):
+    """The rate belongs to the port's name. `rig edit` finds the board at the new one."""
+    board = boards(installed())
+    with Terminal(board) as terminal:
+        port, fast = terminal.path, f"{terminal.path}@460800"
+        for name, rig, words in (
+            ("faster", '{"uart_baud": 460800}', ["--port", port]),
+            ("again", '{"motor_count": 2}', ["--port", fast]),
+        ):
+            (tmp_path / name).write_text(rig)
+            monkeypatch.setenv("EDITOR", f"cp {tmp_path}/{name}")
+            assert cli.app.status(["rig", "edit", *words]) == 0, capsys.readouterr()
+            assert cli.app.status(["status", port if rig.startswith('{"m') else fast]) == 0
+    said = capsys.readouterr().out
+    assert f"framestep on {fast}, firmware" in said
+    assert f"framestep on {port}, firmware 0.1.0: 2 motors" in said
+
+
 @pytest.mark.repeats
 def test_power_cuts(boards, packaged, capsys):
     """At each moment of an update the board has all old modules, all new ones, or a REPL and a

@@ -131,6 +131,7 @@ def test_the_simulated_board_is_a_pico():
             {"dmx_break_us": 91},
             "dmx_break_us: found 91, allowed is a whole number from 92 to 1000 µs",
         ),
+        ({"uart_baud": 460800}, "uart_baud: found 460800, but this board's port is USB"),
     ],
 )
 def test_mistakes(settings, text):

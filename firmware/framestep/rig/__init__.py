@@ -82,6 +82,8 @@ class Rig:
 
     def _read_ports(self, found, ports):
         """Return the number of ports. A board that has only one needs no setting for it."""
+        if "uart_baud" in (found or {}) and self.board and "uart" not in self.board:
+            raise RigError("uart_baud: found %d, but this board's port is USB" % found["uart_baud"])
         most = self.board.pop("ports", 2)
         if ports > most and "ports" in (found or {}):
             raise RigError("ports: found %d, this board has %d" % (ports, most))

@@ -13,6 +13,8 @@ SETTINGS = {
         "form of the answers: as specified, or as dmc-lite sends"),
     "ports": (int, 1, 2, 2, "",
         "2: the protocol has a USB port of its own, 1: it shares the REPL's"),
+    "uart_baud": (int, (115200, 230400, 460800, 921600), None, 115200, "baud",
+        "rate of the port on an ESP32's UART; the host has to use the same"),
     "jog_timeout_ms": (int, 0, 60000, 500, "ms",
         "a jog ends if it is not repeated within this time; 0: never"),
     "hard_stop_factor": (int, 1, 16, 4, "", "how many times as steeply a hard stop decelerates"),

@@ -258,6 +258,7 @@ def test_a_file_that_only_the_board_refuses_leaves_the_draft(tmp_path, monkeypat
     earlier file back."""
 
     class Board:
+        path = "/dev/repl"
         state = State(True, 0, True)
 
         def __enter__(self):

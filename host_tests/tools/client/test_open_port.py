@@ -271,6 +271,14 @@ def test_a_port_is_opened_for_one_alone(device):
         client.greet()
 
 
+def test_a_port_at_another_rate(device):
+    port = open_port.open_port(f"{device}@460800", 0.1)
+    assert (port.port, port.baudrate) == (device, 460800)
+    open_port.close_port(port)
+    with pytest.raises(NoPort, match=r"cannot open /dev/nobody: .*No such file"):
+        open_port.open_port("/dev/nobody@460800", 0.1)
+
+
 def test_a_pulled_cable(terminal):
     client = Client.open(terminal.path)
     terminal.ended = True

@@ -193,6 +193,18 @@ def test_a_link_to_a_port(there, tmp_path):
     assert port_finder.is_repl(str(link))
 
 
+def test_a_rate_in_the_name(there, tmp_path):
+    """PORT@RATE, unless there is a port of that name."""
+    assert port_finder.split_rate("/dev/ttyUSB0@460800") == ("/dev/ttyUSB0", 460800)
+    assert port_finder.split_rate("COM7") == ("COM7", 115200)
+    assert port_finder.split_rate("/dev/tty@usb") == ("/dev/tty@usb", 115200)
+    odd = tmp_path / "port@9600"
+    odd.touch()
+    assert port_finder.split_rate(str(odd)) == (str(odd), 115200)
+    assert port_finder.at_rate("COM7@460800", 921600) == "COM7@921600"
+    assert port_finder.at_rate("COM7@460800", 115200) == "COM7"
+
+
 def test_the_list(there, capsys):
     there += [*OTHERS, *BOARDS["Windows"]]
     assert cli.app.status(["ports"]) == 0

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from .. import paths
 from ..building.board_files import board_chip, board_data, board_modules
+from ..client.port_finder import at_rate
 from . import module_files
 from .module_files import Files, Place
 from .repl_device import RIG_FILE, Device, DeviceError
@@ -111,22 +112,24 @@ def put(board: Files, wanted: Package, say: Callable[[str], None]) -> int:
     return module_files.put(board, PLACE, wanted.board, wanted.modules, say, {MAIN: wanted.main})
 
 
-def bring(device: Device, wanted: Package, say: Callable[[str], None]) -> None:
-    """Put framestep on a board with MicroPython, if its MicroPython can run it."""
+def bring(device: Device, wanted: Package, say: Callable[[str], None]) -> str:
+    """Put framestep on a board with MicroPython, if its MicroPython can run it. Return the port at
+    the rate that it has after a restart."""
     check(device, wanted)
     say(f"{board_data(wanted.board)['name']} on {device.path}")
     device.halt()
     if not put(device, wanted, say):
         say(f"all of framestep ({len(wanted.modules)} modules) is on the board")
-    report_rig(device.read(RIG_FILE), wanted.board, say)
+    found = report_rig(device.read(RIG_FILE), wanted.board, say)
+    return at_rate(device.path, found.settings["uart_baud"])
 
 
 def install(wanted: Package, path: str, say: Callable[[str], None]) -> None:
     """Put framestep on a board with MicroPython, restart it, and print its greeting. path: of its
     serial port."""
     with Device(path, say) as device:
-        bring(device, wanted, say)
+        port = bring(device, wanted, say)
         say("restarting")
         device.restart()
-    port, info = hello(device.path, None, 1)
+    port, info = hello(port, None, 1)
     say(greeting(port, info))

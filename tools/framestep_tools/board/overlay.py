@@ -113,13 +113,14 @@ def flash(port: str | None, protocol: str | None, clean: bool, say: Callable[[st
                     f"framestep install --board {board} writes it"
                 )
             modules, ports = {}, 1
-            on_files.bring(device, on_files.package(board), say)
+            repl = on_files.bring(device, on_files.package(board), say)
         else:
+            repl = device.path
             modules, ports = _overlay(device, clean, say)
         say("restarting")
         device.restart()
     advice = "if it is the overlay's fault: framestep flash --clean" if modules else None
-    path, info = hello(device.path, protocol, ports, advice)
+    path, info = hello(repl, protocol, ports, advice)
     if modules and not condition(path) & messages.CONDITION_OVERLAY:
         reason = b""
         if ports == 2:  # with one port, asking the REPL would end framestep
@@ -153,4 +154,4 @@ def _overlay(
     if not put(device, image.ident, modules, say):
         what = f"all of the overlay ({len(modules)} modules)" if modules else "no overlay"
         say(f"{what} is on the board")
-    return modules, report_rig(device.read(RIG_FILE), image.board, say)
+    return modules, report_rig(device.read(RIG_FILE), image.board, say).ports

@@ -189,9 +189,10 @@ class Device:
             # also imports pyserial, which needs modules of the system
             from mpremote.transport_serial import SerialTransport
 
-            self._transport = SerialTransport(self.path, timeout=_READ_S)
+            name, baud = port_finder.split_rate(self.path)
+            self._transport = SerialTransport(name, baud, timeout=_READ_S)
         except (OSError, TransportError) as error:
-            others = holders(self.path)
+            others = holders(port_finder.split_rate(self.path)[0])
             hint = (
                 f"{' and '.join(others)} has it open"
                 if others

@@ -26,7 +26,7 @@ class RigChange:
         device.halt()
         device.replace(RIG_FILE, content)
         device.restart()
-        self._repl = device.path
+        self._device = device
 
     def see(
         self,
@@ -40,7 +40,7 @@ class RigChange:
         known; ports: number of ports in the rig file. If the board refuses the file, as other
         firmware may, it restarts again with the previous one. Raises Refused with the reason.
         """
-        path, info = hello(self._repl, protocol, ports)
+        path, info = hello(self._device.path, protocol, ports)
         if takes_rig(path):
             return path, info
         with opened() as device:
@@ -51,5 +51,5 @@ class RigChange:
             else:
                 device.replace(RIG_FILE, self._before)
             device.restart()
-        hello(self._repl, protocol, self._ports_before)
+        hello(self._device.path, protocol, self._ports_before)
         raise Refused(f"the board refuses it ({why}) and has restarted with the previous one")

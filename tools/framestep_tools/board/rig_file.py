@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from framestep import rig
 from framestep.rig import homes, servos, settings
 
+from ..client.port_finder import at_rate
 from ..errors import ToolError
 
 if TYPE_CHECKING:
@@ -287,24 +288,26 @@ def edit(device: "Device", protocol: str | None, file: Path | None = None) -> No
             f"{said}the board's rig file is as it was; "
             f"framestep rig edit {draft} goes on with the draft"
         ) from None
-    ports = check(parse(new, RIG_FILE), board, RIG_FILE).ports
+    found = check(parse(new, RIG_FILE), board, RIG_FILE)
+    device.path = at_rate(device.path, found.settings["uart_baud"])
     try:
-        print(greeting(*change.see(lambda: device, protocol, ports)))
+        print(greeting(*change.see(lambda: device, protocol, found.ports)))
     except Refused as error:
         raise ToolError(f"{error}; framestep rig edit {draft} goes on with the draft") from None
     shutil.rmtree(folder)
 
 
-def report_rig(content: bytes | None, board: str, say: Callable[[str], None]) -> int:
-    """Say what is wrong with the board's rig file; return the number of ports that it asks for."""
+def report_rig(content: bytes | None, board: str, say: Callable[[str], None]) -> rig.Rig:
+    """Say what is wrong with the board's rig file; return the settings that the board has with
+    it."""
     from ..building.board_files import board_data
     from .repl_device import RIG_FILE
 
-    if content is None:
-        return 2
-    try:
-        return check(parse(content, RIG_FILE), board_data(board), RIG_FILE).ports
-    except RigFileError as error:
-        say(f"{error}")
-        say("nothing moves until it is corrected: framestep rig edit")
-        return 2
+    data = board_data(board)
+    if content is not None:
+        try:
+            return check(parse(content, RIG_FILE), data, RIG_FILE)
+        except RigFileError as error:
+            say(f"{error}")
+            say("nothing moves until it is corrected: framestep rig edit")
+    return rig.Rig(board=data)

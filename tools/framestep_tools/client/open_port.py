@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import NO_PORT, PORT_BUSY, ToolError
+from .port_finder import split_rate
 from .tcp_port import SCHEME, TcpPort, is_socket
 
-_BAUD = 115200  # of a board whose port is a UART; USB ignores it
 _TAKE_S = 10.0  # a device that accepts nothing for this long is gone
 
 
@@ -40,8 +40,8 @@ class PortBusy(ToolError):
 
 
 def open_port(url: str, timeout: float) -> Any:
-    """Open a device path, socket://HOST:PORT or another URL of pyserial. Raises NoPort,
-    PortBusy."""
+    """Open a device path (with @RATE for another rate than 115 200 baud), socket://HOST:PORT or
+    another URL of pyserial. Raises NoPort, PortBusy."""
     if is_socket(url):
         return _open_socket(url, timeout)
     import serial
@@ -49,8 +49,9 @@ def open_port(url: str, timeout: float) -> Any:
     try:
         if "://" in url:
             return serial.serial_for_url(url, timeout=timeout)
+        url, baud = split_rate(url)
         port = serial.Serial(
-            url, baudrate=_BAUD, timeout=timeout, write_timeout=_TAKE_S, exclusive=True
+            url, baudrate=baud, timeout=timeout, write_timeout=_TAKE_S, exclusive=True
         )
     except (OSError, ValueError) as error:  # SerialException is an OSError
         raise _why(url, error) from error

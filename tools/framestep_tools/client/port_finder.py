@@ -21,6 +21,7 @@ from ..errors import NO_PORT, ToolError
 
 PROTOCOL_PORT = "framestep DMC"  # the name that the firmware gives it (hal/ports/usb_port.py)
 PROTOCOL, REPL, SINGLE, OTHER = "protocol", "REPL", "single", "other"
+BAUD = 115200  # of a board whose port is a UART, unless its rig file says otherwise; USB ignores it
 _RASPBERRY_PI = 0x2E8A  # USB vendor of MicroPython on RP2040 and RP2350
 # USB vendors of an ESP32 board: Espressif, or of the bridge to its UART Silicon Labs, WCH, FTDI
 _ESP32 = (0x303A, 0x10C4, 0x1A86, 0x0403)
@@ -31,6 +32,20 @@ GET = (
     "put framestep on one (hold BOOTSEL while plugging it in, then drop the .uf2 "
     "onto the drive that appears), take a cable that carries data, or name a port"
 )
+
+
+def split_rate(path: str) -> tuple[str, int]:
+    """Return a serial port's path and rate: PORT@460800 is PORT at 460 800 baud."""
+    name, sign, digits = path.rpartition("@")
+    if sign and digits.isdecimal() and not os.path.exists(path):
+        return name, int(digits)
+    return path, BAUD
+
+
+def at_rate(path: str, baud: int) -> str:
+    """Return a serial port's path with another rate."""
+    name = split_rate(path)[0]
+    return name if baud == BAUD else f"{name}@{baud}"
 
 
 class PortError(ToolError):
@@ -118,6 +133,7 @@ def _port(record: Any, use: str, board: str) -> Port:
 
 
 def _same(port: Port, path: str) -> bool:
+    path = split_rate(path)[0]
     # it may be a link, such as in /dev/serial/by-id
     return port.path in (path, os.path.realpath(path))
 

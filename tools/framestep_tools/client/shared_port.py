@@ -20,6 +20,7 @@ from typing import NamedTuple, Protocol
 
 from framestep.protocol.messages import MSG_MOTOR_STOP, MSG_MOTOR_STOP_ALL, MSG_VIRT_STOP
 
+from .port_finder import split_rate
 from .tcp_port import SCHEME, TcpPort, host_and_port, is_socket
 from .wire import Frame, FrameDecoder, encode
 
@@ -31,7 +32,7 @@ _SECRET_BYTES = 32
 def _same_name(path: str) -> str:
     """Return one name for all spellings of a port: follow links, resolve hosts to IP addresses."""
     if not is_socket(path):
-        return os.path.realpath(path)
+        return os.path.realpath(split_rate(path)[0])
     try:
         host, port = host_and_port(path)
         return f"{SCHEME}{socket.gethostbyname(host)}:{port}"

@@ -16,8 +16,8 @@ _HEAD = ("| key | allowed | default | meaning |", "|---|---|---|---|")
 # The settings that belong to a task; with a dot at its end, a name stands for all settings in it
 TASKS = {
     "Board and host": (
-        "name", "dialect", "ports", "report_ms", "jog_timeout_ms", "watchdog", "virtuals",
-        "clock_mhz",
+        "name", "dialect", "ports", "uart_baud", "report_ms", "jog_timeout_ms", "watchdog",
+        "virtuals", "clock_mhz",
     ),
     "Motors": (
         "motor_count", "motors", "motors[].invert", "motors[].pulse_us", "motors[].setup_us",

@@ -21,6 +21,7 @@ from ..board import littlefs_image
 from ..board.on_files import LIST, MAIN, listing, main_py
 from ..building import images
 from ..building.board_files import board_data, board_sources, compiled_modules
+from ..client.port_finder import BAUD
 from ..errors import ToolError
 from ..judge.trace import Edge, PinDecoder, pins_of
 from . import shift_registers
@@ -39,7 +40,12 @@ _ERASED = b"\xff" * _FLASH_BYTES
 _PROG_SIZE = 32  # as MicroPython's port for ESP32 formats it
 _QEMU = "qemu-riscv32"
 _END_S = 5
-_RUNS, _RESET, _NO_POWER = range(3)  # states in an answer: chip.h
+_RUNS, _RESET, _NO_POWER, _WATCHDOG = range(4)  # states in an answer: chip.h
+_CAUSES = {_NO_POWER: 1, _RESET: 2, _WATCHDOG: 3}  # machine.reset_cause() after each
+_LINE_BYTE = np.dtype(
+    [("t", "<u8"), ("divider", "<u4"), ("pin", "u1"), ("byte", "u1"), ("bits", "u1"), ("-", "u1")]
+)  # struct line_byte in chip.h
+_REPL_OUTPUT, _LINE_OUTPUT = 1, 2
 
 
 def modules(board: str = BOARD) -> dict[str, bytes]:
@@ -61,7 +67,7 @@ class Esp32Error(ToolError):
 class Esp32Board:
     """A simulated board. rig: settings of a rig file; board: its name in boards/; files: the
     content of its file system (None: framestep and the rig file; {}: erased flash); heap_kb: size
-    of MicroPython's heap, without the machine code of modules."""
+    of MicroPython's heap, without the machine code of modules; baud: the host's rate."""
 
     slice_ns = 10_000_000
     repl = None
@@ -72,6 +78,7 @@ class Esp32Board:
         board: str = BOARD,
         files: Mapping[str, bytes] | None = None,
         heap_kb: int = _HEAP_KB,
+        baud: int = BAUD,
     ):
         data = board_data(board)
         self.rig = Rig(dict(rig or {}), data)
@@ -89,7 +96,10 @@ class Esp32Board:
         self._errors = (folder / "errors").open("w+b")
         self._heap_kb = heap_kb
         self._now = 0
+        self._cause = _CAUSES[_NO_POWER]
+        self._baud = baud
         self._sent = bytearray()
+        self._lines: list[np.ndarray] = []  # bytes on the other UARTs
         self._played = bytearray()  # bytes of records that have not been parsed
         self._played_to = 0  # position in the present record
         self._before = 0  # the last played bits
@@ -106,6 +116,7 @@ class Esp32Board:
         self._answers, answers = os.pipe()
         words = [_QEMU, images.micropython("esp32"), self._heap_kb, "board", self._flash]
         words += [self._record, f"/dev/fd/{commands}", f"/dev/fd/{answers}", self._now]
+        words += [self._cause, self._baud]
         self._process = subprocess.Popen(
             [str(word) for word in words],
             pass_fds=(commands, answers),
@@ -131,6 +142,7 @@ class Esp32Board:
         """Cut the power; the flash keeps its content."""
         if self.powered:
             self._end()
+            self._cause = _CAUSES[_NO_POWER]
             self._sent.clear()
 
     def cut_power_after(self, count: int) -> None:
@@ -144,9 +156,12 @@ class Esp32Board:
     def _answer(self) -> None:
         self._now, state, count = struct.unpack("<QBI", self._take(13))
         self._sent += self._take(count)
+        (count,) = struct.unpack("<I", self._take(4))
+        self._lines.append(np.frombuffer(self._take(count * _LINE_BYTE.itemsize), _LINE_BYTE))
         if state != _RUNS:
             self._end()
-        if state == _RESET:
+            self._cause = _CAUSES[state]
+        if state in (_RESET, _WATCHDOG):
             self.power_on()
 
     def _take(self, count: int) -> bytes:
@@ -176,6 +191,17 @@ class Esp32Board:
         self._sent.clear()
         return data
 
+    @property
+    def baud(self) -> int:
+        """The host's rate at the board's port. Nothing gets across at another one than the
+        board's."""
+        return self._baud
+
+    @baud.setter
+    def baud(self, rate: int) -> None:
+        self._baud = rate
+        self._command("b", "I", rate)
+
     def open_port(self, on: bool) -> None:
         """Do nothing: a UART does not show it."""
 
@@ -189,7 +215,7 @@ class Esp32Board:
 
     def run_until(self, ns: int, until_output: bool = False) -> None:
         if ns > self._now:
-            self._command("r", "QB", ns, until_output)
+            self._command("r", "QB", ns, _REPL_OUTPUT if until_output else 0)
             self._answer()
 
     def pause(self, ms: float) -> None:

@@ -2,15 +2,18 @@
 // idle (machine.idle()) or waits for a byte, time goes by, and at the requested time the next commands are read. A command
 // is a letter and its arguments, lowest byte first:
 //
-//     r until[8] output[1]     run until this time, ns; with `output`, or until something was sent
+//     r until[8] output[1]     run until this time, ns; or (1 in `output`) until something was sent on the REPL's UART, or
+//                              (2) on another one
 //     w count[4] bytes         the host sends bytes
 //     p pin[1] level[1]        drive a pin from outside
 //     i ns[8]                  the time of a pass from now on
 //     s ns[8]                  the main loop pauses, once
+//     b rate[4]                the host's rate at the REPL's UART, baud
+//     l pin[1] at[8] count[4] bytes   bytes arrive on the RX pin of another UART, from this time on, ns
 //     c bytes[4]               the power is cut when this many bytes of flash have been written or erased
 //
 // The answer to `r`: the time, ns [8]; whether the chip runs on, restarts or has no more power [1]; the number of bytes
-// sent [4], and the bytes.
+// sent [4], and the bytes; the number of bytes that other UARTs have sent [4], and for each a struct line_byte.
 #include <string.h>
 #include "py/runtime.h"
 #include "../bare/host.h"
@@ -21,7 +24,8 @@
 
 static int commands = -1, answers = -1;
 static uint64_t until, pass_ns = PASS_NS, pause_ns;
-static bool until_output;
+static uint8_t until_output;
+int board_reset_cause = 1;  // PWRON_RESET
 
 static void take(void *to, uint32_t count) {
     uint8_t *at = to;
@@ -35,14 +39,18 @@ static void take(void *to, uint32_t count) {
     }
 }
 
-static void receive(void) {
+static void receive(int pin, uint64_t at) {  // pin -1: on the REPL's UART
     static uint8_t bytes[LARGEST];
     uint32_t count;
     take(&count, sizeof count);
     while (count) {
         uint32_t now = MIN(count, sizeof bytes);
         take(bytes, now);
-        uart_receive(bytes, now);
+        if (pin < 0) {
+            uart_receive(bytes, now);
+        } else {
+            line_receive(pin, at, bytes, now);
+        }
         count -= now;
     }
 }
@@ -56,11 +64,19 @@ static void answer(uint8_t state) {
     if (count) {
         host_write(answers, bytes, count);
     }
+    const struct line_byte *said;
+    count = line_said(&said);
+    host_write(answers, &count, sizeof count);
+    if (count) {
+        host_write(answers, said, count * sizeof *said);
+    }
     until = 0; // time stops until the next `r`
 }
 
 static void command(void) {
     uint8_t letter, two[2];
+    uint32_t number;
+    uint64_t time;
     take(&letter, 1);
     switch (letter) {
         case 'r':
@@ -69,7 +85,16 @@ static void command(void) {
             until_output = two[0];
             break;
         case 'w':
-            receive();
+            receive(-1, 0);
+            break;
+        case 'l':
+            take(two, 1);
+            take(&time, sizeof time);
+            receive(two[0], time);
+            break;
+        case 'b':
+            take(&number, sizeof number);
+            uart_set_host_rate(number);
             break;
         case 'p':
             take(two, 2);
@@ -90,7 +115,7 @@ static void command(void) {
 }
 
 static bool reached(void) {
-    return chip_now >= until || (until_output && uart_has_sent());
+    return chip_now >= until || (until_output & 1 && uart_has_sent()) || (until_output & 2 && line_has_said());
 }
 
 void board_wait(uint64_t ns) {

@@ -26,9 +26,12 @@ static void run(void) {
     }
 }
 
-// words: the files of the flash, the record, the commands and the answers, and the time at power-up, ns
+// words: the files of the flash, the record, the commands and the answers, the time at power-up, ns, the cause of this
+// start, and the host's rate at the REPL's UART
 void board_boot(void *heap, size_t bytes, char **words) {
     chip_now = strtoull(words[4], NULL, 10);
+    board_reset_cause = atoi(words[5]);
+    uart_set_host_rate(atoi(words[6]));
     i2s_record = host_open(words[1], HOST_WRITE);
     if (!flash_open(words[0]) || i2s_record < 0) {
         host_exit(2);
@@ -49,6 +52,7 @@ void board_boot(void *heap, size_t bytes, char **words) {
         free_code();
         mp_hal_stdout_tx_str("MPY: soft reboot\r\n");
         machine_pins_deinit();
+        board_reset_cause = 5;  // SOFT_RESET
         mp_deinit();
     }
 }

@@ -18,8 +18,8 @@ static uint64_t collection_ns;
 void chip_advance(uint64_t ns) {
     uint64_t end = chip_now + ns;
     for (;;) {
-        uint64_t i2s = i2s_next(), timer = timers_next(), uart = uart_next();
-        uint64_t next = MIN(i2s, MIN(timer, uart));
+        uint64_t i2s = i2s_next(), timer = timers_next(), uart = uart_next(), line = lines_next();
+        uint64_t next = MIN(MIN(MIN(i2s, line), MIN(timer, uart)), watchdog_next());
         if (next > end) {
             break;
         }
@@ -28,8 +28,12 @@ void chip_advance(uint64_t ns) {
             i2s_event();
         } else if (timer == next) {
             timers_event();
-        } else {
+        } else if (uart == next) {
             uart_event();
+        } else if (line == next) {
+            lines_event();
+        } else {
+            watchdog_event();
         }
     }
     chip_now = end;
@@ -60,6 +64,7 @@ void chip_flash(uint64_t ns) {
     i2s_interrupt();
     timers_interrupt();
     pins_interrupt();
+    lines_interrupt();
 }
 
 static mp_obj_t flash(mp_obj_t us) {

@@ -5,6 +5,7 @@
 #include <stdint.h>
 
 #define NEVER UINT64_MAX
+#define TICK_NS 10000000ull  // of FreeRTOS
 
 extern uint64_t chip_now;  // ns since the start
 extern bool chip_interrupts;  // false while flash is written: interrupts wait, hardware continues
@@ -23,6 +24,11 @@ void timers_interrupt(void);
 void pins_interrupt(void);
 uint64_t uart_next(void);
 void uart_event(void);
+uint64_t lines_next(void);
+void lines_event(void);
+void lines_interrupt(void);
+uint64_t watchdog_next(void);
+void watchdog_event(void);
 bool pins_drive(unsigned pin, int level);  // drive a pin from outside; false if it does not exist
 
 extern int i2s_record;  // the file's handle, or -1
@@ -34,14 +40,29 @@ uint32_t uart_sent(uint8_t *bytes, uint32_t room);  // takes the bytes sent
 bool uart_has_sent(void);
 int uart_read(void);  // waits for a byte
 uintptr_t uart_poll(uintptr_t flags);
+void uart_set_rate(uint32_t rate);
+uint32_t uart_rate(void);
+void uart_set_host_rate(uint32_t rate);  // bytes get across only while both sides have the same
 void uart_write(const char *text, size_t length);
+
+// The other UARTs: see lines.c.
+struct line_byte {  // on a TX pin
+    uint64_t first_bit;  // ns
+    uint32_t divider;  // a bit takes this many times 25/32 ns
+    uint8_t pin, byte, bits, unused;
+};
+#define LINE_BYTES 8192
+uint32_t line_said(const struct line_byte **bytes);  // takes the bytes sent
+bool line_has_said(void);
+void line_receive(int pin, uint64_t first_bit, const uint8_t *bytes, uint32_t count);  // on an RX pin, one after the other
 
 void board_idle(void);  // the main loop has nothing to do: see board.c
 bool board_serves(void);  // whether an outside program controls time
 void board_wait(uint64_t ns);  // something waits this long for the outside
 void board_serve(const char *commands, const char *answers);
-enum { STATE_RUNS, STATE_RESET, STATE_NO_POWER };
+enum { STATE_RUNS, STATE_RESET, STATE_NO_POWER, STATE_WATCHDOG };
 void board_end(int state) __attribute__((noreturn));  // the chip stops, and is started again from outside
+extern int board_reset_cause;  // as machine.reset_cause() gives it
 void board_boot(void *heap, size_t bytes, char **words) __attribute__((noreturn));  // see boot.c
 
 bool flash_open(const char *path);  // see flash.c

@@ -14,7 +14,15 @@
 #define MICROPY_PY_SELECT                   (1)
 #define MICROPY_STREAMS_NON_BLOCK           (1)
 #define MICROPY_SCHEDULER_DEPTH             (8)
-#define MICROPY_HW_ENABLE_UART_REPL         (0)
+#define MICROPY_HW_ENABLE_UART_REPL         (1)
+#define MICROPY_PY_MACHINE_UART             (1)
+#define MICROPY_PY_MACHINE_UART_INCLUDEFILE "ports/esp32/machine_uart.c"
+#define MICROPY_PY_MACHINE_UART_SENDBREAK   (1)
+#define MICROPY_PY_MACHINE_UART_IRQ         (1)
+#define MICROPY_PY_MACHINE_WDT              (1)
+#define MICROPY_PY_MACHINE_WDT_INCLUDEFILE  "ports/esp32/machine_wdt.c"
+#define MP_THREAD_GIL_EXIT()
+#define MP_THREAD_GIL_ENTER()
 
 // Files in flash, as in the port for ESP32
 #define MICROPY_VFS                         (1)

@@ -1,4 +1,4 @@
-// The UART of the REPL, 115200 baud, as in MicroPython's port for ESP32 (its uart.c and mphalport.c).
+// The UART of the REPL, at 115200 baud to begin with, as in MicroPython's port for ESP32 (its uart.c and mphalport.c).
 //
 // Received bytes go into a ring of 260, from an interrupt that also runs while flash is written. If the ring is full,
 // they are lost without notice. Sent bytes go into the 128 of the hardware; a write without room there waits for FreeRTOS's
@@ -12,12 +12,24 @@
 #include "shared/runtime/interrupt_char.h"
 #include "chip.h"
 
-#define BYTE_NS 86806ull  // ten bits
-#define TICK_NS 10000000ull
 #define HARDWARE 128
 #define MOST (1 << 16)  // bytes from the host that have not arrived yet; and bytes it has not read
 
 bool uart_on;
+static uint32_t rate = 115200, host_rate = 115200;
+#define BYTE_NS (10000000000ull / rate)  // ten bits
+
+void uart_set_rate(uint32_t baud) {
+    rate = baud;
+}
+
+uint32_t uart_rate(void) {
+    return rate;
+}
+
+void uart_set_host_rate(uint32_t baud) {
+    host_rate = baud;
+}
 
 static uint8_t ring_memory[260];
 ringbuf_t stdin_ringbuf = { ring_memory, sizeof ring_memory, 0, 0 };
@@ -36,6 +48,9 @@ void uart_event(void) {
     coming_at = (coming_at + 1) % MOST;
     coming_count--;
     next_due += BYTE_NS;
+    if (host_rate != rate) {
+        return;
+    }
     if (byte == mp_interrupt_char) {
         mp_sched_keyboard_interrupt();
     } else {
@@ -93,7 +108,7 @@ void uart_write(const char *text, size_t length) {
             chip_advance(TICK_NS - chip_now % TICK_NS);
         }
         free_at = MAX(free_at, chip_now) + BYTE_NS;
-        if (gone_count < MOST) {
+        if (gone_count < MOST && host_rate == rate) {
             gone[gone_count++] = text[i];
         }
     }

@@ -106,7 +106,7 @@ class Esp32Hal:
         self.chain = Chain(
             stream, self.kernel, steps, board["buffers"], chain["sck"], chain["ws"], chain["sd"]
         )
-        self.port = UartPort(self)
+        self.port = UartPort(self, rig.settings["uart_baud"])
         led = board.get("led")
         self.led = Pin(led, Pin.OUT, value=0).value if led is not None else _no_led
 

@@ -1,4 +1,4 @@
-// What MicroPython's I2S uses of FreeRTOS.
+// What MicroPython's I2S and UART use of FreeRTOS.
 #pragma once
 #include "esp_err.h"
 
@@ -6,6 +6,8 @@ typedef uint32_t TickType_t;
 typedef void *QueueHandle_t, *TaskHandle_t;
 #define portMAX_DELAY 0xffffffffu
 #define pdPASS 1
+#define pdTRUE 1
+#define pdMS_TO_TICKS(ms) ((ms) / 10)
 #define MP_TASK_COREID 1
 
 QueueHandle_t xQueueCreate(int length, int size);
