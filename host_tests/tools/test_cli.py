@@ -1,11 +1,13 @@
 """The command line: it answers wrong use with one sentence, and reads traffic."""
 
 import os
+import re
 import threading
 import time
 from pathlib import Path
 
 import pytest
+import typer
 
 from framestep_tools import cli
 from framestep_tools.building.board_files import ROOT
@@ -149,12 +151,41 @@ def test_help(app, option, capsys):
     assert "Usage" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("args", [[], ["rig"]])
-def test_no_description_of_a_command_is_cut_short(args, capsys):
-    assert cli.app.status([*args, "--help"]) == 0
+def commands_of(app):
+    return typer.main.get_command(app).commands
+
+
+def test_each_command_is_listed_once_under_its_subject_and_not_cut_short(capsys):
+    assert cli.app.status(["--help"]) == 0
+    shown = capsys.readouterr().out
+    listed = re.findall(r"^  (\w+) +[A-Z]", shown.partition("  -h, --help")[2], re.MULTILINE)
+    assert sorted(listed) == sorted(commands_of(cli.app))
+    assert "..." not in shown.partition("Options:")[2], "begin its docstring with a short sentence"
+
+
+def test_no_description_of_a_command_is_cut_short(capsys):
+    assert cli.app.status(["rig", "--help"]) == 0
     listed = capsys.readouterr().out.partition("Commands:")[2].partition("\n\n")[0]
     assert len(listed.splitlines()) > 3
     assert "..." not in listed, "begin its docstring with a short sentence"
+
+
+@pytest.mark.parametrize(
+    ("typed", "completed"),
+    [
+        ("framestep mo", "move"),
+        ("framestep move --ve", "--velocity"),
+        ("framestep rig ex", "example"),
+    ],
+)
+def test_a_shell_completes_commands_and_options(typed, completed, monkeypatch, capfd):
+    monkeypatch.setenv("_FRAMESTEP_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", typed)
+    monkeypatch.setenv("COMP_CWORD", str(len(typed.split()) - 1))
+    with pytest.raises(SystemExit) as end:
+        cli.app.status([])
+    assert end.value.code == 0
+    assert capfd.readouterr().out.split() == [completed]
 
 
 def test_every_exit_status_is_documented():

@@ -61,9 +61,9 @@ class Command(typer.Typer):
     """
 
     def __init__(self, name: str, expected: tuple[type[Exception], ...] = (), **options: Any):
+        options.setdefault("add_completion", False)
         super().__init__(
             name=name,
-            add_completion=False,
             pretty_exceptions_enable=False,
             rich_markup_mode=None,
             context_settings={"help_option_names": ["--help", "-h"]},
