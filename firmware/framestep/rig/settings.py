@@ -172,7 +172,9 @@ def read(settings, found, where):
     at its end. Raises RigError for a mistake.
     """
     if not isinstance(found, dict):
-        raise RigError("%s: found %r, allowed is an object {…}" % (where or "rig.json", found))
+        raise RigError(
+            "%s: found %r, allowed is an object {…}" % (where.rstrip(".") or "rig.json", found)
+        )
     result = {}
     for key in found:
         if key not in settings:

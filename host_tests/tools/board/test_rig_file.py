@@ -47,6 +47,24 @@ def test_a_wrong_setting_is_reported_as_on_the_board(text, tmp_path, capsys):
     assert WRONG[text] in reported
 
 
+def test_all_mistakes_at_once(tmp_path, capsys):
+    """Not the pin that is missing once the wrong one has been left out."""
+    file = tmp_path / "rig.json"
+    file.write_text(
+        '{"outputs": [{"pin": 99}], "nane": "x", "motors": [{"jerk": -1}, {"driver": {"x": 2}}]}'
+    )
+    assert cli.app.status(["rig", "check", str(file)]) == 1
+    first, *mistakes = capsys.readouterr().err.splitlines()
+    assert first == f"framestep: {file}: 5 mistakes:"
+    assert sorted(line.split(":")[0].strip() for line in mistakes) == [
+        "motors[1].jerk",
+        "motors[2].driver.run_ma",
+        "motors[2].driver.x",
+        "nane",
+        "outputs[1].pin",
+    ]
+
+
 @pytest.mark.parametrize("content", NO_JSON)
 def test_what_is_no_json_is_reported_with_its_line(content, tmp_path, capsys):
     file = tmp_path / "rig.json"

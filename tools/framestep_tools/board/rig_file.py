@@ -3,6 +3,7 @@
 framestep.rig, the same code as on the board, judges the settings.
 """
 
+import copy
 import difflib
 import json
 import os
@@ -11,7 +12,7 @@ import shlex
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -99,11 +100,49 @@ def for_board(content: bytes) -> bytes:
 
 def check(settings: dict[str, Any], board: Mapping[str, Any], name: str) -> rig.Rig:
     """Return the rig of a board with these settings. Raises RigFileError, with the board's own
-    text, for a mistake."""
+    texts, for mistakes."""
     try:
         return rig.Rig(settings, board)
     except rig.RigError as error:
-        raise RigFileError(f"{name}: {with_suggestion(str(error))}") from None
+        mistakes = [str(error), *_further(str(error), settings, board)]
+        texts = [with_suggestion(mistake) for mistake in mistakes]
+        count = [f"{len(texts)} mistakes:"] * (len(texts) > 1)
+        raise RigFileError(f"{name}: " + "\n  ".join(count + texts)) from None
+
+
+def _further(mistake: str, settings: dict[str, Any], board: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the mistakes that the board would name next if each key that is wrong were left out."""
+    left = copy.deepcopy(settings)
+    dropped = set()
+    while True:
+        key = mistake.partition(":")[0]
+        dropped.add(key)
+        if not _drop(left, key):  # it is missing: leave out what needs it, a list as a whole
+            key = re.sub(r"\[\d+\]$", "", key.rpartition(".")[0])
+            if not _drop(left, key):
+                return
+        try:
+            rig.Rig(left, board)
+            return
+        except rig.RigError as error:
+            mistake = str(error)
+        if mistake.partition(":")[0] not in dropped:
+            yield mistake
+
+
+def _drop(settings: Any, key: str) -> bool:
+    """Remove a key such as motors[2].driver from settings. Return whether it was there."""
+    *path, last = (
+        int(number) - 1 if number else name
+        for name, number in re.findall(r"([^.\[\]]+)|\[(\d+)\]", key)
+    )
+    try:
+        for part in path:
+            settings = settings[part]
+        del settings[last]
+    except (KeyError, IndexError, TypeError):
+        return False
+    return True
 
 
 def with_suggestion(mistake: str) -> str:
