@@ -8,6 +8,7 @@ import numpy as np
 from .move_check import MoveVerdict
 
 _SAMPLES = 4000
+_MEAN_OF_FRAMES = 3  # the acceleration of a path through whole steps looks like noise
 
 
 def plot(found: MoveVerdict, path: str | os.PathLike) -> None:
@@ -22,6 +23,7 @@ def plot(found: MoveVerdict, path: str | os.PathLike) -> None:
 
     run = found.run
     frames = abs(run.end_frame - run.start_frame) + 1
+    span = _MEAN_OF_FRAMES * 1000 / run.fps_milli
     figure, axes = plt.subplots(
         3, len(found.motors), figsize=(4.2 * len(found.motors), 8.5), sharex=True, squeeze=False
     )
@@ -29,20 +31,15 @@ def plot(found: MoveVerdict, path: str | os.PathLike) -> None:
         knots, _ = each.path.pieces(each.motor)
         t = np.linspace(knots[0], knots[-1], _SAMPLES)
         top = each.setting
-        for axis, value, limits in (
-            (axes[0, column], each.path(each.motor, t), (top.lower, top.upper)),
-            (
-                axes[1, column],
-                each.path.velocity(each.motor, t),
-                (-top.velocity, top.velocity),
-            ),
-            (
-                axes[2, column],
-                each.path.acceleration(each.motor, t),
-                (-top.acceleration, top.acceleration),
-            ),
+        velocity, acceleration = each.path.velocity, each.path.acceleration(each.motor, t)
+        mean = velocity(each.motor, t + span / 2) - velocity(each.motor, t - span / 2)
+        axes[2, column].plot(t, mean / span, linewidth=1.3)
+        for axis, value, limits, alpha in (
+            (axes[0, column], each.path(each.motor, t), (top.lower, top.upper), 1),
+            (axes[1, column], velocity(each.motor, t), (-top.velocity, top.velocity), 1),
+            (axes[2, column], acceleration, (-top.acceleration, top.acceleration), 0.25),
         ):
-            axis.plot(t, value, linewidth=1)
+            axis.plot(t, value, linewidth=1, alpha=alpha, color="tab:blue")
             low, high = min(value), max(value)
             for limit in limits:
                 # a distant limit would flatten the curve
@@ -61,7 +58,8 @@ def plot(found: MoveVerdict, path: str | os.PathLike) -> None:
         axis.set_ylabel(label)
     figure.suptitle(
         f"frames {run.start_frame} to {run.end_frame} at {run.fps_milli / 1000:g} frames/s; "
-        "dashed: what is set; between the lines: the frames"
+        "dashed: what is set; between the lines: the frames; "
+        f"acceleration: mean of {_MEAN_OF_FRAMES} frames, and faint as it is through whole steps"
     )
     figure.tight_layout()
     Path(path).parent.mkdir(parents=True, exist_ok=True)
