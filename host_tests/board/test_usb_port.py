@@ -5,8 +5,12 @@ import struct
 
 import pytest
 
+from framestep.protocol import messages as m
 from framestep_emulator import Emulator
+from framestep_tools.client.wire import FrameDecoder, encode
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.ports import answered, frame, port_files, power_cycle, run, stop
+from host_tests.covering import sweep
 
 SETUP = """
 import gc, time, micropython
@@ -404,6 +408,33 @@ def test_what_is_sent_while_the_port_closes(usb):
         port.reset_input_buffer()
         assert answered(port, frame(40, gap_us), ms=30), gap_us
     assert repl.eval("(echo.damaged, strays)") == (0, 0)
+
+
+@pytest.mark.parametrize("clock_mhz", sweep([125, 200], 200))
+def test_no_rest_of_an_answer_reaches_the_next_client(clock_mhz):
+    """At any moment in a frame of the bus, though the driver holds a packet back in the last 200 µs
+    of each."""
+    with EmulatedBoard({"clock_mhz": clock_mhz}, trace=False) as board:
+        port = board.protocol
+        port.open_port(True)
+        board.run_until(board.now_ns + 300_000_000)
+        for questions in range(2, 7):
+            for closed_us in range(1700, 2600, 20):
+                board.run_until((board.now_ns // 1_000_000 + 1) * 1_000_000)
+                port.receive(
+                    encode(m.MSG_MOTOR_GET_POSITION, b"", 1)
+                    + encode(m.MSG_HI, b"", 2)
+                    + encode(m.MSG_MOTOR_GET_POSITION, b"", 3) * (questions - 2)
+                )
+                board.run_until(board.now_ns + closed_us * 1000)
+                port.open_port(False)
+                board.run_until(board.now_ns + 3_000_000)
+                port.transmit()
+                port.open_port(True)
+                board.run_until(board.now_ns + 8_000_000)
+                decoder = FrameDecoder()
+                assert [frame.id for frame in decoder.feed(port.transmit())] == [0], "HI, unasked"
+                assert decoder.skipped == 0, (questions, closed_us)
 
 
 def test_a_host_that_leaves_dtr_alone(usb):

@@ -147,7 +147,7 @@ def test_a_start_loads_nothing_that_only_some_command_needs(installed):
         "import sys; from framestep_tools.cli import app; assert app.status(['--help']) == 0\n"
         f"print('loaded:', *({set(_LATE)!r} & set(sys.modules)))"
     )
-    assert "Commands:" in found
+    assert "Motors:" in found
     assert found.splitlines()[-1].strip() == "loaded:"
 
 

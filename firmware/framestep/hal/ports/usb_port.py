@@ -260,6 +260,8 @@ class UsbPort:
                     s[DTR] = 0
             if dtr > s[DTR]:
                 mark_stale(s)
+                if chip:
+                    chip.empty_packet(s[EP_OUT])
                 self.open = True
                 self.openings = int(self.openings) + 1
             elif dtr < s[DTR] or dtr == 0 and self.open:
@@ -315,6 +317,10 @@ class UsbPort:
         s[LOOK] = look
         moved = 0
         wanted = 1 if self.open else 0
+        if wanted == 0 and s[SENDING] and chip:
+            # The driver may have held the packet back as the port was closed: in the last 200 µs of
+            # a frame it waits for the next one (erratum RP2040-E15).
+            chip.empty_packet(s[EP_OUT])
         if s[STALE]:
             drop_stale(s)
             if not s[ARMED] and s[LIVE] and (s[FILL] - s[TAKE]) & 3 < 2:

@@ -68,7 +68,7 @@ def empty_packet(endpoint: int):
     """Make the packet that waits at an IN endpoint an empty one, with the same toggle bit.
 
     If the host is just collecting it, it is sent. Interrupts are off during this, so that the
-    driver does not notice. Takes 70 µs if a packet waits.
+    driver does not notice. Takes 70 µs if a packet with bytes waits.
     """
     control = ptr32(_BUFFER_CONTROL)
     page = _USB_PAGE
@@ -77,7 +77,7 @@ def empty_packet(endpoint: int):
     irq = disable_irq()
     try:
         word = control[at]
-        if word & _AVAILABLE:
+        if word & _AVAILABLE and word & _LENGTH:
             control[at] = word & (-1 - _AVAILABLE)  # from now on the host has to wait
             begun = int(time.ticks_us())
             while (int(time.ticks_us()) - begun) & 0xFFFF < _TRANSACTION_US:
