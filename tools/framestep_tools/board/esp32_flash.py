@@ -14,19 +14,19 @@ from ..errors import ToolError
 from .install import read
 
 VERSION = "esptool>=5,<6"  # as in pyproject.toml
-_MAGIC = 0xE9  # an image of ESP-IDF begins with it
+MAGIC = 0xE9  # an image of ESP-IDF begins with it
 _CHIP_ID = slice(12, 14)  # in its header (ESP-IDF, esp_app_format.h: esp_image_header_t)
-_PARTITIONS = 0x8000  # place of the table of partitions in flash
-_TABLE = b"\xaa\x50"  # it begins with these bytes
-_BAUD = 460800
+PARTITIONS = 0x8000  # place of the table of partitions in flash
+TABLE = b"\xaa\x50"  # it begins with these bytes
+BAUD = 460800
 
 
 def check(content: bytes, board: str) -> None:
     """Raise ToolError if this is not all of MicroPython for the board's chip."""
     chip = board_chip(board)
     assert chip.esp
-    table = _PARTITIONS - chip.esp["offset"]
-    if content[:1] != bytes([_MAGIC]) or content[table : table + 2] != _TABLE:
+    table = PARTITIONS - chip.esp["offset"]
+    if content[:1] != bytes([MAGIC]) or content[table : table + 2] != TABLE:
         raise ToolError(
             f"this is not a whole MicroPython for an {chip.name}: take the .bin file from its page "
             "at https://micropython.org/download"
@@ -49,7 +49,7 @@ def write(board: str, path: str, file: Path, say: Callable[[str], None]) -> None
     assert esp
     say(f"erasing the board on {path} and writing {file.name} ({len(content) // 1024} kB)")
     words = [sys.executable, "-m", "esptool", "--chip", esp["chip"], "--port", path]
-    words += ["--baud", str(_BAUD), "write-flash", "--erase-all", hex(esp["offset"]), str(file)]
+    words += ["--baud", str(BAUD), "write-flash", "--erase-all", hex(esp["offset"]), str(file)]
     if subprocess.run(words).returncode != 0:
         raise ToolError(
             "esptool has failed, its messages are above: hold the BOOT button, press RESET, let go "

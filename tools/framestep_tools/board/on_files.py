@@ -20,10 +20,10 @@ from .rig_file import report_rig
 PLACE = Place("", "/framestep", "/framestep/modules")
 LIST = PLACE.list
 MAIN = "/main.py"
-_OURS = b"framestep.boot.start()"  # in every main.py of framestep
-_OLDEST = (1, 26)  # MicroPython
+OURS = b"framestep.boot.start()"  # in every main.py of framestep
+OLDEST = (1, 26)  # MicroPython
 # Names of mpy-cross in the order of sys.implementation._mpy >> 10 (MicroPython, tools/mpy-tool.py)
-_PROCESSORS = (
+PROCESSORS = (
     "", "x86", "x64", "armv6", "armv6m", "armv7m", "armv7em", "armv7emsp", "armv7emdp", "xtensa",
     "xtensawin", "rv32imc", "rv64imc",
 )  # fmt: skip
@@ -86,13 +86,13 @@ def check(board: Device, wanted: Package) -> None:
     """Raise DeviceError if this board's MicroPython cannot run the package, or if it has another
     main.py."""
     version, mpy, machine = literal_eval(board.run(_WHO))
-    if version < _OLDEST:
+    if version < OLDEST:
         raise DeviceError(
             f"the board has MicroPython {'.'.join(map(str, version))}, framestep needs "
-            f"{'.'.join(map(str, _OLDEST))} or newer: framestep install --board {wanted.board} "
+            f"{'.'.join(map(str, OLDEST))} or newer: framestep install --board {wanted.board} "
             "--micropython FILE.bin"
         )
-    processor = _PROCESSORS[mpy >> 10] if mpy >> 10 < len(_PROCESSORS) else "unknown"
+    processor = PROCESSORS[mpy >> 10] if mpy >> 10 < len(PROCESSORS) else "unknown"
     chip = machine.rsplit(" with ", 1)[-1]
     if processor != wanted.processor or chip != wanted.chip.replace("-", ""):
         raise DeviceError(
@@ -100,7 +100,7 @@ def check(board: Device, wanted: Package) -> None:
             "board"
         )
     found = board.read(MAIN)
-    if found is not None and _OURS not in found:
+    if found is not None and OURS not in found:
         raise DeviceError(
             f"the board has a {MAIN} of its own, which would run instead of framestep: save it and "
             f"remove it (mpremote fs rm :main.py)"

@@ -48,9 +48,9 @@ function licences() {
   return [...packages].sort().map((name) => {
     const folder = path.join(MODULES, name);
     const { version, license } = JSON.parse(fs.readFileSync(path.join(folder, 'package.json')));
-    return `${name} ${version} (${license})\n\n${fs.readFileSync(path.join(folder, 'LICENSE'), 'utf8').trim()}\n`;
+    const file = fs.readdirSync(folder).find((each) => /^LICENSE/.test(each));
+    return `${name} ${version} (${license})\n\n${fs.readFileSync(path.join(folder, file), 'utf8').trim()}\n`;
   });
 }
 
-const found = licences();
-if (found.length) fs.writeFileSync(path.join(out, 'licences.txt'), found.join(`\n${'-'.repeat(72)}\n\n`));
+fs.writeFileSync(path.join(out, 'licences.txt'), licences().join(`\n${'-'.repeat(72)}\n\n`));

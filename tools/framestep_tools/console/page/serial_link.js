@@ -9,7 +9,8 @@ export const serialIsThere = () => "serial" in navigator;
 
 const AGAIN_MS = 300;
 
-async function choose() {
+/** Let the user choose a port of Web Serial. Throws LinkError. */
+export async function choosePort() {
   try {
     return await navigator.serial.requestPort();
   } catch {
@@ -29,7 +30,7 @@ export class SerialLink {
 
   /** Open a port that the user picks. DTR shows the device that a host is connected. */
   static async open() {
-    return SerialLink.#begin(await choose());
+    return SerialLink.#begin(await choosePort());
   }
 
   static async #begin(port) {
@@ -60,7 +61,7 @@ export class SerialLink {
 
   /** Let the user choose the port of the board's REPL, for `ask`. */
   async chooseRepl() {
-    this.#work = new BoardWork(await choose());
+    this.#work = new BoardWork(await choosePort());
   }
 
   /** Run a task on the REPL, as framestep console's server does. Throws LinkError if its port has not been chosen. */

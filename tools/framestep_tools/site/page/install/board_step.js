@@ -1,11 +1,16 @@
 // Step 1: which board it is, and its image onto the board's drive.
 
-import { h, setText } from "framestep-console/dom.js";
+import { field, h, setText } from "framestep-console/dom.js";
 import setup from "framestep-console/setup.json";
-import { canChoose, choose, DriveError, driveOf, fetchImage, write } from "./bootsel_drive.js";
+import { LinkError } from "framestep-console/client.js";
+import { choosePort, serialIsThere } from "framestep-console/serial_link.js";
+import { put } from "./board_files.js";
+import { canChoose, choose, DriveError, driveOf, write } from "./bootsel_drive.js";
+import { EspError, write as writeMicroPython } from "./esp32.js";
+import { fetchFile, FileError } from "./next_to_page.js";
 import { pictures } from "./pictures.js";
 
-const bySelf = (name) => `framestep install --board ${name}`;
+const FOR_THE_USER = [DriveError, EspError, FileError, LinkError];
 
 export class BoardStep {
   title = "1. Board";
@@ -26,7 +31,8 @@ export class BoardStep {
     this.element.append(
       h("article", { class: "card", "aria-label": "Your board" }, h("h2", {}, "Which board do you have?"),
         h("div", { class: "boards", role: "radiogroup", "aria-label": "Board" }, ...choices),
-        h("p", { class: "faint" }, "No board has been tried on hardware yet: begin with the motors' supply switched off.")),
+        h("p", { class: "faint" }, "No board has been tried on hardware yet: begin with the motors' supply switched off. ",
+          h("a", { href: "licences.txt" }, "Licences"), " of the packages that this page is made of.")),
       this.#image);
     this.#show();
   }
@@ -41,9 +47,7 @@ export class BoardStep {
 
   #show() {
     const { board } = this;
-    this.#image.replaceChildren(h("h2", {}, `framestep onto the ${board.name}`), ...(board.hasImage ? this.#withImage(board) : [
-      h("p", {}, "An ESP32 needs MicroPython first, then framestep's files. With the package of framestep and Python, ", h("code", {}, `${bySelf(board.board)} --micropython FILE.bin`), " does both."),
-    ]));
+    this.#image.replaceChildren(h("h2", {}, `framestep onto the ${board.name}`), ...(board.hasImage ? this.#withImage(board) : this.#withFiles(board)));
   }
 
   #withImage({ board, chip, image }) {
@@ -68,28 +72,80 @@ export class BoardStep {
     ];
   }
 
-  async #save(button, bar, said) {
+  #withFiles({ board, chip, files }) {
+    const byHand = h("p", { class: "faint" }, "With Python and framestep's package, ", h("code", {}, `framestep install --board ${board} --micropython FILE.bin`), " does both.");
+    if (!serialIsThere()) return [h("p", {}, "An ESP32 gets MicroPython and framestep's files by Web Serial, which this browser does not have: take Chrome or Edge on a computer."), byHand];
+    if (!files) return [h("p", {}, "This page was built without the files for this board."), byHand];
+    const file = h("input", { type: "file", accept: ".bin" });
+    const [saidFirst, saidThen] = [h("p", { role: "status" }), h("p", { role: "status" })];
+    const bar = h("progress", { max: 1, value: 0, hidden: true, "aria-label": "Written" });
+    const first = h("button", { type: "button", onclick: () => this.#writeMicroPython(first, file, bar, saidFirst) }, "Erase the board and write it…");
+    const then = h("button", { type: "button", class: "main", onclick: () => this.#putFiles(then, saidThen) }, "Put framestep's files onto it…");
+    return [
+      h("ol", { class: "what" },
+        h("li", {}, `MicroPython for an ${setup.chips[chip]}, ${setup.files.oldest.join(".")} or newer: the .bin file from micropython.org/download. Skip this if the board has it. Writing erases everything on the board. `,
+          field("MicroPython's .bin file", file), h("div", { class: "row" }, first), bar, saidFirst),
+        h("li", {}, "framestep's files. If framestep runs already, it ends and starts again, so nothing may move. rig.json and your other files stay. ", h("div", { class: "row" }, then), saidThen)),
+      byHand,
+    ];
+  }
+
+  #writeMicroPython(button, file, bar, said) {
     const { board } = this;
-    button.disabled = true;
-    said.className = "";
-    try {
-      setText(said, "");
+    return this.#work(button, bar, said, async () => {
+      if (file.files.length === 0) throw new FileError("choose MicroPython's .bin file first");
+      const port = await choosePort();
+      const content = new Uint8Array(await file.files[0].arrayBuffer());
+      bar.value = 0;
+      bar.hidden = false;
+      setText(said, "Reaching the chip, then erasing and writing. This takes a minute or two …");
+      await writeMicroPython(port, board, content, (part) => {
+        bar.value = part;
+      });
+      return "MicroPython is on the board, which starts with it. Next: framestep's files.";
+    });
+  }
+
+  #putFiles(button, said) {
+    const { board } = this;
+    return this.#work(button, null, said, async () => {
+      const port = await choosePort();
+      const files = JSON.parse(new TextDecoder().decode(await fetchFile(board.files)));
+      const count = await put(port, board, files, (text) => setText(said, text));
+      return count ? `framestep is on the board (${count} files written), which restarts with it.` : "All of framestep was on the board already; it restarts.";
+    });
+  }
+
+  #save(button, bar, said) {
+    const { board } = this;
+    return this.#work(button, bar, said, async () => {
       const folder = await choose(board);
-      if (!folder) return;
-      const content = await fetchImage(board.image);
+      if (!folder) return "";
+      const content = await fetchFile(board.image);
       bar.hidden = false;
       setText(said, `Writing onto ${folder.name} …`);
       await write(folder, board.image.file, content, (done) => {
         bar.value = done;
       });
+      return "The image is on the board, which starts with it.";
+    });
+  }
+
+  /** Run work that a button begins and that returns a sentence; a reason why it failed is shown. */
+  async #work(button, bar, said, work) {
+    button.disabled = true;
+    said.className = "";
+    setText(said, "");
+    try {
+      const done = await work();
       said.className = "known";
-      setText(said, "The image is on the board, which starts with it.");
+      setText(said, done);
     } catch (error) {
-      if (!(error instanceof DriveError)) throw error;
+      if (!FOR_THE_USER.some((kind) => error instanceof kind)) throw error;
       said.className = "lost";
       setText(said, `${error.message[0].toUpperCase()}${error.message.slice(1)}.`);
     } finally {
-      bar.hidden = true;
+      if (bar) bar.hidden = true;
       button.disabled = false;
     }
   }

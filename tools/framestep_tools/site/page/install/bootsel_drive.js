@@ -41,22 +41,6 @@ async function read(folder) {
   }
 }
 
-/** Fetch an image from next to the page. Throws DriveError if it is not the one that the page was built with. */
-export async function fetchImage({ file, size, sha256 }) {
-  let content;
-  try {
-    const answer = await fetch(file);
-    if (!answer.ok) throw new Error(`${answer.status}`);
-    content = await answer.arrayBuffer();
-  } catch (error) {
-    throw new DriveError(`${file} cannot be loaded (${error.message}); nothing has been written`);
-  }
-  const sum = new Uint8Array(await crypto.subtle.digest("SHA-256", content));
-  const found = [...sum].map((byte) => byte.toString(16).padStart(2, "0")).join("");
-  if (content.byteLength !== size || found !== sha256) throw new DriveError(`${file} is damaged: it is not the file that this page was built with; nothing has been written`);
-  return content;
-}
-
 /** Write an image onto a chosen drive; then the board restarts and the drive disappears. progress: called with the bytes written. */
 export async function write(folder, name, content, progress) {
   let done = 0;

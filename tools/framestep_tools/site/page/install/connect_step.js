@@ -9,21 +9,26 @@ export class ConnectStep {
   worksAlone = true;
   element = h("section");
   #device;
+  #board;
   #onrepl;
+  #ofRepl = h("li", {}, "Then the other one, for MicroPython's REPL. The rig file goes through it: ");
   #said = h("div", { role: "status" });
   #repl;
   #next;
 
-  /** connect: lets the user choose the protocol's port; onrepl: called once the REPL's port is chosen; next: shows the next step. */
-  constructor(device, connect, onrepl, next) {
+  /** board: returns the chosen board's entry; connect: lets the user choose the protocol's port; onrepl: called once the REPL's
+   * port is chosen; next: shows the next step. */
+  constructor(device, board, connect, onrepl, next) {
     this.#device = device;
+    this.#board = board;
     this.#onrepl = onrepl;
     this.#repl = h("button", { type: "button", onclick: () => this.#chooseRepl() }, "Choose the REPL's port…");
     this.#next = h("button", { type: "button", onclick: next }, "Next: the rig file");
     const steps = h("ol", { class: "what" },
-      h("li", {}, "The board shows two serial ports. Choose the one for Dragonframe, named “framestep DMC” where the system shows names: ",
+      h("li", {}, "Choose the board's port for Dragonframe. If the board shows two, it is the one named “framestep DMC” where the system shows names: ",
         h("div", { class: "row" }, h("button", { type: "button", class: "main", onclick: connect }, "Choose Dragonframe's port…"))),
-      h("li", {}, "Then the other one, for MicroPython's REPL. The rig file goes through it: ", h("div", { class: "row" }, this.#repl)));
+      this.#ofRepl);
+    this.#ofRepl.append(h("div", { class: "row" }, this.#repl));
     this.element.append(h("article", { class: "card", "aria-label": "Connect" }, h("h2", {}, "Connect the board"),
       ...(serialIsThere() ? [steps, this.#said, h("div", { class: "row" }, this.#next)]
         : [h("p", {}, "This browser has no Web Serial: take Chrome or Edge on a computer, or framestep console from the package.")])));
@@ -32,7 +37,8 @@ export class ConnectStep {
   render() {
     const { connected, hello, state } = this.#device;
     this.#repl.disabled = !connected || Boolean(hello?.repl);
-    this.#next.disabled = !connected || !hello?.repl;
+    this.#ofRepl.hidden = this.#board().ports === 1;
+    this.#next.disabled = !connected || !(hello?.repl || this.#ofRepl.hidden);
     const lines = connected ? this.#lines(state.info) : ["Nothing is connected. If a chosen port does not answer, it may be the other one."];
     if ([...this.#said.children].map((line) => line.textContent).join("\n") !== lines.join("\n")) {
       this.#said.replaceChildren(...lines.map((line) => h("p", {}, line)));
@@ -45,7 +51,7 @@ export class ConnectStep {
     return [
       `${name} answers: firmware ${version}${version === VERSION ? ", as on this page" : `; this page is for ${VERSION}`}, ${motors} motors.`,
       conditions.length ? `Its condition: ${conditions.join("; ")}.` : "Its condition: all is well.",
-      this.#device.hello.repl ? "The REPL's port is chosen." : "The REPL's port is still to be chosen.",
+      this.#ofRepl.hidden ? "" : this.#device.hello.repl ? "The REPL's port is chosen." : "The REPL's port is still to be chosen.",
     ];
   }
 

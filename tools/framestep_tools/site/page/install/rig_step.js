@@ -21,6 +21,7 @@ export class RigStep {
   #place = h("div");
   #said = h("p", { role: "status" });
   #changes = h("ul", { "aria-label": "Differences" });
+  #shared = h("p");
   #put;
   #buttons = [];
   #busy = false;
@@ -45,6 +46,7 @@ export class RigStep {
         this.#place),
       h("article", { class: "card", "aria-label": "Onto the board" }, h("h2", {}, "Onto the board"),
         h("p", { class: "faint" }, "The board restarts with it, and the drivers go off: support what would fall."),
+        this.#shared,
         h("div", { class: "row" }, button("Check, and show the differences", () => this.#look()), this.#put,
           h("button", { type: "button", onclick: () => this.#do(() => this.#save()) }, `Download ${NAME}`),
           h("button", { type: "button", onclick: next }, "Next: the motors")),
@@ -60,6 +62,7 @@ export class RigStep {
   }
 
   render() {
+    setText(this.#shared, this.#board().ports === 1 ? `On the ${this.#board().name} the REPL shares Dragonframe's port, so this page cannot put the file there: download it here, and framestep rig edit puts it onto the board.` : "");
     for (const button of this.#buttons) button.disabled = this.#busy || !this.#work.possible;
   }
 
