@@ -34,6 +34,7 @@ class BuildPackage(build_py):
     def put_data(self, package: Path) -> None:
         from framestep_tools.board import on_files
         from framestep_tools.building import board_files, images
+        from framestep_tools.console import page_files
 
         folder = package / "data"
         for path in sorted((ROOT / "tools/framestep_tools/move").glob("*.csv")):
@@ -43,6 +44,8 @@ class BuildPackage(build_py):
         page = ROOT / "tools/framestep_tools/console/page"
         for path in sorted(path for path in page.rglob("*") if path.is_file()):
             self.put(path, package / "console/page" / path.relative_to(page))
+        for name, path in page_files.terminal().items():
+            self.put(path, package / "console/page" / name)
         for path in sorted((ROOT / "boards").glob("*.json")):
             self.put(path, folder / "boards" / path.name)
         for path in sorted((ROOT / "boards").glob("*/*.json")):

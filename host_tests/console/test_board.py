@@ -22,6 +22,7 @@ from host_tests.console.looking import (
     wait_rest,
 )
 from host_tests.console.serial_ports import SavedPage
+from host_tests.console.test_accessible import AXE, FINDINGS
 
 # The page's check of a rig file on a board that has no memory for it
 SCARCE = """async () => {
@@ -68,6 +69,61 @@ def watch_the_load_of_a_move(page):
     assert page.locator("#conditions li").count() == 0
     go_to(page, "Rig file, load")
     expect(load.get_by_label("Live")).not_to_be_checked()
+
+
+PASTE = """text => {
+    const pasted = new DataTransfer();
+    pasted.setData('text/plain', text);
+    document.querySelector('.xterm-helper-textarea').dispatchEvent(
+        new ClipboardEvent('paste', {clipboardData: pasted, bubbles: true, cancelable: true}));
+}"""
+
+
+def use_the_terminal(page):
+    """Type, paste, interrupt. Another task of the page takes the port, and the page says so."""
+    go_to(page, "Rig file, load")
+    repl = page.get_by_role("article", name="REPL")
+    rows = repl.locator(".xterm-rows")
+    repl.get_by_role("button", name="Open a terminal").click()
+    expect(rows).to_contain_text(">>>")
+    page.keyboard.type("6 * 7000")
+    page.keyboard.press("Enter")
+    expect(rows).to_contain_text("42000")
+    page.evaluate(PASTE, "for i in range(2):\n    if i:\n        print('line', i)\n")
+    expect(rows).to_contain_text("line 1")
+    page.keyboard.type("while True: pass")
+    page.keyboard.press("Enter")
+    page.keyboard.press("Enter")
+    repl.get_by_role("button", name="Ctrl-C").click()
+    expect(rows).to_contain_text("KeyboardInterrupt")
+    page.get_by_role("button", name="Measure").click()
+    expect(load_of(page).get_by_role("status")).to_contain_text("us in a tick of 1000 on average")
+    expect(repl.get_by_role("status").first).to_have_text(
+        "The terminal has ended: the page itself uses the REPL, for the rig file or the load."
+    )
+    repl.get_by_role("button", name="Open a terminal").click()
+    expect(repl.get_by_role("button", name="Close it")).to_be_visible()
+    expect(repl.locator("textarea")).to_be_focused()
+    page.keyboard.type("'again'.upper()")
+    page.keyboard.press("Enter")
+    expect(rows).to_contain_text("AGAIN")
+    repl.get_by_role("button", name="Close it").click()
+    expect(repl.get_by_role("button", name="Open a terminal")).to_be_enabled()
+
+
+def test_the_terminal(stage, device):
+    page = stage.page(stage.console(device.url, BoardWork(device.repl, device.url)).url)
+    wait_connected(page)
+    use_the_terminal(page)
+    page.get_by_role("button", name="Open a terminal").click()
+    repl = page.get_by_role("article", name="REPL")
+    expect(repl.get_by_role("button", name="Close it")).to_be_visible()
+    page.evaluate(AXE.read_text())
+    assert page.evaluate(FINDINGS) == []
+    taken = stage.page(page.url)  # another page takes the device over, and the terminal with it
+    taken.get_by_role("button", name="Take the device over").click()
+    expect(repl.get_by_role("status").first).to_contain_text("another page has taken the device")
+    assert page.errors == []
 
 
 def test_a_jog_the_load_and_a_new_rig_file(stage, device):
@@ -134,6 +190,7 @@ def test_rig_file_and_load_without_a_server(stage, device, tmp_path):
     watch_the_load_of_a_move(page)
     rig.get_by_role("button", name="Read").click()
     expect(rig.get_by_role("status")).to_have_text("As it is on the board.")
+    use_the_terminal(page)
     text = rig.get_by_label("Rig file")
     before = json.loads(text.input_value())
     assert before["name"] == "after"

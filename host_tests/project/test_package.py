@@ -22,6 +22,7 @@ from framestep_tools.building.board_files import (
     files_boards,
 )
 from framestep_tools.client.client import Client
+from framestep_tools.console import page_files
 from framestep_tools.move.move_file import CAMERA_MOVE
 from host_tests.tools.board.test_install import board_behind  # noqa: F401 -- a fixture
 from host_tests.tools.board.test_uf2 import uf2_file
@@ -158,7 +159,8 @@ def test_the_page_of_the_console_is_in_the_package(installed):
     page = ROOT / "tools/framestep_tools/console/page"
     ours = {path.relative_to(page) for path in page.rglob("*") if path.is_file()}
     there = {path.relative_to(folder) for path in folder.rglob("*") if path.is_file()}
-    assert {str(path) for path in there - ours} == {"protocol.js", "rig.schema.json"}
+    made = {"protocol.js", "rig.schema.json"}
+    assert {path.as_posix() for path in there - ours} == made | page_files.terminal().keys()
     assert not ours - there
 
 

@@ -7,7 +7,7 @@ The methods of BoardWork block, one at a time, and raise ToolError.
 import contextlib
 import json
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from ..board import rig_file
@@ -15,7 +15,14 @@ from ..board.repl_device import RIG_FILE, Device, Moving
 from ..board.restart import greeting
 from ..board.rig_change import RigChange
 from ..errors import ToolError
+from .repl_terminal import ReplTerminal
 from .scripts import LIVE, LIVE_BEGIN, LIVE_END, LOAD
+
+_NO_REPL = (
+    "this board shows no second port for its REPL; name one with --repl, "
+    "or edit the file with framestep rig edit"
+)
+_TAKEN = "the page itself uses the REPL, for the rig file or the load"
 
 
 class NoRepl(ToolError):
@@ -30,6 +37,8 @@ class BoardWork:
         self.path = path
         self.protocol = protocol
         self._watched: Device | None = None  # stays open while the load is watched
+        self._terminal: ReplTerminal | None = None
+        self._end_terminal: Callable[[str], None] = lambda why: None
         self._one = threading.Lock()
 
     def read_rig(self) -> dict[str, Any]:
@@ -79,6 +88,7 @@ class BoardWork:
         The port stays open until `rest`, or until another request.
         """
         with self._one:
+            self._close_terminal(_TAKEN)
             if self._watched is None:
                 device = self._open()
                 device.connect()
@@ -95,6 +105,37 @@ class BoardWork:
         with self._one:
             self._close_watched()
         return {}
+
+    # ---- the terminal
+
+    def open_terminal(self, on_text: Callable[[str], None], on_end: Callable[[str], None]) -> None:
+        """Open the port as a terminal until `close_terminal`, or until another request. on_end:
+        called with the reason when it is closed for another request, or the port is gone."""
+        with self._one:
+            self._close_watched()
+            self._close_terminal("the terminal was opened again")
+            if self.path is None:
+                raise NoRepl(_NO_REPL)
+            self._terminal = ReplTerminal(self.path, on_text, on_end)
+            self._end_terminal = on_end
+
+    def type(self, text: str) -> None:
+        """Send what was typed into the terminal."""
+        if self._terminal:
+            self._terminal.type(text)
+
+    def close_terminal(self) -> dict[str, Any]:
+        """Close the terminal and say nothing about it."""
+        with self._one:
+            self._close_terminal(None)
+        return {}
+
+    def _close_terminal(self, why: str | None) -> None:
+        terminal, self._terminal = self._terminal, None
+        if terminal:
+            terminal.close()
+            if why:
+                self._end_terminal(why)
 
     def _ask(self, script: str) -> str:
         assert self._watched
@@ -115,15 +156,13 @@ class BoardWork:
     def _device(self) -> Iterator[Device]:
         with self._one:
             self._close_watched()
+            self._close_terminal(_TAKEN)
             with self._open() as device:
                 yield device
 
     def _open(self) -> Device:
         if self.path is None:
-            raise NoRepl(
-                "this board shows no second port for its REPL; name one with --repl, "
-                "or edit the file with framestep rig edit"
-            )
+            raise NoRepl(_NO_REPL)
         return Device(self.path)
 
 

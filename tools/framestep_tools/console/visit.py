@@ -4,7 +4,9 @@ Binary messages are bytes of the protocol, in both directions. Texts are JSON. T
 `{"id": 1, "do": "read_rig"}` and gets `{"id": 1, "result": {…}}` or `{"id": 1, "error": "…"}`.
 `{"keep": true}` lets all motion but jogs go on without the page. The server first sends
 `{"device": …}`. It sends `{"stopped": "why"}` when another program has stopped motors; the page
-answers `{"released": true}` once it holds no jog. Before it closes, it sends `{"ended": "why"}`.
+answers `{"released": true}` once it holds no jog. After the task `terminal` the server sends the
+REPL's output, `{"repl": "…"}`, and `{"repl_ended": "why"}`; the page sends `{"typed": "…"}`. Before
+it closes, the server sends `{"ended": "why"}`.
 """
 
 import asyncio
@@ -22,7 +24,7 @@ from .move_work import MoveWork
 _LOOK_S = 0.1
 _OF_MOVES = ("check_move", "export_move")
 _WITH_TEXT = ("check_rig", "write_rig", "write_axes", *_OF_MOVES)
-_TASKS = ("read_rig", "load", "live", "rest", *_WITH_TEXT)
+_TASKS = ("read_rig", "load", "live", "rest", "terminal", "close_terminal", *_WITH_TEXT)
 
 
 class Visit:
@@ -33,6 +35,7 @@ class Visit:
         self._page = page
         self._outbox: asyncio.Queue[bytes] = asyncio.Queue()
         self._tasks: set[asyncio.Task[None]] = set()
+        self._typing = asyncio.Lock()  # keeps the order of what is typed
         self._heard_s = 0.0  # time of the page's last message
 
     async def run(self) -> None:
@@ -58,6 +61,7 @@ class Visit:
                 await asyncio.wait(self._tasks)
             with contextlib.suppress(ToolError):
                 await asyncio.to_thread(self._device.work.rest)
+            await asyncio.to_thread(self._device.work.close_terminal)
             sender.cancel()
             dead_man.cancel()
 
@@ -125,6 +129,10 @@ class Visit:
                 if self._device.bridge:
                     self._device.bridge.released()
                 return
+            if isinstance(said.get("typed"), str):
+                async with self._typing:
+                    await asyncio.to_thread(self._device.work.type, said["typed"])
+                return
             if said["do"] not in _TASKS:
                 raise ValueError(f"there is no task {said['do']!r}")
             number = int(said["id"])
@@ -137,6 +145,14 @@ class Visit:
         except ToolError as error:
             await self._say({"id": number, "error": str(error)})
 
+    def _open_terminal(self, loop: asyncio.AbstractEventLoop) -> None:
+        def say(found: dict[str, Any]) -> None:
+            asyncio.run_coroutine_threadsafe(self._say(found), loop).result()
+
+        self._device.work.open_terminal(
+            lambda text: say({"repl": text}), lambda why: say({"repl_ended": why})
+        )
+
     async def _do(self, task: str, arguments: list[str]) -> Any:
         if task == "write_axes":
             if not self._device.axes:
@@ -144,6 +160,9 @@ class Visit:
             return await asyncio.to_thread(self._device.axes.write, *arguments)
         if task in _OF_MOVES:
             return await asyncio.to_thread(getattr(MoveWork(self._device.axes), task), *arguments)
+        if task == "terminal":
+            await asyncio.to_thread(self._open_terminal, asyncio.get_running_loop())
+            return {}
         work = getattr(self._device.work, task)
         if task != "write_rig":
             return await asyncio.to_thread(work, *arguments)

@@ -4,9 +4,11 @@
 import { LinkError } from "./client.js";
 import { SCRIPTS } from "./protocol.js";
 import { Repl } from "./repl.js";
+import { PortTerminal } from "./port_terminal.js";
 import { bareRig, mistake } from "./rig_text.js";
 
 const TEXT_CHUNK = 200; // characters of a rig file in one script: little memory is free
+const TAKEN = "the page itself uses the REPL, for the rig file or the load";
 const MARK = "\x02";
 
 /** Run a script and return its output after the mark. */
@@ -23,6 +25,7 @@ export class BoardWork {
   #port;
   #watched = null;
   #schema = null;
+  #terminal = null; // {port reader, writer, end}
   #turn = Promise.resolve();
 
   /** port: the REPL's port of Web Serial. */
@@ -64,6 +67,7 @@ export class BoardWork {
   /** Return the load as numbers. The port stays open until `rest`, or until another task. */
   live() {
     return this.#next(async () => {
+      await this.#endTerminal(TAKEN);
       try {
         if (!this.#watched) {
           this.#watched = await Repl.open(this.#port);
@@ -84,6 +88,30 @@ export class BoardWork {
       await this.#closeWatched();
       return {};
     });
+  }
+
+  /** Open the port as a terminal, until `closeTerminal` or another task. text: called with the output; end: once, with the
+   * reason, if it ends by itself. */
+  openTerminal(terminal) {
+    return this.#next(async () => {
+      await this.#closeWatched();
+      await this.#endTerminal("the terminal was opened again");
+      this.#terminal = await PortTerminal.open(this.#port, terminal);
+    });
+  }
+
+  type(text) {
+    this.#terminal?.type(text);
+  }
+
+  closeTerminal() {
+    return this.#next(() => this.#endTerminal(null));
+  }
+
+  async #endTerminal(why) {
+    const terminal = this.#terminal;
+    this.#terminal = null;
+    await terminal?.close(why);
   }
 
   async #closeWatched() {
@@ -137,6 +165,7 @@ export class BoardWork {
   #with(work) {
     return this.#next(async () => {
       await this.#closeWatched();
+      await this.#endTerminal(TAKEN);
       const repl = await Repl.open(this.#port);
       try {
         return await work(repl);

@@ -85,6 +85,19 @@ export class Client {
     return this.#link.chooseRepl();
   }
 
+  /** Open a terminal on the REPL's port; `type` and `closeTerminal` are for it. Throws LinkError. */
+  openTerminal(terminal) {
+    return this.#link.openTerminal(terminal);
+  }
+
+  type(text) {
+    this.#link.type(text);
+  }
+
+  closeTerminal() {
+    return this.#link.closeTerminal();
+  }
+
   /** Open the same port again, {link, hello}, over a link without a server. */
   again() {
     return this.#link.again();

@@ -70,13 +70,25 @@ export class SerialLink {
     return this.#work[task](values);
   }
 
+  openTerminal(terminal) {
+    return this.#work.openTerminal(terminal);
+  }
+
+  type(text) {
+    this.#work.type(text);
+  }
+
+  closeTerminal() {
+    return this.#work.closeTerminal();
+  }
+
   /** Open the same ports again after a restart, {link, hello}. Throws LinkError if the port is missing. */
   async again() {
     await this.close();
     await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
     const found = await SerialLink.#begin(this.#port);
     found.link.#work = this.#work;
-    found.hello.repl = this.#work !== null;
+    found.hello.repl = found.hello.terminal = this.#work !== null;
     return found;
   }
 

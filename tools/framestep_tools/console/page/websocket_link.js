@@ -8,6 +8,7 @@ export class WebSocketLink {
   onend = () => {};
   /** Another program has stopped motors, with the reason: end all holds. */
   onstopped = () => {};
+  #terminal = null; // {text, end} of the REPL's terminal
   #socket;
   #why = "framestep console does not answer, or this address has the token of an earlier start: open the address that it prints";
   #nextTask = 1;
@@ -29,9 +30,11 @@ export class WebSocketLink {
       const said = JSON.parse(data);
       if (said.device !== undefined) {
         this.#why = "the link to framestep console has closed";
-        resolve({ link: this, hello: said });
+        resolve({ link: this, hello: { ...said, terminal: said.repl } });
       }
       else if (said.ended !== undefined) this.#why = said.ended;
+      else if (said.repl !== undefined) this.#terminal?.text(said.repl);
+      else if (said.repl_ended !== undefined) this.#endTerminal(said.repl_ended);
       else if (said.stopped) {
         this.onstopped(said.stopped);
         this.#socket.send(JSON.stringify({ released: true }));
@@ -42,6 +45,7 @@ export class WebSocketLink {
       reject(new LinkError(this.#why));
       for (const { reject: fail } of this.#tasks.values()) fail(new LinkError(this.#why));
       this.#tasks.clear();
+      this.#endTerminal(this.#why);
       this.onend(this.#why);
     };
   }
@@ -64,6 +68,32 @@ export class WebSocketLink {
       this.#tasks.set(id, { resolve, reject });
       this.#socket.send(JSON.stringify({ ...values, id, do: task }));
     });
+  }
+
+  /** Open a terminal on the REPL's port. text: called with the output; end: once, with the reason, if it ends by itself. */
+  async openTerminal(terminal) {
+    this.#terminal = terminal;
+    try {
+      await this.ask("terminal");
+    } catch (error) {
+      this.#terminal = null;
+      throw error;
+    }
+  }
+
+  type(text) {
+    if (this.#socket.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify({ typed: text }));
+  }
+
+  async closeTerminal() {
+    this.#terminal = null;
+    await this.ask("close_terminal");
+  }
+
+  #endTerminal(why) {
+    const terminal = this.#terminal;
+    this.#terminal = null;
+    terminal?.end(why);
   }
 
   #answer({ id, result, error }) {

@@ -5,6 +5,7 @@ import { h, setText } from "../dom.js";
 import { LoadCard } from "../load_card.js";
 import { allowed } from "../rig_text.js";
 import { RigWork } from "../rig_work.js";
+import { TerminalCard } from "../terminal_card.js";
 
 export class RigView {
   title = "Rig file, load";
@@ -16,6 +17,7 @@ export class RigView {
   #text = h("textarea", { rows: 18, spellcheck: false, "aria-label": "Rig file" });
   #said = h("pre", { role: "status" });
   #load;
+  #terminal;
   #buttons = [];
   #help = h("div", { class: "wide" });
   #without = h("p", { class: "faint" });
@@ -30,7 +32,11 @@ export class RigView {
       return made;
     };
     this.#load = new LoadCard((task) => this.#work.ask(task), (text) => device.tell(text, true), button);
-    device.addEventListener("gone", () => this.#load.stop());
+    this.#terminal = new TerminalCard(device);
+    device.addEventListener("gone", () => {
+      this.#load.stop();
+      this.#terminal.allow();
+    });
     this.element.append(
       this.#without,
       this.#choose,
@@ -44,6 +50,7 @@ export class RigView {
         this.#text, this.#said,
         h("details", { ontoggle: () => this.#showHelp() }, h("summary", {}, "All settings"), this.#help)),
       this.#load.element,
+      this.#terminal.element,
     );
   }
 
@@ -61,6 +68,7 @@ export class RigView {
     const repl = this.#work.possible;
     for (const button of this.#buttons) button.disabled = !repl;
     this.#load.disabled = !repl;
+    this.#terminal.allow();
     this.#choose.hidden = repl || !client?.choosesRepl;
     const how = client?.choosesRepl ? "choose it, the first of the board's two, to have them." : "and this device shows no port for it: start framestep console with --repl, or use framestep rig edit.";
     setText(this.#without, repl ? "" : `The rig file and the load are asked on the board's REPL${client?.choosesRepl ? ": " : ", "}${how}`);
@@ -69,7 +77,7 @@ export class RigView {
   async #chooseRepl() {
     try {
       await this.#device.client.chooseRepl();
-      this.#device.hello.repl = true;
+      this.#device.hello.repl = this.#device.hello.terminal = true;
     } catch (error) {
       this.#device.tell(error.message, true);
     }
