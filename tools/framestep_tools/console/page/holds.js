@@ -22,6 +22,7 @@ export class Holds {
     const hold = { end, timer: 0 };
     this.#holds.set(key, hold);
     const turn = async () => {
+      const due = performance.now() + REPEAT_MS;
       try {
         if ((await repeat()) === false) return;
       } catch {
@@ -29,7 +30,7 @@ export class Holds {
         return;
       }
       // Wait for the answer: a slow link must not queue jogs after a stop
-      if (this.#holds.get(key) === hold) hold.timer = setTimeout(turn, REPEAT_MS);
+      if (this.#holds.get(key) === hold) hold.timer = setTimeout(turn, Math.max(0, due - performance.now()));
     };
     turn();
   }
