@@ -108,6 +108,23 @@ class Runs(Part):
         past = 0 if len(path) < 2 else int(np.abs(np.diff(path)).max() * 4 / 27 + 1)
         motor.reach(int(path.min()) - past, int(path.max()) + past)
 
+    @staticmethod
+    def _beside(motor, path, fps):
+        """Allow a stop beside the path, which turns more steeply than a stop: between whole steps,
+        where it takes up backlash, or where the move asks for it."""
+        velocity, acceleration = bounds_of(path, fps, motor.backlash, motor.velocity)
+        velocity = min(velocity, 3 * (motor.velocity + fps))
+        # below 100 steps/s it ends within the step
+        turns = velocity > 100 and acceleration > motor.least
+        way = int(velocity**2 / 2 / motor.least) + 1 if turns else 1
+        motor.reach(int(path.min()) - way, int(path.max()) + way)
+
+    def may_stop(self):
+        """Allow a run that is under way to end beside its path."""
+        if self.going and self.going.get("run") is self.run:
+            for motor in self.going["motors"]:
+                self._beside(motor, self._played(motor), self.run["fps"])
+
     def _rolled(self, motor, number, roll_ms):
         """Allow the begin or end of a ramp at that frame."""
         velocity, _ = bounds_of(self._played(motor), self.run["fps"], 0)
@@ -228,11 +245,7 @@ class Runs(Part):
             motor.let_go_by = None
             path = self.upload.paths[motor.index]
             self._over(motor, path)
-            # A stop that is not on a frame: between whole steps the path is faster than its mean.
-            # Below 100 steps/s a stop ends within the step.
-            velocity = min(bounds_of(path, max(fps / 1000, 2.0), 0)[0], 3 * motor.velocity)
-            way = int(velocity**2 / 2 / motor.least) + 1 if velocity > 100 else 1
-            motor.reach(int(path.min()) - way, int(path.max()) + way)
+            self._beside(motor, path, max(fps / 1000, 2.0))
             fastest = np.abs(np.diff(path)).max() if len(path) > 1 else 0
             self._along(motor, path, max(fps / 1000, 2.0), 12 * float(fastest + motor.backlash))
             slower = [motor, self.motors[motor.index + 1]] if motor.coupled else [motor]

@@ -186,6 +186,7 @@ class Trial:
         self.upset = order or self.counts["requests"] + 1
         for motor in self.motors:
             motor.goals = ()
+        self.runs.may_stop()
 
     def _closed(self):
         self.anything_may_stop()

@@ -152,7 +152,9 @@ class LinearMove:
         for i in range(registers.AXES):
             motor = self.motor[i] - 1
             if motor >= 0:
-                nearest_step(self.word, 0, self.rows, row + 2 * i, self.line.present, motor)
+                line = self.line
+                at = row + 2 * i
+                nearest_step(self.word, 0, self.rows, at, line.present, motor, line.bounds, i)
                 axis = self.axes[motor]
                 if not axis.rests_on(self.word, 0):
                     if self.stopping == _AT_ONCE:
@@ -335,7 +337,8 @@ class LinearMove:
                 axis = self.axes[motor]
                 reals.fetch(r, registers.FROM_V, self.speeds, a)
                 part = next_step(word, rows, a, b, b, self.advances, i, line.bounds)
-                part = last_step(word, part, rows, b, line.present, motor, self.advances[i] > 0)
+                up = self.advances[i] > 0
+                part = last_step(word, part, rows, b, line.present, motor, up, line.bounds, i)
                 axis.append_coasting_phase(
                     registers.TICKS, registers.FROM_V, registers.ZERO, r, word, 0, part
                 )

@@ -175,27 +175,40 @@ def set_advance(advances: ptr32, i: int, at: ptr32, j: int, part: int, rows: ptr
 
 
 @micropython.viper
-def nearest_step(out: ptr32, j: int, rows: ptr32, k: int, present: ptr32, motor: int):
-    """out[j] = the step nearest to the position in rows[k]; of two about as near the motor's."""
+def nearest_step(
+    out: ptr32, j: int, rows: ptr32, k: int, present: ptr32, motor: int, bounds, i: int
+):
+    """out[j] = the step nearest to the position in rows[k]; of two about as near the motor's.
+
+    Not beyond a bound of axis i: a line may begin there, by rounding.
+    """
+    bound = ptr32(bounds)
     step = present[motor + 0]
-    out[j] = step
     d = (rows[k + 0] >> 2) - (step >> 2)
     if d < 2 and d > -2:
         d = ((rows[k + 0] - step) << 16) + rows[k + 1]
-        if d < 0x9000 and d > -0x9000:
-            return
-    out[j] = rows[k + 0] + (rows[k + 1] >> 15)
+    else:
+        d = 0x9000
+    if d >= 0x9000 or d <= -0x9000:
+        step = rows[k + 0] + (rows[k + 1] >> 15)
+    i = 4 * i
+    if step > bound[i + HIGH]:
+        step = bound[i + HIGH]
+    if step < bound[i + LOW]:
+        step = bound[i + LOW]
+    out[j] = step
 
 
 @micropython.viper
-def last_step(out, part: int, rows, k: int, present, motor: int, up: int) -> int:
+def last_step(out, part: int, rows, k: int, present, motor: int, up: int, bounds, i: int) -> int:
     """Find where a path that leads to out[0] and a part (Q16) has to end to come to rest. Set
     out[0] to the step, and return the fraction (Q16).
 
-    The end is on the step nearest to the position in rows[k]. up: whether the path leads upward. It
-    ends next to that step, on the side from which it came, rather than turn back onto it.
+    The end is on the step nearest to the position in rows[k], within the bounds of axis i. up:
+    whether the path leads upward. It ends next to that step, on the side from which it came, rather
+    than turn back onto it.
     """
-    nearest_step(out, 1, rows, k, present, motor)
+    nearest_step(out, 1, rows, k, present, motor, bounds, i)
     at = ptr32(out)
     d = ((at[0] - at[1]) << 16) + part
     if up:
