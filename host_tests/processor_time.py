@@ -41,15 +41,20 @@ class ProcessorTime:
 
     def __init__(self):
         self.taken = {}
+        self._before = 0.0
+
+    def pytest_runtestloop(self):
+        self._before = _seconds()  # without the collection
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item):
-        before = _seconds()
         try:
             return (yield)
         finally:
+            now = _seconds()
             # less than 0: the end of a browser, whose processes do not wait for one another
-            self.taken[item.nodeid] = max(_seconds() - before, 0)
+            self.taken[item.nodeid] = max(now - self._before, 0)
+            self._before = now
 
     def pytest_sessionfinish(self, session):
         if hasattr(session.config, "workeroutput"):

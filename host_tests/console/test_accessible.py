@@ -5,6 +5,7 @@ import pytest
 from framestep_tools.building.board_files import ROOT
 from host_tests.console.looking import go_to
 from host_tests.console.pictures import LOOKS, VIEWS, crane, prepare
+from host_tests.covering import sweep
 
 AXE = ROOT / "tools/framestep_emulator/board/node_modules/axe-core/axe.min.js"
 FINDINGS = """async () => (await axe.run()).violations.map(
@@ -16,9 +17,14 @@ def served(shared_stage):
     return crane(shared_stage)
 
 
-@pytest.mark.parametrize("look", ["wide", "dark", "phone"])
-def test_nothing_is_found(served, stage, look):
-    page = stage.page(served.url, **LOOKS[look])
+@pytest.mark.parametrize(
+    "looks", sweep(["wide", "dark", "phone", "dark phone"], "wide", "dark phone")
+)
+def test_nothing_is_found(served, stage, looks):
+    options = {}
+    for look in looks.split():
+        options |= LOOKS[look]
+    page = stage.page(served.url, **options)
     prepare(page)
     page.evaluate(AXE.read_text())
     found = {}

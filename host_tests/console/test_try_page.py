@@ -309,6 +309,7 @@ def frames_played(page, frame):
     return at
 
 
+@pytest.mark.repeats  # runs of other tests, with all motors
 def test_eight_motors_at_24_frames_take_less_than_real_time(stage, make_site, tmp_path):
     """By processor time, as other programs may be busy. The start takes a few seconds of it."""
     while worker_seconds():  # from the test before

@@ -5,7 +5,9 @@ The test builds it as `pip install .` does, unpacks it, and runs it in a Python 
 termios, fcntl, tty or pty, nor anything that only this project needs.
 """
 
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -177,23 +179,35 @@ def test_help_of_every_command(installed):
     assert found.count("Usage:") >= 15
 
 
-@pytest.mark.parametrize("board", board_names())
-def test_it_brings_what_goes_onto_each_board(installed, board):
-    script = (
-        "import sys; from framestep_tools.building.board_files import board_data; "
-        "print(board_data(sys.argv[1])['name'])"
-    )
-    assert installed.python(script, board).strip() == board_data(board)["name"]
-    example = installed.folder / "framestep_tools/data/boards" / board / "rig.json"
-    assert "is valid for" in installed.run("rig", "check", example, "--board", board)
-    assert installed.run("rig", "example", "--board", board) == example.read_text()
-    if board in files_boards():
-        count = installed.python(
-            "import sys; from framestep_tools.board.on_files import package; "
-            "found = package(sys.argv[1]); print(len(found.modules), b'start()' in found.main)",
-            board,
-        )
-        assert count.split() == [str(len(board_sources(board))), "True"]
+# What a user's commands find of each board, as a line of JSON
+BOARDS = """
+import json, sys
+from framestep_tools.board import on_files
+from framestep_tools.building.board_files import board_data, files_boards
+from framestep_tools.cli import app
+for board, example in zip(sys.argv[1::2], sys.argv[2::2]):
+    app.status(["rig", "check", example, "--board", board])
+    app.status(["rig", "example", "--board", board])
+    package = on_files.package(board) if board in files_boards() else None
+    print("found:", json.dumps([
+        board_data(board)["name"], package and [len(package.modules), b"start()" in package.main]
+    ]))
+"""
+
+
+def test_it_brings_what_goes_onto_each_board(installed):
+    examples = {
+        board: installed.folder / "framestep_tools/data/boards" / board / "rig.json"
+        for board in board_names()
+    }
+    words = [word for pair in examples.items() for word in pair]
+    said = re.split("found: (.*)\n", installed.python(BOARDS, *words))
+    assert len(said) == 2 * len(examples) + 1
+    for (board, example), text, found in zip(examples.items(), said[::2], said[1::2], strict=False):
+        assert "is valid for" in text
+        assert text.endswith(example.read_text())
+        files = [len(board_sources(board)), True] if board in files_boards() else None
+        assert json.loads(found) == [board_data(board)["name"], files]
 
 
 def test_a_session_from_a_bare_board_to_a_move(installed, board_behind, tmp_path):  # noqa: F811
