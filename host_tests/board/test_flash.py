@@ -185,7 +185,7 @@ def test_rig_edit(bench, monkeypatch, capsys):
     assert "nothing has been changed" in edit(bench, monkeypatch, capsys, "crane", "crane")
     assert files(bench)["/rig.json"] == RIG
     said = edit(bench, monkeypatch, capsys, "my crane", 'my crane", "ports": 3, "x": "', status=1)
-    assert "rig.json: x: no such setting" in said
+    assert "x: no such setting" in said
     draft = re.search("as it was; framestep rig edit (.*) goes on with the draft", said)[1]
     assert files(bench)["/rig.json"] == RIG
     old, new = '"my crane", "ports": 3, "x": ""', '"small", "ports": 1'
