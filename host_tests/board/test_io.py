@@ -8,11 +8,10 @@ from framestep.protocol import messages as m
 from framestep.pulse import stepper
 from framestep_tools import payloads as p
 from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests import dmx_wire
 from host_tests.end_to_end.session import Session, deceleration, run_request
 
 DMX_PIN, ESTOP_PIN, LIMIT_PIN = 0, 19, 22
-BIT_NS = 4000
-SLOT_NS = 11 * BIT_NS
 EIGHT = tuple(range(1, 9))
 
 
@@ -22,7 +21,7 @@ def session(rig=None):
 
 
 class Wire:
-    """What leaves the DMX pin, decoded from its edges alone."""
+    """What leaves the DMX pin."""
 
     def __init__(self, board):
         self.emulator = board.emulator
@@ -31,45 +30,9 @@ class Wire:
         self.emulator.trace_read()
 
     def frames(self, records):
-        """Return [(start of break, break, mark after break in ns, slots, longest gap between slots
-        in ns)]."""
+        """See dmx_wire.frames."""
         mine = records[records["pin"] == DMX_PIN]
-        times, levels = mine["t"].astype(np.int64), mine["level"]
-        falls = times[levels == 0]
-        ends = np.append(times[1:], times[-1] + 1)[levels == 0]
-        found = []
-        breaks = np.flatnonzero(ends - falls > 80_000)
-        for k, at in enumerate(breaks[:-1]):
-            begin = ends[at]  # the mark's
-            until = falls[breaks[k + 1]]
-            inside = (times >= begin) & (times < until)
-            slots, gaps = self.slots(times[inside], levels[inside], until)
-            first = falls[at + 1]
-            found.append(
-                (int(falls[at]), int(ends[at] - falls[at]), int(first - begin), slots, gaps)
-            )
-        return found
-
-    @staticmethod
-    def slots(times, levels, until):
-        """Return a frame's bytes by samples in the middle of bits; 8 data bits, two stop bits."""
-        slots = bytearray()
-        longest = 0
-        at = 1  # times[0] is the rise that begins the mark
-        previous = None
-        while at < len(times):
-            start = times[at]
-            if previous is not None:
-                longest = max(longest, int(start - previous - SLOT_NS))
-            previous = start
-            samples = start + BIT_NS * np.arange(0.5, 11)
-            index = np.searchsorted(times, samples, side="right") - 1
-            bits = levels[index]
-            assert bits[0] == 0, "no start or stop bit"
-            assert bits[9] == bits[10] == 1, "no start or stop bit"
-            slots.append(int(np.packbits(bits[1:9], bitorder="little")[0]))
-            at = int(np.searchsorted(times, start + 10 * BIT_NS))
-        return bytes(slots), longest
+        return dmx_wire.frames(mine["t"].astype(np.int64), mine["level"])
 
 
 def test_dmx_on_the_wire():

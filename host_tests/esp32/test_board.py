@@ -6,6 +6,7 @@ import pytest
 
 from framestep.motors.positions import BROKEN_OFF, HELD, LOST, RESTORED
 from framestep.rig import Rig, RigError
+from framestep_tools.bench.esp32_memory import fits, memory
 from framestep_tools.board.rig_file import read
 from framestep_tools.building.board_files import ROOT, board_data, files_boards
 from framestep_tools.client.wire import encode
@@ -87,14 +88,27 @@ def test_each_board_with_its_example(name):
 
 
 def test_memory():
-    """Eight motors need 256 kB of heap. If there is less, a sentence says so."""
-    with Esp32Board(heap_kb=256) as board:
-        assert Session(board, reply_s=REPLY_S).ask(Hi()).upload_frames > 0
-    with Esp32Board(heap_kb=192) as board:
+    """If there is too little, sentences say so and name the settings that help; these do help."""
+    assert fits({}, 264)
+    with Esp32Board(heap_kb=232) as board:
         board.run_until(board.now_ns + 300_000_000)
         said = board.transmit().decode()
+    assert "framestep: set a smaller motor_count or virtuals in rig.json" in said
     assert "framestep: this module has too little memory: take one with PSRAM" in said
     assert said.endswith(">>> ")
+    assert fits({"virtuals": 0}, 232)
+    assert not fits({"virtuals": 0}, 200)
+    assert fits({"virtuals": 0, "motor_count": 1}, 208)
+
+
+def test_the_memory_that_is_measured():
+    """A move gets what the rest leaves, but for a little."""
+    heap_kb = 512
+    plain, small = memory({}, heap_kb), memory({"virtuals": 0}, heap_kb)
+    assert 0.94 * heap_kb * 1024 < plain.heap_bytes + plain.move_bytes < heap_kb * 1024
+    assert small.heap_bytes < plain.heap_bytes - 30_000
+    assert small.code_bytes < plain.code_bytes
+    assert small.frames > plain.frames > 10_000
 
 
 @pytest.mark.parametrize("length", [1, 14, 21])
@@ -106,8 +120,9 @@ def test_it_starts_with_any_memory(board, length):
 
 def test_who_it_is(board):
     info = board({"name": "jib"}).ask(Hi())
-    assert (info.name, info.motors, info.dmx_channels) == ("jib", 8, 0)
+    assert (info.name, info.motors, info.dmx_channels) == ("jib", 8, 512)
     assert (info.outputs, info.inputs) == (4, 4)
+    assert board({"dmx": False}).ask(Hi()).dmx_channels == 0
 
 
 def test_all_motors_move_at_once(rig):
@@ -411,10 +426,18 @@ def test_at_another_rate_nothing_gets_across():
         ({"motors": [{"servo": {"pin": 4}}]}, r"motors\[1\].servo: found an object"),
         ({"ports": 2}, "ports: found 2, this board has 1"),
         ({"uart_baud": 57600}, "uart_baud: found 57600, allowed is one of 115200, 230400, 460800"),
-        ({"watchdog": True}, "watchdog: found true, but framestep has none for this board"),
-        ({"dmx": True}, "dmx: found true, but framestep has none for this board"),
+        ({"inputs": [{"pin": 4}]}, "found 4, which is the board's DMX tx already"),
+        (
+            {"motors": [{}] * 4 + [{"driver": {"run_ma": 500}}]},
+            r"motors\[5\].driver: found an object, but .* that of motors 1 to 4",
+        ),
     ],
 )
 def test_settings_that_are_not_for_it(found, wanted):
     with pytest.raises(RigError, match=wanted):
         Rig(found, board_data(BOARD))
+
+
+def test_dmx_on_a_board_without_a_pin_for_it():
+    with pytest.raises(RigError, match="dmx: found true, but this board has no pin for it"):
+        Rig({"dmx": True}, board_data("mks_tinybee"))

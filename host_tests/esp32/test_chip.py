@@ -247,3 +247,63 @@ def test_the_rate_of_the_repl_is_set_before_an_error(on_chip):
         "print(error(UART, 0, 6_000_000))"
     )
     assert said == ["('OSError', -259) ('OSError', -259)", "('OSError', 1)"]
+
+
+def test_the_watchdog_ends_the_chip_unless_it_is_fed(on_chip):
+    said, _ = on_chip(
+        "from machine import WDT\n"
+        "print(error(WDT, 1), error(WDT, 0, 0))\n"
+        "dog = WDT(0, 1000)\n"
+        "for _ in range(5):\n"
+        "    chip.advance(900_000)\n"
+        "    dog.feed()\n"
+        "dog = WDT(0, 3000)\n"
+        "chip.advance(2_900_000)\n"
+        "print('alive')\n"
+        "chip.advance(200_000)\n"
+        "print('never')"
+    )
+    assert said == ["('ValueError',) ('ValueError', 'WDT timeout too short')", "alive"]
+
+
+def test_a_disarmed_watchdog_waits_for_days(on_chip):
+    """framestep's own: it cannot be stopped, but a timer feeds it once a day."""
+    said, _ = on_chip(
+        "from framestep.hal.esp32.watchdog import Watchdog\n"
+        "dog = Watchdog()\n"
+        "dog.disarm()\n"
+        "dog.arm(8000)\n"
+        "chip.advance(7_000_000)\n"
+        "dog.disarm()\n"
+        "for hour in range(20 * 24):\n"
+        "    chip.advance(1_000_000_000)\n"
+        "    chip.advance(1_000_000_000)\n"
+        "    chip.advance(1_000_000_000)\n"
+        "    chip.advance(600_000_000)\n"
+        "    settle()\n"
+        "print('alive', dog.caused_reset)"
+    )
+    assert said == ["alive False"]
+
+
+def test_a_uart_and_its_arguments(on_chip):
+    said, _ = on_chip(
+        "from machine import UART\n"
+        "print(error(UART, 3), error(UART, 1, bits=9, tx=Pin(4), rx=Pin(5)))\n"
+        "print(error(UART, 1, tx=Pin(34), rx=Pin(5)))\n"
+        "print(error(UART, 1, tx=Pin(4), rx=Pin(5), rxbuf=128))\n"
+        "uart = UART(1, 250000, stop=2, tx=Pin(4), rx=Pin(5), txbuf=2048)\n"
+        "print(uart.write(bytes(513)), uart.txdone(), chip.now())\n"
+        "chip.advance(22500)\n"
+        "print(uart.txdone())\n"
+        "chip.advance(100)\n"
+        "print(uart.txdone(), uart.any(), uart.read(4))"
+    )
+    assert said == [
+        "('ValueError', 'UART(3) does not exist') ('ValueError', 'invalid data bits')",
+        "('OSError', 1)",
+        "('OSError', 1)",
+        "513 False 0",
+        "False",
+        "True 0 None",
+    ]

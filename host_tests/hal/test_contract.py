@@ -23,9 +23,19 @@ IMPLEMENTED = {
         "esp32/port.py:UartPort",
         "host.py:HostPort",
     ],
-    "Dmx": ["rp2/dmx.py:Dmx", "host.py:HostDmx", "absent.py:NoDmx"],
-    "Watchdog": ["rp2/watchdog.py:Watchdog", "host.py:HostWatchdog", "absent.py:NoWatchdog"],
-    "DriverWire": ["rp2/wire.py:Wire", "rp2/one_wire.py:OneWire", "host.py:SilentWire"],
+    "Dmx": ["rp2/dmx.py:Dmx", "esp32/dmx.py:Dmx", "host.py:HostDmx", "absent.py:NoDmx"],
+    "Watchdog": [
+        "rp2/watchdog.py:Watchdog",
+        "esp32/watchdog.py:Watchdog",
+        "host.py:HostWatchdog",
+        "absent.py:NoWatchdog",
+    ],
+    "DriverWire": [
+        "rp2/wire.py:Wire",
+        "rp2/one_wire.py:OneWire",
+        "esp32/wire.py:Wire",
+        "host.py:SilentWire",
+    ],
     "Flash": ["flash.py:Flash", "host.py:HostFlash"],
 }
 # Parts that only one kind has, or that another class provides. The host's HAL has no REPL, nor a

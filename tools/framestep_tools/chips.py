@@ -17,7 +17,6 @@ class Chip:
 
     name: str  # as it is usually written
     hal: str  # its HAL is the folder framestep/hal/<hal>
-    lacks: list[str]  # settings of a rig file that need parts which the HAL lacks
     engine: str  # what makes the pulses: a key of board_files.ENGINES
     motors: int  # as many as the engine can step
     ports: int  # 2 if the protocol can have a port besides the REPL's

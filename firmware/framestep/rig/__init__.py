@@ -32,9 +32,8 @@ class Rig:
         self.motors = read_list(MOTOR_SETTINGS, settings["motors"], "motors")
         driven = [motor for motor in self.motors if motor["driver"] is not None]
         self.board = fitted({} if board is None else board, settings["motor_count"], driven)
-        for key in self.board.pop("lacks", ()):
-            if (found or {}).get(key):
-                raise RigError("%s: found true, but framestep has none for this board" % key)
+        if (found or {}).get("dmx") and board and "dmx" not in self.board:
+            raise RigError("dmx: found true, but this board has no pin for it")
         self._count_motors(settings, len((board or {}).get("step", ())))
         servos = self._read_servos()
         self.drivers = self._read_drivers() if driven else None

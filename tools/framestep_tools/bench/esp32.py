@@ -1,7 +1,8 @@
 """Figures of an ESP32, from the simulated chip (tools/micropython/esp32).
 
 Time is virtual there and code takes none. So these figures say what the stream, the queue and the
-protocol's UART allow, not how fast the processor is.
+protocol's UART allow, not how fast the processor is. That is estimated from the number of
+instructions that a Xtensa processor executes in QEMU (builder_cost.py).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,6 +17,8 @@ from ..judge.reference import Reference
 from ..judge.trace import Trace
 from ..payloads import HardStop, MotorMove, MotorSetSpeed, MotorStopAll, Positions, RtEnd, RtGo
 from ..simulator.esp32_board import RATE, Esp32Board
+from . import builder_cost
+from .esp32_memory import HEAP_KB, memory
 from .figures import Figure, number
 from .moves import FPS, MOTORS, ROLL_MS, STEEPEST, mixed_move, steady_move
 from .session import Played, Session
@@ -58,6 +61,22 @@ FIGURES = (
         20,
         None,
         "the longest pause of the main loop, of 20, 30 and 40 ms, in a run that loses nothing",
+    ),
+    Figure(
+        "esp32_builder_tick_us_8",
+        "µs",
+        None,
+        200,
+        "planning, the tick and the words for I2S, for each millisecond of eight motors at 60 000 "
+        "steps/s: instructions in QEMU, at best one each cycle of 240 MHz",
+    ),
+    Figure(
+        "esp32_free_bytes",
+        "bytes",
+        None,
+        None,
+        f"memory for a move, of a heap of {HEAP_KB} kB, with eight motors; DMX and all types of "
+        "virtual axes loaded",
     ),
 )
 
@@ -158,6 +177,8 @@ def measure() -> dict[str, float]:
         figures["esp32_edge_error_us"] = float(np.nanmax(played.errors_us(ramps=False)))
         figures["esp32_stop_ms"] = stop_ms(session)
         figures["esp32_pause_ms"] = pause_ms(session)
+    figures["esp32_builder_tick_us_8"] = builder_cost.us(60_000)
+    figures["esp32_free_bytes"] = memory({}).move_bytes
     return figures
 
 

@@ -65,8 +65,11 @@ _OF_ENGINE = {
         "framestep/hal/esp32/__init__.py",
         "framestep/hal/esp32/hal.py",
         "framestep/hal/esp32/chain.py",
+        "framestep/hal/esp32/dmx.py",
         "framestep/hal/esp32/port.py",
         "framestep/hal/esp32/start.py",
+        "framestep/hal/esp32/watchdog.py",
+        "framestep/hal/esp32/wire.py",
     )
 }
 # Beginnings of the names of modules that only boards with this HAL get
@@ -74,7 +77,7 @@ _OF_HAL = {
     "rp2": ("framestep/leftovers", "framestep/hal/ports/usb_", "framestep/hal/rp2/"),
     "esp32": ("framestep/hal/esp32/",),
 }
-_USUAL = {"lacks": [], "ports": 2}  # what framestep.rig takes for granted
+_USUAL = {"ports": 2}  # what framestep.rig takes for granted
 _P = ParamSpec("_P")
 
 
@@ -198,14 +201,13 @@ def files_boards() -> list[str]:
 
 
 def board_data(board: str) -> dict[str, Any]:
-    """Return the data of boards/<board>/board.json, with the chip's `hal`, what that `lacks`, its
-    numbers of `ports` and `pins`, and its `clocks` in MHz. Raises ToolError if there is no such
-    board or chip."""
+    """Return the data of boards/<board>/board.json, with the chip's `hal`, its numbers of `ports`
+    and `pins`, and its `clocks` in MHz. Raises ToolError if there is no such board or chip."""
     if board not in board_names():
         raise ToolError(f"no board {board!r}: there are {', '.join(board_names())}")
     data = json.loads((paths.BOARDS / board / "board.json").read_text())
     found = chip(data["chip"])
-    return data | {key: getattr(found, key) for key in ("hal", "lacks", "ports", "pins", "clocks")}
+    return data | {key: getattr(found, key) for key in ("hal", "ports", "pins", "clocks")}
 
 
 def board_chip(board: str) -> Chip:

@@ -37,13 +37,7 @@ _KEYS = {
     ),
     *("outputs", "inputs", "stops", "led", "rgb", "jumper", "freed", "with_drivers", "page"),
     *("chain", "buffers", "button", "uart", "usb", "flash"),
-    *(
-        "hal",
-        "lacks",
-        "ports",
-        "pins",
-        "clocks",
-    ),  # not in the file: board_files.board_data adds them
+    *("hal", "ports", "pins", "clocks"),  # not in the file: board_files.board_data adds them
 }
 
 

@@ -26,6 +26,7 @@ from ..errors import ToolError
 from ..judge.trace import Edge, PinDecoder, pins_of
 from . import shift_registers
 from .boards import closed_switches
+from .driver_chips import Chips
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -42,10 +43,12 @@ _QEMU = "qemu-riscv32"
 _END_S = 5
 _RUNS, _RESET, _NO_POWER, _WATCHDOG = range(4)  # states in an answer: chip.h
 _CAUSES = {_NO_POWER: 1, _RESET: 2, _WATCHDOG: 3}  # machine.reset_cause() after each
-_LINE_BYTE = np.dtype(
+# struct line_byte in chip.h: a byte on a TX pin, with the time of its first bit; a bit takes
+# divider · 25/32 ns
+LINE_BYTE = np.dtype(
     [("t", "<u8"), ("divider", "<u4"), ("pin", "u1"), ("byte", "u1"), ("bits", "u1"), ("-", "u1")]
-)  # struct line_byte in chip.h
-_REPL_OUTPUT, _LINE_OUTPUT = 1, 2
+)
+_NO_PIN = 255
 
 
 def modules(board: str = BOARD) -> dict[str, bytes]:
@@ -100,6 +103,7 @@ class Esp32Board:
         self._baud = baud
         self._sent = bytearray()
         self._lines: list[np.ndarray] = []  # bytes on the other UARTs
+        self._chips: Chips | None = None  # drivers on one of them
         self._played = bytearray()  # bytes of records that have not been parsed
         self._played_to = 0  # position in the present record
         self._before = 0  # the last played bits
@@ -157,7 +161,8 @@ class Esp32Board:
         self._now, state, count = struct.unpack("<QBI", self._take(13))
         self._sent += self._take(count)
         (count,) = struct.unpack("<I", self._take(4))
-        self._lines.append(np.frombuffer(self._take(count * _LINE_BYTE.itemsize), _LINE_BYTE))
+        if count:
+            self._lines.append(np.frombuffer(self._take(count * LINE_BYTE.itemsize), LINE_BYTE))
         if state != _RUNS:
             self._end()
             self._cause = _CAUSES[state]
@@ -214,9 +219,48 @@ class Esp32Board:
         return self._now
 
     def run_until(self, ns: int, until_output: bool = False) -> None:
-        if ns > self._now:
-            self._command("r", "QB", ns, _REPL_OUTPUT if until_output else 0)
+        pin = self.rig.board["drivers"]["tx"] if self._chips else _NO_PIN
+        while ns > self._now:
+            self._command("r", "QBB", ns, until_output, pin)
             self._answer()
+            if self._chips:
+                self._talk(self._chips)
+            if not self.powered or (until_output and self._sent):
+                return
+
+    def connect(self, chips: Chips) -> None:
+        """Connect drivers to the board's UART for them."""
+        self._chips = chips
+        self._lines.clear()
+
+    def _talk(self, chips: Chips) -> None:
+        """Pass on what the board has said to the drivers, and their answers, which come back
+        together, after the last byte on the wire."""
+        line = self.rig.board["drivers"]
+        for byte in self.line(line["tx"]):
+            chips.byte(int(byte["byte"]), int(byte["t"]))
+        answers = chips.take_answers()
+        if answers:
+            self._command("l", "BQI", line["rx"], self._now, len(answers))
+            os.write(self._commands, answers)
+
+    def line(self, pin: int) -> np.ndarray:
+        """Return the bytes that a UART has sent on a pin since the last call: an array of
+        LINE_BYTE."""
+        sent = np.concatenate([np.zeros(0, LINE_BYTE), *self._lines])
+        self._lines = [sent[sent["pin"] != pin]]
+        return sent[sent["pin"] == pin]
+
+    def line_edges(self, pin: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same as edges: their times in ns, and the level after each."""
+        times, levels = [], []
+        for byte in self.line(pin):
+            bits = [0, *np.unpackbits(byte["byte"], bitorder="little"), 1]
+            changed = np.flatnonzero(np.diff([1, *bits]))
+            times.append(int(byte["t"]) + changed * int(byte["divider"]) * 25 // 32)
+            levels.append(np.array(bits)[changed])
+        nothing = np.zeros(0, np.int64)
+        return np.concatenate([nothing, *times]), np.concatenate([nothing, *levels])
 
     def pause(self, ms: float) -> None:
         """Hold up the main loop once for this long, in its next pass."""

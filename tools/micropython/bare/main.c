@@ -115,6 +115,10 @@ void allocate_code(size_t bytes, void **place, size_t *taken) {
     code_used += *taken;
 }
 
+size_t code_bytes(void) {
+    return code_used;
+}
+
 void free_code(void) {
     code_used = 0;
 }

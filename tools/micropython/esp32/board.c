@@ -2,8 +2,8 @@
 // idle (machine.idle()) or waits for a byte, time goes by, and at the requested time the next commands are read. A command
 // is a letter and its arguments, lowest byte first:
 //
-//     r until[8] output[1]     run until this time, ns; or (1 in `output`) until something was sent on the REPL's UART, or
-//                              (2) on another one
+//     r until[8] output[1] pin[1]   run until this time, ns; with `output`, or until something was sent on the REPL's UART;
+//                              or on this TX pin, unless it is 255
 //     w count[4] bytes         the host sends bytes
 //     p pin[1] level[1]        drive a pin from outside
 //     i ns[8]                  the time of a pass from now on
@@ -16,6 +16,7 @@
 // sent [4], and the bytes; the number of bytes that other UARTs have sent [4], and for each a struct line_byte.
 #include <string.h>
 #include "py/runtime.h"
+#include "../bare/files.h"
 #include "../bare/host.h"
 #include "chip.h"
 
@@ -24,7 +25,7 @@
 
 static int commands = -1, answers = -1;
 static uint64_t until, pass_ns = PASS_NS, pause_ns;
-static uint8_t until_output;
+static uint8_t until_output, until_pin;
 int board_reset_cause = 1;  // PWRON_RESET
 
 static void take(void *to, uint32_t count) {
@@ -81,8 +82,9 @@ static void command(void) {
     switch (letter) {
         case 'r':
             take(&until, sizeof until);
-            take(two, 1);
+            take(two, 2);
             until_output = two[0];
+            until_pin = two[1];
             break;
         case 'w':
             receive(-1, 0);
@@ -115,7 +117,7 @@ static void command(void) {
 }
 
 static bool reached(void) {
-    return chip_now >= until || (until_output & 1 && uart_has_sent()) || (until_output & 2 && line_has_said());
+    return chip_now >= until || (until_output && uart_has_sent()) || line_has_said(until_pin);
 }
 
 void board_wait(uint64_t ns) {
@@ -157,6 +159,7 @@ void board_end(int state) {
     if (board_serves()) {
         answer(state);
     }
+    files_flush();
     host_exit(0);
 }
 

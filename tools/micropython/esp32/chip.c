@@ -5,12 +5,14 @@
 //     chip.collection(us)        how long each garbage collection takes from now on
 //     chip.drive(pin, level)     drive a pin from outside
 //     chip.now()                 µs since the start
+//     chip.code()                bytes of machine code in memory, which is outside of the heap
 //     chip.record(path)          record what I2S plays in this file: see i2s.c
 //     chip.serve(commands, answers)  from the next machine.idle() on commands in a file let time pass: see board.c
 #include "py/runtime.h"
 #include "../bare/host.h"
 #include "chip.h"
 
+size_t code_bytes(void);
 uint64_t chip_now;
 bool chip_interrupts = true;
 static uint64_t collection_ns;
@@ -92,6 +94,11 @@ static mp_obj_t now(void) {
 }
 static MP_DEFINE_CONST_FUN_OBJ_0(now_obj, now);
 
+static mp_obj_t code(void) {
+    return mp_obj_new_int(code_bytes());
+}
+static MP_DEFINE_CONST_FUN_OBJ_0(code_obj, code);
+
 static mp_obj_t record(mp_obj_t path) {
     i2s_record = host_open(mp_obj_str_get_str(path), HOST_WRITE);
     if (i2s_record < 0) {
@@ -129,6 +136,7 @@ static const mp_rom_map_elem_t names[] = {
     { MP_ROM_QSTR(MP_QSTR_collection), MP_ROM_PTR(&collection_obj) },
     { MP_ROM_QSTR(MP_QSTR_drive), MP_ROM_PTR(&drive_obj) },
     { MP_ROM_QSTR(MP_QSTR_now), MP_ROM_PTR(&now_obj) },
+    { MP_ROM_QSTR(MP_QSTR_code), MP_ROM_PTR(&code_obj) },
     { MP_ROM_QSTR(MP_QSTR_record), MP_ROM_PTR(&record_obj) },
     { MP_ROM_QSTR(MP_QSTR_serve), MP_ROM_PTR(&serve_obj) },
 };

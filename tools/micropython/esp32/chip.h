@@ -53,7 +53,7 @@ struct line_byte {  // on a TX pin
 };
 #define LINE_BYTES 8192
 uint32_t line_said(const struct line_byte **bytes);  // takes the bytes sent
-bool line_has_said(void);
+bool line_has_said(int pin);  // since they were taken
 void line_receive(int pin, uint64_t first_bit, const uint8_t *bytes, uint32_t count);  // on an RX pin, one after the other
 
 void board_idle(void);  // the main loop has nothing to do: see board.c

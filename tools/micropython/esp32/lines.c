@@ -158,8 +158,13 @@ uint32_t line_said(const struct line_byte **bytes) {
     return count;
 }
 
-bool line_has_said(void) {
-    return said_count > 0;
+bool line_has_said(int pin) {
+    for (uint32_t i = 0; i < said_count; i++) {
+        if (said[i].pin == pin) {
+            return true;
+        }
+    }
+    return said_count > LINE_BYTES / 2;  // they have to be taken before there are too many
 }
 
 // ---------------------------------------------------------------- ESP-IDF

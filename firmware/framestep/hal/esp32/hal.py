@@ -87,9 +87,10 @@ class Esp32Hal:
         self.drive = stream.drive
         self._make_drivers(board, rig)
         self.inside = array("i", [0] * (PASS + 1))
-        self.dmx = NoDmx()
-        self.watchdog = NoWatchdog()
-        self.driver_wire = None
+        self._sends_dmx = rig.dmx and "dmx" in board
+        self.dmx = self._make_dmx(board, rig) if self._sends_dmx else NoDmx()
+        self.watchdog = self._make_watchdog() if rig.watchdog else NoWatchdog()
+        self.driver_wire = self._make_wire(board) if rig.drivers else None
         self.report_driver = None  # prints lines about drivers: see contract.py
         self.floats = 0
         self.passes = Timer(0)  # made now, as there may be no memory for it later
@@ -109,6 +110,23 @@ class Esp32Hal:
         self.port = UartPort(self, rig.settings["uart_baud"])
         led = board.get("led")
         self.led = Pin(led, Pin.OUT, value=0).value if led is not None else _no_led
+
+    # ------------------------------------------------------------ parts that a rig may do without
+
+    def _make_dmx(self, board, rig):
+        from framestep.hal.esp32.dmx import Dmx
+
+        return Dmx(board["dmx"], rig.dmx_break_us, rig.dmx_mark_us)
+
+    def _make_watchdog(self):
+        from framestep.hal.esp32.watchdog import Watchdog
+
+        return Watchdog()
+
+    def _make_wire(self, board):
+        from framestep.hal.esp32.wire import Wire
+
+        return Wire(board["drivers"])
 
     # ------------------------------------------------------------ drivers
 
@@ -173,13 +191,15 @@ class Esp32Hal:
             self._on_change(None)
 
     def serve(self):
-        """Keep the chain fed. To be called in each pass."""
+        """Keep the chain fed, and DMX going. To be called in each pass."""
         before = self.irq_off()
         if self._cut:
             self._recover()
         elif self._pressed():  # whether or not its interrupt came
             self._end_pulses()
         self.chain.serve()
+        if self._sends_dmx:
+            self.dmx.serve()
         self.irq_on(before)
 
     def land(self):
