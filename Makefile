@@ -98,10 +98,13 @@ test-console: node images chromium ## the page of `framestep console` in a real 
 console-pictures: setup chromium ## draw each view of the console for the documents (docs/use/console)
 	@"$(PYTHON_VENV)" -m host_tests.console.pictures
 
-fuzz: setup ## random sessions, checked for what must never happen: SECONDS=60, SEED=7, ARGS="--minutes 15 --replay", or BOARD=emulator; failures become scripts in build/fuzz
+fuzz: setup ## random sessions, checked for what must never happen: SECONDS=60, SEED=7, ARGS="--minutes 15 --replay", or BOARD=emulator or esp32; failures become scripts in build/fuzz
 ifeq ($(BOARD),emulator)
 	@tools/setup.sh node && tools/micropython/build.sh rp2
 	@"$(PYTHON_VENV)" -m host_tests.board.strain $(if $(SEED),--seed $(SEED)) $(ARGS)
+else ifeq ($(BOARD),esp32)
+	@tools/micropython/build.sh esp32
+	@"$(PYTHON_VENV)" -m host_tests.esp32.strain $(if $(SEED),--seed $(SEED)) $(ARGS)
 else
 	@"$(PYTHON_VENV)" -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(ARGS)
 endif

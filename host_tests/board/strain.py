@@ -150,7 +150,11 @@ class Strain:
         board.protocol.open_port(True)
         # this waits for the start of framestep: opening the REPL sends Ctrl-C, which would end it
         self.ask(m.MSG_HI)
-        self.repl = board.emulator.repl()
+        self.begin()
+
+    def begin(self):
+        """Open the REPL."""
+        self.repl = self.board.emulator.repl()
         self.repl.exec(HELPERS)
         self.timing = Timing(self, self.repl)
         self.timing.begin()
@@ -338,7 +342,7 @@ class Strain:
             self.leave()
         elif chance < 0.005 or self.estop:
             self.estop = not self.estop
-            self.board.emulator.set_pin(ESTOP, int(self.estop))
+            self.press(self.estop)
         elif chance < 0.015:
             self.play()
         elif chance < 0.021:
@@ -347,6 +351,10 @@ class Strain:
             self.send(m.MSG_MOTOR_STOP_ALL, b"")
         else:
             self.send(kind, payload)
+
+    def press(self, on):
+        """Press the E-stop, or release it."""
+        self.board.emulator.set_pin(ESTOP, int(on))
 
     def damage(self, data):
         """Send damaged bytes; ignore the answer, and expect no effect a while later."""
@@ -418,7 +426,7 @@ class Strain:
         """Compare at rest: the motors' positions are those of their edges."""
         if self.estop:
             self.estop = False
-            self.board.emulator.set_pin(ESTOP, 0)
+            self.press(False)
         end = self.board.now_ns + REST_S * 1_000_000_000
         while struct.unpack_from("<I", self.ask(m.MSG_MOTOR_STATUS))[0]:
             if self.board.now_ns > end:
@@ -474,6 +482,10 @@ class Strain:
                 )
         self.calm()
         self.check()
+        return self.end()
+
+    def end(self):
+        """See that the firmware runs."""
         alive = "(lambda it: (it.alive, it.failure))(__import__('framestep.boot').boot.runner)"
         for _ in range(5):
             # memory that was full may not be free at once

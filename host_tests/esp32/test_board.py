@@ -9,7 +9,7 @@ from framestep.rig import Rig, RigError
 from framestep_tools.bench.esp32_memory import fits, memory
 from framestep_tools.board.rig_file import read
 from framestep_tools.building.board_files import ROOT, board_data, files_boards
-from framestep_tools.client.wire import encode
+from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.judge.judge import frame_times_ns
 from framestep_tools.payloads import (
     Ack,
@@ -22,6 +22,7 @@ from framestep_tools.payloads import (
     MotorMove,
     MotorResetPosition,
     MotorSetLimits,
+    MotorStatus,
     MotorStopAll,
     Positions,
     RtEnd,
@@ -389,6 +390,17 @@ def test_a_higher_rate(board, baud):
     session.wait_idle()
     assert session.made(5) == 20_000
     assert session.ask(Hi()).motors == 8
+
+
+@pytest.mark.parametrize("baud", [115200, 460800])
+def test_many_requests_at_once(board, baud):
+    """Each is answered: what is sent does not hold up what comes in."""
+    session = board({"uart_baud": baud}, baud)
+    session.port.write(b"".join(encode(MotorStatus.TYPE, b"", 100 + i) for i in range(80)))
+    session.board.run_until(session.board.now_ns + 400_000_000)
+    session.port.timeout = 0
+    answers = [frame.id for frame in FrameDecoder().feed(session.port.read(100_000))]
+    assert answers == [100 + i for i in range(80)]
 
 
 def test_the_rate_stays_after_ctrl_c_and_a_soft_reset(board):

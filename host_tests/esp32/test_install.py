@@ -86,7 +86,7 @@ def test_from_an_erased_flash_to_the_first_move(boards, packaged, capsys):
     board = boards({})
     said = command(board, capsys, "install", "--board", BOARD)
     assert "copying 1/" in said
-    assert "firmware 0.1.0: 8 motors, 0 DMX channels" in said
+    assert "firmware 0.1.0: 8 motors, 512 DMX channels" in said
     assert board.files().keys() == {"/boot.py", *installed()}
     assert power_cycle(board).ask(Hi()).name == "framestep"
     assert steps(board) == 500

@@ -49,6 +49,8 @@ LINE_BYTE = np.dtype(
     [("t", "<u8"), ("divider", "<u4"), ("pin", "u1"), ("byte", "u1"), ("bits", "u1"), ("-", "u1")]
 )
 _NO_PIN = 255
+_MOST_PLAYED = 16 << 20  # bytes of the record that are decoded at once
+_MOST_LINE_BYTES = 2_000_000  # of the other UARTs; when there are more, the older half goes
 
 
 def modules(board: str = BOARD) -> dict[str, bytes]:
@@ -106,6 +108,7 @@ class Esp32Board:
         self._chips: Chips | None = None  # drivers on one of them
         self._played = bytearray()  # bytes of records that have not been parsed
         self._played_to = 0  # position in the present record
+        self._edges: list[Edge] = []
         self._before = 0  # the last played bits
         self._last: tuple[int, int] | None = None  # the last word and its time
         self._decoder = PinDecoder(pins_of(data, rig, board), inverted)
@@ -163,6 +166,10 @@ class Esp32Board:
         (count,) = struct.unpack("<I", self._take(4))
         if count:
             self._lines.append(np.frombuffer(self._take(count * LINE_BYTE.itemsize), LINE_BYTE))
+            if sum(map(len, self._lines)) > _MOST_LINE_BYTES:
+                del self._lines[: len(self._lines) // 2]
+        if self._record.stat().st_size - self._played_to > _MOST_PLAYED:
+            self._edges += self._decode()
         if state != _RUNS:
             self._end()
             self._cause = _CAUSES[state]
@@ -278,6 +285,11 @@ class Esp32Board:
 
     def edges(self) -> list[Edge]:
         """Return the edges of the chain's outputs since the last call."""
+        found = self._edges + self._decode()
+        self._edges = []
+        return found
+
+    def _decode(self) -> list[Edge]:
         self._read_record()
         buffers, end = shift_registers.buffers(bytes(self._played))
         del self._played[:end]

@@ -283,6 +283,7 @@ class Esp32Hal:
     def _end_pulses(self):
         self._cut = True
         self.chain.cut()
+        self.chain.take_lost()  # no fault: see rig.estop_cuts_power
         self._drive_enables(0)
 
     def _recover(self):

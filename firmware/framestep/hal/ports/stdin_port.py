@@ -178,8 +178,8 @@ class StdinPort:
 
     @micropython.viper
     def poll(self, reader) -> int:
-        """Offer received bytes, a frame at most, to `reader.feed(buffer, start, count) -> taken`.
-        Return how many it took.
+        """Offer received bytes, on rp2 a frame at most, to `reader.feed(buffer, start, count) ->
+        taken`. Return how many it took.
 
         A frame that has begun to come is read to its end. That takes as long as the host needs for
         it, or 10 to 20 ms if the host stops half-way. Raises KeyboardInterrupt to give the REPL
@@ -329,7 +329,8 @@ class StdinPort:
             elif have > _HEADER and have == s[_NEED]:
                 s[_HAVE] = 0
                 s[_NOISE] = 0
-                break
+                if chip:
+                    break
         return int(self._give(reader, _BODY, count))
 
     def _lost(self):
