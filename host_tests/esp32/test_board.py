@@ -435,7 +435,16 @@ def test_at_another_rate_nothing_gets_across():
         ({"limits": [{"high": 45}]}, r"limits\[1\].high: found 45, allowed is a pin from 0 to 39"),
         ({"inputs": [{"pin": 18}]}, r"found 18, which is the board's shift registers' sck already"),
         ({"inputs": [{"pin": 3}]}, r"found 3, which is the board's uart 2 already"),
-        ({"motors": [{"servo": {"pin": 4}}]}, r"motors\[1\].servo: found an object"),
+        ({"motors": [{"servo": {}}]}, r"motors\[1\].servo.pin: found -1, expected is a pin of"),
+        ({"motors": [{"servo": {"pin": 70}}]}, r"motors\[1\].servo.pin: found 70, allowed is"),
+        (
+            {"motors": [{"servo": {"pin": 18}}]},
+            "found 18, which is the board's shift registers' sck",
+        ),
+        (
+            {"motors": [{"servo": {"pin": p, "rate_hz": 40 + p}} for p in (12, 13, 14, 15, 19)]},
+            "found 19|rate_hz: found 5 different ones",
+        ),
         ({"ports": 2}, "ports: found 2, this board has 1"),
         ({"uart_baud": 57600}, "uart_baud: found 57600, allowed is one of 115200, 230400, 460800"),
         ({"inputs": [{"pin": 4}]}, "found 4, which is the board's DMX tx already"),

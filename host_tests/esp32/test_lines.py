@@ -17,7 +17,7 @@ from framestep_tools.simulator import driver_chips
 from framestep_tools.simulator.driver_chips import Chips
 from framestep_tools.simulator.esp32_board import BOARD, Esp32Board
 from host_tests import dmx_wire
-from host_tests.end_to_end.session import Session
+from host_tests.end_to_end.session import Session, run_request
 
 REPLY_S = 0.06
 DMX_PIN = board_data(BOARD)["dmx"]["tx"]
@@ -211,3 +211,81 @@ def test_it_does_not_when_nothing_moves_or_the_rig_has_none(board, rig, moves):
     session.run(10)
     assert session.ask(GetCondition()).bits & m.CONDITION_WATCHDOG_RESET == 0
     assert session.ask(MotorStatus()).moving == []
+
+
+# ---- servos
+
+
+SERVO_PIN = 13
+PERIOD_S = 0.02
+
+
+def pulses(session):
+    """Return the rises of the servo's pulses in s, and their widths in us."""
+    times, levels = session.board.line_edges(SERVO_PIN)
+    assert np.array_equal(levels, np.arange(len(levels)) % 2 == 0)
+    rises, falls = times[levels == 1], times[levels == 0]
+    return rises[: len(falls)] * 1e-9, (falls - rises[: len(falls)]) * 1e-3
+
+
+def test_a_servo_follows_the_path_that_a_step_motor_takes(board):
+    """Each pulse has a place of the step motor in the period before it, or just then."""
+    session = board({"dmx": False, "motors": [{}, {"servo": {"pin": SERVO_PIN}}]})
+    session.run(0.2)
+    assert not len(pulses(session)[0]), "pulses before the first move"
+    frames = 24
+    path = np.round(600 * np.sin(2 * np.pi * np.arange(frames) / frames)).astype(int).tolist()
+    for motor in (1, 2):
+        session.speed(motor, 20_000, 100_000)
+    session.upload({1: path, 2: path})
+    before = session.play(run_request(end=frames))
+    session.run(0.1)
+    rises, widths = pulses(session)
+    assert np.diff(rises) == pytest.approx(PERIOD_S, abs=1e-6)
+    assert widths.max() > 1790
+    assert widths.min() < 1210
+    times, signs = session.steps(1)
+    made = before[1] + np.concatenate([[0], np.cumsum(signs)])
+    mine = (rises > times[0]) & (rises < times[np.argmax(made) - 1])
+    assert mine.sum() > 30
+    for rise, width in zip(rises[mine], widths[mine], strict=True):
+        first, last = np.searchsorted(times, [rise - PERIOD_S - 0.006, rise + 0.001])
+        places = made[first : last + 1]
+        assert places.min() - 1.5 < (width - 1500) * 2 < places.max() + 1.5
+    session.accept(MotorMove(2, 1000))
+    session.wait_idle()
+    session.run(0.1)
+    assert pulses(session)[1][-1] == pytest.approx(2000, abs=0.5)
+    assert not session.events(HardStop)
+
+
+def test_a_servo_with_pulses_from_the_start(board):
+    servo = {"pin": SERVO_PIN, "at_start": "on", "rate_hz": 333}
+    session = board({"dmx": False, "motors": [{}, {}, {"servo": servo}]})
+    session.run(0.2)
+    rises, widths = pulses(session)
+    assert np.diff(rises) == pytest.approx(1 / 333, abs=1e-6)
+    assert len(rises) > 50
+    assert widths[1:] == pytest.approx(1500, abs=0.5)
+
+
+def test_a_servo_that_is_let_go_at_the_e_stop(board):
+    servo = {"pin": SERVO_PIN, "at_start": "on", "on_stop": "release", "low_us": 1000.0}
+    session = board({"dmx": False, "estop": "nc", "motors": [{"servo": servo, "invert": True}]})
+    session.run(0.2)
+    pulses(session)  # the E-stop counts as pressed until its wire is there
+    session.accept(MotorMove(1, 1), MotorMove(1, 0))
+    session.wait_idle()
+    session.run(0.2)
+    rises, widths = pulses(session)
+    assert len(rises) > 5
+    assert widths[-5:] == pytest.approx(1500, abs=0.5)
+    session.accept(MotorMove(1, 500))
+    session.wait_idle()
+    session.run(0.1)
+    assert pulses(session)[1][-1] == pytest.approx(1250, abs=0.5)
+    session.board.set_pin(32, 1)
+    session.run(0.1)
+    pulses(session)
+    session.run(0.1)
+    assert not len(pulses(session)[0])

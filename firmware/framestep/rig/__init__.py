@@ -41,7 +41,7 @@ class Rig:
         self.servos = 0  # one bit for each motor that is a servo
         for i, pin in servos:
             self.servos |= 1 << i
-            if "step" in self.board:
+            if "step" in self.board and "chain" not in self.board:
                 self.board["step"][i] = self.board["dir"][i] = pin
         self._set_clock(settings["clock_mhz"])
         self.home_input = settings["home_input"]

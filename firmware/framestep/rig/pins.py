@@ -107,8 +107,6 @@ def assign(settings, board, servos=()):
     for i, pin in enumerate(board.get("drivers", {}).get("pins", [])):
         claim(pin, "motors[%d].driver.pin" % (i + 1), switches + drives)
     for i, pin in servos:
-        if "chain" in board:
-            raise RigError("motors[%d].servo: found an object, but this board has none" % (i + 1))
         if pin != NO_PIN or board:
             claim(pin, "motors[%d].servo.pin" % (i + 1), switches + drives)
     limits = read_list(LIMIT_SETTINGS, settings["limits"], "limits")

@@ -5,9 +5,12 @@ Loaded only if the rig file has a servo. Allocates.
 
 from framestep.rig.settings import NO_PIN, RigError, read
 
+_RATES = 4  # timers that an ESP32-S3 has for pulses
+
 # fmt: off
 SERVO_SETTINGS = {
-    "pin": (int, -1, 29, -1, "", "pin of the servo's signal; -1: the motor's step pin"),
+    "pin": (int, -1, 48, -1, "",
+        "pin of the servo's signal; -1: the motor's step pin, where it is the chip's own"),
     "low_us": (float, 500.0, 2500.0, 1000.0, "µs", "the shortest pulse, at the position `low`"),
     "high_us": (float, 500.0, 2500.0, 2000.0, "µs", "the longest pulse, at the position `high`"),
     "low": (int, -30000, 0, -1000, "steps", "the lowest position; 0 must be within the range"),
@@ -52,7 +55,10 @@ def read_servos(rig):
                 % (where, servo["low"], -motor["backlash"])
             )
         pin = servo["pin"]
-        if "step" in rig.board:
+        if "chain" in rig.board:
+            if pin == NO_PIN:
+                raise RigError("%s.pin: found -1, expected is a pin of the chip" % where)
+        elif "step" in rig.board:
             if not found:
                 for key in ("step", "dir"):
                     rig.board[key] = list(rig.board[key])
@@ -60,4 +66,7 @@ def read_servos(rig):
                 pin = rig.board["step"][i]
             rig.board["step"][i] = rig.board["dir"][i] = NO_PIN
         found.append((i, pin))
+    rates = len({rig.motors[i]["servo"]["rate_hz"] for i, _ in found})
+    if "chain" in rig.board and rates > _RATES:
+        raise RigError("rate_hz: found %d different ones, allowed are %d here" % (rates, _RATES))
     return found

@@ -67,6 +67,7 @@ _OF_ENGINE = {
         "framestep/hal/esp32/chain.py",
         "framestep/hal/esp32/dmx.py",
         "framestep/hal/esp32/port.py",
+        "framestep/hal/esp32/servos.py",
         "framestep/hal/esp32/start.py",
         "framestep/hal/esp32/watchdog.py",
         "framestep/hal/esp32/wire.py",

@@ -44,7 +44,7 @@ _END_S = 5
 _RUNS, _RESET, _NO_POWER, _WATCHDOG = range(4)  # states in an answer: chip.h
 _CAUSES = {_NO_POWER: 1, _RESET: 2, _WATCHDOG: 3}  # machine.reset_cause() after each
 # struct line_byte in chip.h: a byte on a TX pin, with the time of its first bit; a bit takes
-# divider · 25/32 ns
+# divider · 25/32 ns. With 0 bits: a level of a servo's pin.
 LINE_BYTE = np.dtype(
     [("t", "<u8"), ("divider", "<u4"), ("pin", "u1"), ("byte", "u1"), ("bits", "u1"), ("-", "u1")]
 )
@@ -259,9 +259,14 @@ class Esp32Board:
         return sent[sent["pin"] == pin]
 
     def line_edges(self, pin: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the same as edges: their times in ns, and the level after each."""
+        """Return the same as edges: their times in ns, and the level after each. The pin may also
+        be a servo's."""
         times, levels = [], []
         for byte in self.line(pin):
+            if not byte["bits"]:
+                times.append(np.array([byte["t"]], np.int64))
+                levels.append(np.array([byte["byte"]], np.int64))
+                continue
             bits = [0, *np.unpackbits(byte["byte"], bitorder="little"), 1]
             changed = np.flatnonzero(np.diff([1, *bits]))
             times.append(int(byte["t"]) + changed * int(byte["divider"]) * 25 // 32)

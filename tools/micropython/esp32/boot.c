@@ -13,6 +13,7 @@
 
 void free_code(void);
 void machine_timer_deinit_all(void);
+void machine_pwm_deinit_all(void);
 extern const mp_obj_type_t esp32_partition_type;
 
 static void run(void) {
@@ -51,6 +52,7 @@ void board_boot(void *heap, size_t bytes, char **words) {
         gc_sweep_all();
         free_code();
         mp_hal_stdout_tx_str("MPY: soft reboot\r\n");
+        machine_pwm_deinit_all();
         machine_pins_deinit();
         board_reset_cause = 5;  // SOFT_RESET
         mp_deinit();

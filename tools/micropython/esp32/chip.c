@@ -21,7 +21,7 @@ void chip_advance(uint64_t ns) {
     uint64_t end = chip_now + ns;
     for (;;) {
         uint64_t i2s = i2s_next(), timer = timers_next(), uart = uart_next(), line = lines_next();
-        uint64_t next = MIN(MIN(MIN(i2s, line), MIN(timer, uart)), watchdog_next());
+        uint64_t next = MIN(MIN(MIN(i2s, line), MIN(timer, uart)), MIN(watchdog_next(), pwm_next()));
         if (next > end) {
             break;
         }
@@ -34,6 +34,8 @@ void chip_advance(uint64_t ns) {
             uart_event();
         } else if (line == next) {
             lines_event();
+        } else if (pwm_next() == next) {
+            pwm_event();
         } else {
             watchdog_event();
         }

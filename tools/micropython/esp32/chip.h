@@ -27,6 +27,8 @@ void uart_event(void);
 uint64_t lines_next(void);
 void lines_event(void);
 void lines_interrupt(void);
+uint64_t pwm_next(void);
+void pwm_event(void);
 uint64_t watchdog_next(void);
 void watchdog_event(void);
 bool pins_drive(unsigned pin, int level);  // drive a pin from outside; false if it does not exist
@@ -46,12 +48,13 @@ void uart_set_host_rate(uint32_t rate);  // bytes get across only while both sid
 void uart_write(const char *text, size_t length);
 
 // The other UARTs: see lines.c.
-struct line_byte {  // on a TX pin
+struct line_byte {  // a byte on a TX pin; or the level of a PWM's pin from now on, with 0 bits
     uint64_t first_bit;  // ns
     uint32_t divider;  // a bit takes this many times 25/32 ns
     uint8_t pin, byte, bits, unused;
 };
 #define LINE_BYTES 8192
+void line_edge(int pin, int level);
 uint32_t line_said(const struct line_byte **bytes);  // takes the bytes sent
 bool line_has_said(int pin);  // since they were taken
 void line_receive(int pin, uint64_t first_bit, const uint8_t *bytes, uint32_t count);  // on an RX pin, one after the other

@@ -151,6 +151,12 @@ void line_receive(int pin, uint64_t first_bit, const uint8_t *bytes, uint32_t co
     }
 }
 
+void line_edge(int pin, int level) {
+    if (said_count < LINE_BYTES) {
+        said[said_count++] = (struct line_byte) { chip_now, 0, pin, level, 0, 0 };
+    }
+}
+
 uint32_t line_said(const struct line_byte **bytes) {
     uint32_t count = said_count;
     *bytes = said;

@@ -107,6 +107,7 @@ class Esp32Hal:
         self.chain = Chain(
             stream, self.kernel, steps, board["buffers"], chain["sck"], chain["ws"], chain["sd"]
         )
+        self._servos = self._make_servos(rig) if rig.servos else None
         self.port = UartPort(self, rig.settings["uart_baud"])
         led = board.get("led")
         self.led = Pin(led, Pin.OUT, value=0).value if led is not None else _no_led
@@ -122,6 +123,11 @@ class Esp32Hal:
         from framestep.hal.esp32.watchdog import Watchdog
 
         return Watchdog()
+
+    def _make_servos(self, rig):
+        from framestep.hal.esp32.servos import Servos
+
+        return Servos(self.kernel, rig, self.chain.ahead())
 
     def _make_wire(self, board):
         from framestep.hal.esp32.wire import Wire
@@ -150,6 +156,8 @@ class Esp32Hal:
                 self.engine.drive(0, bit)
 
     def enable(self, motor, on):
+        if self._servos and self._servos.enable(motor, on):
+            return
         if on:
             self._enabled |= 1 << motor
         else:
@@ -191,13 +199,15 @@ class Esp32Hal:
             self._on_change(None)
 
     def serve(self):
-        """Keep the chain fed, and DMX going. To be called in each pass."""
+        """Keep the chain fed, servos and DMX going. To be called in each pass."""
         before = self.irq_off()
         if self._cut:
             self._recover()
         elif self._pressed():  # whether or not its interrupt came
             self._end_pulses()
         self.chain.serve()
+        if self._servos:
+            self._servos.serve()
         if self._sends_dmx:
             self.dmx.serve()
         self.irq_on(before)

@@ -1,0 +1,1 @@
+#include "esp_private/esp_clk_tree_common.h"
