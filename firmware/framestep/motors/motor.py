@@ -170,10 +170,10 @@ class Motor:
                 reals.copy_word(target, i, self.backlash, LOAD)
             else:
                 self._find_place(side)
-                if order_words(self.word, 0, self.bounds, end) == side:
-                    reals.copy_word(target, i, self.word, 0)
-                elif self.at_rest and order_words(self.backlash, LOAD, self.bounds, end) == side:
+                if self.at_rest and order_words(self.backlash, LOAD, self.bounds, end) == side:
                     reals.copy_word(target, i, self.backlash, LOAD)
+                elif order_words(self.word, 0, self.bounds, end) == side:
+                    reals.copy_word(target, i, self.word, 0)
 
     def outside(self, target, i):
         """Return whether target[i] is out of bounds: 1 above, -1 below, 0 not.
