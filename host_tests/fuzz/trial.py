@@ -190,6 +190,11 @@ class Trial:
 
     def _closed(self):
         self.anything_may_stop()
+        for request in self.open.values():
+            if request.kind == m.MSG_MOTOR_RESET_POSITION:
+                for motor in self.motors:
+                    # perhaps: its answer is lost
+                    motor.renumbered |= request.payload[:1] == bytes((motor.index + 1,))
         self.open.clear()
         self.link.reply.clear()
         self.runs.prepared = False
