@@ -69,15 +69,6 @@ def pytest_configure(config):
         config.pluginmanager.register(Near(since, config.getoption("--seconds")))
 
 
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_auto_num_workers():
-    """Have one process more than processors: some tests wait for a clock or a browser."""
-    if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
-        return None  # xdist's own hook reads it
-    usable = getattr(os, "sched_getaffinity", None)  # not on macOS
-    return (len(usable(0)) if usable else os.cpu_count() or 1) + 1
-
-
 # Long tests begin first, so that no processor waits for another one at the end. Other files are
 # ordered by name.
 _FIRST = (
