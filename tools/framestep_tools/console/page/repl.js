@@ -1,8 +1,8 @@
 // A board's raw REPL at a port of Web Serial: scripts in, their output out. Nothing is reset, and framestep goes on.
 
 import { LinkError } from "./client.js";
+import { ReplPort } from "./repl_port.js";
 
-const NOMINAL_BAUD = 115200; // meaningless on USB, but required
 const CHUNK = 256; // bytes that MicroPython accepts at a time
 const PATIENCE_MS = 10_000;
 const INTERRUPT = "\x03";
@@ -13,8 +13,6 @@ const PROMPT = "raw REPL; CTRL-B to exit\r\n>";
 
 export class Repl {
   #port;
-  #reader;
-  #writer;
   #heard = "";
   #wake = () => {};
   #ended = false;
@@ -23,16 +21,13 @@ export class Repl {
   /** Open a port that the user has chosen, and reach its REPL. Throws LinkError if there is none. */
   static async open(port) {
     const repl = new Repl();
-    repl.#port = port;
-    try {
-      await port.open({ baudRate: NOMINAL_BAUD });
-      await port.setSignals({ dataTerminalReady: true });
-    } catch (error) {
-      throw new LinkError(`the REPL's port cannot be opened (${error.message}): does another program have it, or is it the protocol's?`);
-    }
-    repl.#reader = port.readable.getReader();
-    repl.#writer = port.writable.getWriter();
-    repl.#listen();
+    repl.#port = await ReplPort.open(port, (text) => {
+      repl.#heard += text;
+      repl.#wake();
+    }, () => {
+      repl.#ended = true;
+      repl.#wake();
+    });
     try {
       await repl.#send(`\r${INTERRUPT}\r${RAW}`);
       await repl.#until(PROMPT, "no REPL answers at this port: choose the one named MicroPython, or the other one");
@@ -47,7 +42,7 @@ export class Repl {
   async run(script) {
     if (this.#left) throw new LinkError("the board restarts");
     const bytes = new TextEncoder().encode(script);
-    for (let at = 0; at < bytes.length; at += CHUNK) await this.#writer.write(bytes.subarray(at, at + CHUNK));
+    for (let at = 0; at < bytes.length; at += CHUNK) await this.#port.write(bytes.subarray(at, at + CHUNK));
     await this.#send(END);
     await this.#until("OK", "the board does not accept a script");
     const said = await this.#until(END, "the board does not come to an end");
@@ -66,28 +61,11 @@ export class Repl {
   /** Leave the REPL as a terminal expects it. */
   async close() {
     if (!this.#left) await this.#send(`\r${FRIENDLY}`).catch(() => {});
-    await this.#reader.cancel().catch(() => {});
-    this.#reader.releaseLock();
-    this.#writer.releaseLock();
-    await this.#port.close().catch(() => {});
+    await this.#port.close();
   }
 
   #send(text) {
-    return this.#writer.write(new TextEncoder().encode(text));
-  }
-
-  async #listen() {
-    const decoder = new TextDecoder();
-    try {
-      for (;;) {
-        const { value, done } = await this.#reader.read();
-        if (done) break;
-        this.#heard += decoder.decode(value, { stream: true });
-        this.#wake();
-      }
-    } catch { /* the cable has been pulled, or the board restarts */ }
-    this.#ended = true;
-    this.#wake();
+    return this.#port.send(text);
   }
 
   /** Return the output before a mark, and remove both. */
