@@ -394,7 +394,7 @@ def test_a_higher_rate(board, baud):
 
 @pytest.mark.parametrize("baud", [115200, 460800])
 def test_many_requests_at_once(board, baud):
-    """Each is answered: what is sent does not hold up what comes in."""
+    """Each is answered: sending does not keep the board from receiving."""
     session = board({"uart_baud": baud}, baud)
     session.port.write(b"".join(encode(MotorStatus.TYPE, b"", 100 + i) for i in range(80)))
     session.board.run_until(session.board.now_ns + 400_000_000)

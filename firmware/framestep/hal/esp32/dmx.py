@@ -55,8 +55,8 @@ class Dmx:
             lights.take(self._levels)
 
     def serve(self):
-        """Go on to what comes next, once the last is sent. To be called in each pass. Allocates
-        nothing."""
+        """Begin the next break, mark or frame once the last has been sent. To be called in each
+        pass. Allocates nothing."""
         if not self._is_sent():
             return
         if self._sending == _FRAME:
