@@ -16,7 +16,7 @@ from host_tests.end_to_end import realtime
 from host_tests.end_to_end.runs.frame_jogs import FRAMES, PATH
 from host_tests.end_to_end.runs.uploaded_runs import MOVE
 from host_tests.end_to_end.session import DIALECTS, simulated
-from host_tests.recording import differences, recorded
+from host_tests.recording import all_differences, recorded
 
 _SHORT = 2500  # passes of a session that every run plays again
 
@@ -29,12 +29,8 @@ def replayed(request):
     scratch = request.getfixturevalue("tmp_path_factory").mktemp("replay")
     with recorded(most) as recorders:
         yield recorders
-    found = [
-        differences(runtime, recording, scratch / f"{number}.recording")
-        for number, recording in enumerate(recorder.finish() for recorder in recorders)
-        if recording.head
-    ]
-    failures = [text for text in found if text]
+    played = [recorder.finish() for recorder in recorders]
+    failures = all_differences(runtime, [each for each in played if each.head], scratch)
     assert not failures, "\n\n".join(failures)
 
 

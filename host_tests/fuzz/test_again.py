@@ -2,7 +2,9 @@
 
 import pytest
 
-from host_tests.recording import REPLAY, growth, wrapping_at
+from host_tests.recording import REPLAY, all_differences, growth, recorded, wrapping_at
+from host_tests.script import parse
+from host_tests.script_player import Player
 
 from . import fuzz
 from .again import Again
@@ -63,6 +65,23 @@ def test_another_byte_is_found(tmp_path):
     wrong = sent + "                notes.sent[0] ^= self.openings\n"
     with pytest.raises(Finding, match="line 0"):
         played(with_a_fault(tmp_path, sent, wrong))
+
+
+def test_of_many_sessions_those_that_differ_are_named(unix32f, tmp_path):
+    """More than share a process."""
+    with recorded() as recorders:
+        for _ in range(32):
+            Player(parse(["board pico", "5 open", "20 end"])).play()
+    recordings = [each.finish() for each in recorders]
+    for number in (1, 31):
+        recordings[number].test = f"session {number}"
+        recordings[number].did[0] += "0"
+    found = all_differences(unix32f, recordings, tmp_path)
+    assert [text.partition(":")[0] for text in found] == ["session 1", "session 31"]
+    recordings[3].lines.append("R 0")  # no whole byte
+    with pytest.raises(pytest.fail.Exception, match="non-hex digit") as failed:
+        all_differences(unix32f, recordings, tmp_path)
+    assert "\nat " not in str(failed.value), "what others printed"
 
 
 @pytest.mark.parametrize(

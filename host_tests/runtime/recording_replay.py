@@ -1,10 +1,10 @@
-"""Plays a recording (host_tests/recording.py) on 32-bit MicroPython, with the heap locked in every
+"""Plays recordings (host_tests/recording.py) on 32-bit MicroPython, with the heap locked in every
 tick and every pass.
 
-    micropython recording_replay.py FILE [TICKS MILLISECONDS]
-                                          (multiples of 2048, the LED's time)
+    micropython recording_replay.py TICKS MILLISECONDS FILE...
+                                    (multiples of 2048, the LED's time)
 
-The output is what the recorder wrote down of the controller. TICKS and MILLISECONDS are the values
+The output is what the recorder wrote down of each controller. TICKS and MILLISECONDS are the values
 of the counters at the start, so that they wrap on the way; the output must not depend on them.
 """
 
@@ -477,10 +477,13 @@ class Lines:
     a heap after long use has no room for a new one; the file's own readline asks the system for
     every byte."""
 
-    def __init__(self, file):
-        self.file = file
+    def __init__(self):
         self.piece = memoryview(bytearray(PIECE))
         self.lines = io.BytesIO(PIECE)
+
+    def begin(self, file):
+        self.file = file
+        self.lines.seek(0)
         self.end = 0  # of the last complete line in it
         self.at = 0  # where the next piece begins in the file
 
@@ -504,9 +507,9 @@ class Lines:
         return end > 0
 
 
-def play(path, ticks, ms):
+def play(path, lines, ticks, ms):
     with open(path, "rb") as file:
-        lines = Lines(file)
+        lines.begin(file)
         replay = Replay(json.loads(lines.next()), ticks, ms)
         scales = None
         while line := lines.next():
@@ -518,8 +521,6 @@ def play(path, ticks, ms):
     print("at", *[block[stepper.POSITION] for block in replay.hal.kernel.blocks])
 
 
-play(
-    sys.argv[1],
-    int(sys.argv[2]) if len(sys.argv) > 2 else 0,
-    int(sys.argv[3]) if len(sys.argv) > 3 else 0,
-)
+_lines = Lines()
+for _path in sys.argv[3:]:
+    play(_path, _lines, int(sys.argv[1]), int(sys.argv[2]))

@@ -10,7 +10,7 @@ import pytest
 
 from framestep.protocol import messages as m
 from framestep_tools.client.wire import encode
-from host_tests.recording import differences, recorded
+from host_tests.recording import all_differences, differences, recorded
 from host_tests.script import Script, parse
 from host_tests.script_player import Player
 
@@ -34,15 +34,15 @@ MOTORS = 3
 FIRST, FRAMES = 999_961, 40  # the last frame is the highest allowed
 
 
-def replayed(script, runtime, path):
-    """Return what differs when a script is played there, "" for nothing; and CPython's player."""
+def played(script):
+    """Play a script on CPython. Return its recording and its player."""
     with recorded() as recorders:
         player = Player(script)
         player.recorder = recorders[0]
         player.play()
     recording = recorders[0].finish()
-    recording.test = " ".join(script.says) or path.stem
-    return differences(runtime, recording, path), player
+    recording.test = " ".join(script.says)
+    return recording, player
 
 
 def words(*values):
@@ -52,11 +52,14 @@ def words(*values):
 def test_what_the_fuzzer_has_found(request, runtime, tmp_path):
     """On CPython they are all judged in each run (fuzz/test_fuzz.py)."""
     scripts = FOUND if request.config.getoption("--all") else FOUND[::3]
+    recordings = []
     for path in runtime.share(scripts):
         with path.open() as file:
-            script = parse(file)
-        found, _ = replayed(script, runtime, tmp_path / path.stem)
-        assert not found, path
+            recording, _ = played(parse(file))
+        recording.test = path.name
+        recordings.append(recording)
+    found = all_differences(runtime, recordings, tmp_path)
+    assert not found, "\n\n".join(found)
 
 
 # ---- extreme values in every state ---------------------------------------------------------------
@@ -168,6 +171,7 @@ def extremes(state, seed, times):
 @pytest.mark.parametrize("state", STATES)
 def test_extreme_values(state, runtime, tmp_path):
     times = len(runtime.share(range(3)))
-    found, player = replayed(extremes(state, 1, times), runtime, tmp_path / "extremes")
+    recording, player = played(extremes(state, 1, times))
+    found = differences(runtime, recording, tmp_path / "extremes")
     assert not found
     assert len(player.sent) > 7 * times
