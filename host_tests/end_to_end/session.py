@@ -44,8 +44,7 @@ class Session:
         self.reply_s = reply_s
         self.port = LockstepPort(board)
         self.client = Client(self.port)
-        self._edges = []
-        self._trace = None  # of these edges
+        self._trace = Trace({})  # the edges so far
         self.client.wait_event(DeviceInfo, BOOT_S)  # field note 1.5
 
     # ---- the host's end
@@ -120,9 +119,8 @@ class Session:
     def forget(self):
         """Drop the unasked messages and the edges until now."""
         self.client.events.clear()
-        self.trace()
-        self._edges.clear()
-        self._trace = None
+        self.board.edges()
+        self._trace = Trace({})
 
     # ---- motors
 
@@ -144,9 +142,8 @@ class Session:
     def trace(self):
         """Return all edges so far."""
         edges = self.board.edges()
-        if edges or self._trace is None:
-            self._edges += edges
-            self._trace = Trace.from_edges(self._edges)
+        if edges:
+            self._trace = self._trace.with_edges(edges)
         return self._trace
 
     def steps(self, motor):

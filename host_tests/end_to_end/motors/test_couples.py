@@ -8,6 +8,7 @@ import pytest
 
 from framestep_tools import payloads as p
 from framestep_tools.simulator.boards import SimulatedBoard
+from host_tests.end_to_end import realtime
 from host_tests.end_to_end.session import Session, deceleration, run_request, simulated
 
 COUPLE, REVERSED = 0x10, 0x20
@@ -165,7 +166,7 @@ def test_a_disabled_partner_keeps_both_still():
     session.run(3)
     assert session.made(3) >= 20
     assert session.made(1) == session.made(2) == 0
-    assert not [edge for edge in session._edges if edge[1] == "enable2" and edge[2]]
+    assert not any(level for _, level in realtime.edges(session, "enable2"))
     session.accept(p.MotorConfigure(2, 1))
     session.ask(p.MotorMove(1, 100))
     session.wait_idle()

@@ -148,6 +148,15 @@ def test_what_is_no_trace_is_refused(tmp_path, text):
         Trace.read(path)
 
 
+def test_edges_in_parts():
+    edges = [(30, "m1", 1), (10, "m1", -1), (25, "dir1", 1), (20, "m1", 1), (25, "dir1", 0)]
+    parts = Trace.from_edges(edges[:2]).with_edges(edges[2:])
+    for trace in (Trace.from_edges(edges), parts):
+        assert trace.signals["m1"][0].tolist() == [10, 20, 30]
+        assert trace.signals["m1"][1].tolist() == [-1, 1, 1]
+        assert trace.signals["dir1"][1].tolist() == [1, 0], "at one time, in their order"
+
+
 def test_positions():
     trace = Trace.from_edges([(10, "m1", 1), (20, "m1", 1), (30, "m1", -1), (15, "dir1", 1)])
     assert trace.motors == [1]

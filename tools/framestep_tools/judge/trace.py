@@ -188,10 +188,26 @@ class Trace:
     @classmethod
     def from_edges(cls, edges: Iterable[Edge]) -> "Trace":
         """Make a trace from single edges in any order."""
-        grouped: dict[str, list[tuple[int, int]]] = {}
+        return cls({}).with_edges(edges)
+
+    def with_edges(self, edges: Iterable[Edge]) -> "Trace":
+        """Return a trace that has these edges, in any order, as well."""
+        grouped: dict[str, tuple[list[int], list[int]]] = {}
         for time_ns, signal, value in edges:
-            grouped.setdefault(signal, []).append((time_ns, value))
-        return cls({signal: _sorted(np.array(rows, np.int64)) for signal, rows in grouped.items()})
+            found = grouped.get(signal)
+            if found is None:
+                found = grouped[signal] = [], []
+            found[0].append(time_ns)
+            found[1].append(value)
+        signals = dict(self.signals)
+        for signal, (more_times, more_values) in grouped.items():
+            times, values = np.array(more_times, np.int64), np.array(more_values, np.int64)
+            if signal in signals:
+                before = signals[signal]
+                times = np.concatenate((before[0], times))
+                values = np.concatenate((before[1], values))
+            signals[signal] = _sorted(times, values)
+        return Trace(signals)
 
     @classmethod
     def from_records(cls, records: np.ndarray, board: BoardPins) -> "Trace":
@@ -234,7 +250,7 @@ class Trace:
         signals = {}
         for signal in np.unique(rows["signal"]):
             mine = rows[rows["signal"] == signal]
-            signals[str(signal)] = _sorted(np.column_stack((mine["time_ns"], mine["value"])))
+            signals[str(signal)] = _sorted(mine["time_ns"], mine["value"].astype(np.int64))
         return cls(signals)
 
     @property
@@ -261,6 +277,8 @@ class Trace:
         return np.concatenate(([start], positions))[made]
 
 
-def _sorted(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    order = np.argsort(rows[:, 0], kind="stable")
-    return rows[order, 0], rows[order, 1]
+def _sorted(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    if np.all(times[:-1] <= times[1:]):
+        return times, values
+    order = np.argsort(times, kind="stable")
+    return times[order], values[order]
