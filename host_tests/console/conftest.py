@@ -19,6 +19,7 @@ from framestep_tools.simulator.boards import SimulatedBoard
 from framestep_tools.simulator.serve import Server
 
 _LOOK_S = 0.02
+_SLICE_NS = 10_000_000  # a board in real time takes a fifth of the time that it takes by 1 ms
 PATIENCE_MS = 100_000  # the answer comes at once, but a busy computer may need time
 _BROWSERS = (
     "chromium-headless-shell",  # takes half of the time of the others
@@ -59,6 +60,7 @@ class Device:
     TCP, `tcp`; its REPL likewise. `at_board(f)` calls f(board) in that thread."""
 
     def __init__(self, board, speed, repl=False):
+        board.slice_ns = max(board.slice_ns, _SLICE_NS)
         repl_tcp = "127.0.0.1:0" if repl else None
         self._server = Server(board, speed, tcp="127.0.0.1:0", repl=repl, repl_tcp=repl_tcp)
         reported = [line.split()[-1] for line in self._server.announcements]

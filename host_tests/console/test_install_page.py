@@ -143,11 +143,11 @@ def test_every_board_without_access_to_drives(stage, url, look):
     assert page.errors == []
 
 
-@pytest.fixture(scope="module")
-def board(shared_stage):
+@pytest.fixture
+def board(stage):
     rig = {"name": "before", "estop": "nc"}
     found = Device(EmulatedBoard(rig, trace=False), 1.0, repl=True)
-    shared_stage.closing(found.close)
+    stage.closing(found.close)
     found.at_board(lambda board: board.wire_switches())
     return found
 
