@@ -135,6 +135,8 @@ class Rig:
 
     def offset(self, pan: float, tilt: float, roll: float) -> np.ndarray:
         """Return the world vector from the intersection of the camera's axes to the nodal point."""
+        if not any(self.nodal):
+            return np.zeros(3)
         return _TO_WORLD @ rotation(pan, tilt, roll) @ np.array(self.nodal, float)
 
     def forward(self, joints: Numbers) -> np.ndarray:
