@@ -40,7 +40,7 @@ def test_right_after_go_and_in_play(session, fps):
     assert max(ask.ms) < WORST_MS
 
 
-@pytest.mark.parametrize("again", [False, True], ids=["first", "again"])
+@pytest.mark.parametrize("again", sweep([False, True], True), ids=["first", "again"])
 def test_from_go_to_the_first_edge(session, again):
     """After 300 ms in READY everything is prepared: the acknowledgement and the edges come at once,
     with all motors in step."""

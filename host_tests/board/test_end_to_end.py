@@ -113,6 +113,7 @@ def test_repl_beside_a_run(session):
     assert repl.eval("boot.runner.failure") is None
 
 
+@pytest.mark.repeats
 def test_nothing_is_allocated(session):
     """Over a whole session the heap grows by no byte, apart from the bytes for the REPL itself,
     which are measured first."""
@@ -183,6 +184,7 @@ def test_one_port():
         )
 
 
+@pytest.mark.repeats
 def test_one_port_closed_within_a_frame():
     """There is no DTR. The beginning of a frame from an earlier client never has an effect, nor
     does a mixture of it with later bytes: at most that is damaged. The next client's first request

@@ -84,7 +84,11 @@ def test_a_virtual_jog_is_let_go(session, velocity):
 
 @pytest.mark.parametrize("kind", [1, 3])
 @pytest.mark.parametrize(
-    ("steps", "velocity", "acceleration"), [(100.0, 8000, 40_000), (500.0, 20_000, 100_000)]
+    ("steps", "velocity", "acceleration"),
+    [
+        pytest.param(100.0, 8000, 40_000, marks=pytest.mark.repeats),
+        (500.0, 20_000, 100_000),
+    ],
 )
 def test_a_virtual_jog_of_fast_motors_is_planned_in_time(
     session, kind, steps, velocity, acceleration

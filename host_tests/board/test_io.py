@@ -158,6 +158,7 @@ def test_pins():
         assert levels() == [1, 0, 1, 0]  # a lost host
 
 
+@pytest.mark.repeats
 def test_estop():
     """Press it while eight motors cruise, and in the middle of a run of two."""
     board_session, board = session({"estop": "nc"})

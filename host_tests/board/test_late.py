@@ -6,6 +6,7 @@ import pytest
 
 from framestep_tools import payloads as p
 from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.covering import sweep
 from host_tests.end_to_end.session import Session
 
 VELOCITIES = {1: 333, 2: 700, 3: 1011, 4: 3700, 5: 20_000}
@@ -30,7 +31,7 @@ def session():
         yield session
 
 
-@pytest.mark.parametrize("us", [500, 900, 1200, 1500, 1700])
+@pytest.mark.parametrize("us", sweep([500, 900, 1200, 1500, 1700], 500, 1200, 1700))
 def test_a_late_tick_moves_no_edge(session, us):
     session.repl.exec("import framestep.boot")
     for motor, velocity in VELOCITIES.items():

@@ -167,21 +167,21 @@ else:
 
 
 @pytest.mark.parametrize(
-    "beside",
+    ("beside", "modes"),  # raw, as by mpremote, and as by hand
     [
-        pytest.param(COPIED, id="framestep's", marks=pytest.mark.repeats),
-        pytest.param("mine = 6 * 7\n", id="user's"),
+        pytest.param(COPIED, b"\x01\x02", id="framestep's", marks=pytest.mark.repeats),
+        pytest.param("mine = 6 * 7\n", b"\x02", id="user's"),
     ],
 )
-def test_an_image_beside_a_boot_py(beside):
+def test_an_image_beside_a_boot_py(beside, modes):
     """It is a user's, or left from copied files: DMX512 and framestep continue after a soft
     reset."""
     with Emulator(images.frozen("pico"), files={"/boot.py": beside}) as emu:
         emu.wait_usb(20_000, ports=2)
         repl = emu.repl()
-        for mode in (b"\x01", b"\x02"):  # raw, as by mpremote, and as by hand
+        for mode in modes:
             repl.enter()
-            repl.serial.write(b"\r\x03\r" + mode)
+            repl.serial.write(b"\r\x03\r" + bytes((mode,)))
             emu.advance(50)
             repl.serial.write(b"\x04")
             emu.advance(AGAIN_MS)

@@ -31,14 +31,14 @@ def session():
         seen = [emulator.cmd("digest"), emulator.trace_read().tobytes(), emulator.ns]
         found = Session(board, motors=6)
         found.speed(1, 10_000, 50_000)
-        found.accept(p.Dmx(0, 1, [1, 2, 3]), p.GioOut(1), p.MotorMove(1, 3000))
-        found.run(0.2)
+        found.accept(p.Dmx(0, 1, [1, 2, 3]), p.GioOut(1), p.MotorMove(1, 500))
+        found.run(0.1)
         repl = emulator.repl()
         seen.append(
             repl.exec("import os, gc; print(os.listdir('/'), gc.mem_free(), os.urandom(4))")
         )
         repl.exec("open('/left', 'w').write('behind')")
-        found.run(0.5)
+        found.run(0.1)
         seen += [found.positions, emulator.pins(), emulator.cmd("adc", channel=1, value=99)]
         emulator.cmd("usb", plugged=False)
         emulator.advance(30)
