@@ -19,15 +19,18 @@ class Terminal:
     """Runs a board in a thread at full speed, and passes its bytes on, at the rate that a program
     sets. `path` is the port's path.
 
-    If the power is cut (Esp32Board.cut_power_after), the port disappears.
+    If the power is cut (Esp32Board.cut_power_after), the port disappears. `own`: the link to the
+    protocol's own port, if the board has one on USB.
     """
 
     def __init__(self, board: Esp32Board):
         self.board = board
         self._link = PtyLink()
         self.path = self._link.path
+        self.own = PtyLink()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._over = False
+        self._unread = b""  # bytes from the board's own port
 
     def _run(self) -> None:
         board = self.board
@@ -40,11 +43,26 @@ class Terminal:
             for at in range(0, len(data), _MOST):
                 board.receive(data[at : at + _MOST])
             board.run_until(board.now_ns + _SLICE_NS)
+            own = self._pass_on_own()
             waiting += board.transmit()
             waiting = waiting[self._link.write(waiting) :] if waiting else b""
-            if not data and not waiting:
+            if not data and not waiting and not own:
                 time.sleep(_REST_S)
         self._link.close()
+        self.own.close()
+
+    def _pass_on_own(self) -> bool:
+        """Pass on the bytes of the protocol's own port. Return whether there were any."""
+        found = self.board.host.ports[1:] if self.board.host else []
+        for port in found:
+            port.open_port(self.own.is_open(False))
+            data = self.own.read()
+            port.receive(data)
+            self._unread += port.transmit()
+            self._unread = self._unread[self.own.write(self._unread) :] if self._unread else b""
+            return bool(data or self._unread)
+        self._unread = b""
+        return False
 
     def __enter__(self) -> "Terminal":
         self._thread.start()

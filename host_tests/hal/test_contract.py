@@ -21,6 +21,7 @@ IMPLEMENTED = {
         "ports/usb_port.py:UsbPort",
         "ports/stdin_port.py:StdinPort",
         "esp32/port.py:UartPort",
+        "esp32/usb_port.py:OwnPort",
         "host.py:HostPort",
     ],
     "Dmx": ["rp2/dmx.py:Dmx", "esp32/dmx.py:Dmx", "host.py:HostDmx", "absent.py:NoDmx"],
@@ -45,6 +46,7 @@ WITHOUT = {
     "host.py:HostPort": {"stop"},
     "ports/usb_port.py:UsbPort": {"stop"},
     "esp32/port.py:UartPort": {"start", "send", "open", "openings"},  # StdinPort's
+    "esp32/usb_port.py:OwnPort": {"send", "open", "openings"},  # UsbPort's
 }
 # Names by which the other layers call each kind: the part before the dot
 CALLED = {

@@ -81,12 +81,13 @@ class Rig:
 
     def _read_ports(self, found, ports):
         """Return the number of ports. A board that has only one needs no setting for it."""
-        if "uart_baud" in (found or {}) and self.board and "uart" not in self.board:
-            raise RigError("uart_baud: found %d, but this board's port is USB" % found["uart_baud"])
         most = self.board.pop("ports", 2)
         if ports > most and "ports" in (found or {}):
             raise RigError("ports: found %d, this board has %d" % (ports, most))
-        return min(ports, most)
+        ports = min(ports, most)
+        if "uart_baud" in (found or {}) and self.board and (ports == 2 or "uart" not in self.board):
+            raise RigError("uart_baud: found %d, but this board's port is USB" % found["uart_baud"])
+        return ports
 
     def _set_clock(self, mhz):
         """Set the board's clock_mhz; 0 keeps its own."""

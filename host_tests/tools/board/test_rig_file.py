@@ -278,6 +278,7 @@ def test_a_file_that_only_the_board_refuses_leaves_the_draft(tmp_path, monkeypat
     class Board:
         path = "/dev/repl"
         state = State(True, 0, True)
+        ports = 2
 
         def __enter__(self):
             return self

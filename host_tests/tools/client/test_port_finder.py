@@ -226,3 +226,43 @@ def test_the_repl_named_by_mistake_is_not_even_opened(there, capsys):
     assert cli.app.status(["status", "COM4"]) == 5
     said = capsys.readouterr().err
     assert "COM4 is the REPL of its board; the protocol's port is COM5" in said
+
+
+S3 = {"vid": 0x303A, "pid": 0x4001}
+BRIDGE = record("/dev/ttyUSB0", "1-4", "5A46", 0x1A86, 0x55D3, "wch.cn", "USB Single Serial")
+
+
+def s3(name="framestep DMC"):
+    """The two ports of an ESP32-S3, on Linux or, without the name, on Windows."""
+    return [
+        record("/dev/ttyACM0", "1-1:1.0", maker="MicroPython", interface="Board CDC", **S3),
+        record("/dev/ttyACM1", "1-1:1.2", maker="MicroPython", interface=name, **S3),
+    ]
+
+
+@pytest.mark.parametrize("name", ["framestep DMC", None])
+def test_an_esp32_s3(there, name):
+    """Its ports are found like a Pico's; the REPL's is the one to install through."""
+    there += [*OTHERS[:1], *s3(name)]
+    assert port_finder.protocol_port() == "/dev/ttyACM1"
+    assert port_finder.repl_port() == port_finder.esp32_port() == "/dev/ttyACM0"
+    assert [port.foreground for port in port_finder.siblings("/dev/ttyACM0")] == [True, True]
+    assert port_finder.protocol_behind("/dev/ttyACM0") == "/dev/ttyACM1"
+
+
+def test_an_esp32_s3_with_micropython_only(there):
+    there += [record("/dev/ttyACM0", "1-1:1.0", maker="Espressif Systems", **S3)]
+    assert port_finder.repl_port() == port_finder.esp32_port() == "/dev/ttyACM0"
+    assert port_finder.protocol_behind("/dev/ttyACM0") is None
+
+
+def test_the_port_behind_a_bridge(there):
+    """The bridge to a board's UART does not show which board that is."""
+    there += [BRIDGE, *s3()]
+    assert port_finder.protocol_behind("/dev/ttyUSB0") == "/dev/ttyACM1"
+    there += [
+        record("/dev/ttyACM8", "1-2:1.0", "B", **S3),
+        record("/dev/ttyACM9", "1-2:1.2", "B", **S3),
+    ]
+    assert port_finder.protocol_behind("/dev/ttyUSB0") is None
+    assert not port_finder.listed([record("/dev/ttyACM0", "1-1", vid=0x303A, pid=0x1001)])[0].board

@@ -22,6 +22,7 @@ LIST = PLACE.list
 MAIN = "/main.py"
 OURS = b"framestep.boot.start()"  # in every main.py of framestep
 OLDEST = (1, 26)  # MicroPython
+OWN_PORT_FROM = (1, 27)  # for a USB port of the protocol's own
 # Names of mpy-cross in the order of sys.implementation._mpy >> 10 (MicroPython, tools/mpy-tool.py)
 PROCESSORS = (
     "", "x86", "x64", "armv6", "armv6m", "armv7m", "armv7em", "armv7emsp", "armv7emdp", "xtensa",
@@ -82,9 +83,9 @@ def board_of(board: Files) -> str | None:
     return words[0] if words else None
 
 
-def check(board: Device, wanted: Package) -> None:
-    """Raise DeviceError if this board's MicroPython cannot run the package, or if it has another
-    main.py."""
+def check(board: Device, wanted: Package, ports: int) -> None:
+    """Raise DeviceError if this board's MicroPython cannot run the package with this number of
+    ports, or if it has another main.py."""
     version, mpy, machine = literal_eval(board.run(_WHO))
     if version < OLDEST:
         raise DeviceError(
@@ -99,6 +100,12 @@ def check(board: Device, wanted: Package) -> None:
             f"the board is a {machine}, but {wanted.board} has an {wanted.chip}: name the right "
             "board"
         )
+    if ports == 2 and version < OWN_PORT_FROM:
+        raise DeviceError(
+            f"with MicroPython {'.'.join(map(str, version))} the protocol has no port of its own: "
+            f"put {'.'.join(map(str, OWN_PORT_FROM))} or newer on the board (framestep install "
+            f'--board {wanted.board} --micropython FILE.bin), or "ports": 1 into its rig file'
+        )
     found = board.read(MAIN)
     if found is not None and OURS not in found:
         raise DeviceError(
@@ -112,24 +119,24 @@ def put(board: Files, wanted: Package, say: Callable[[str], None]) -> int:
     return module_files.put(board, PLACE, wanted.board, wanted.modules, say, {MAIN: wanted.main})
 
 
-def bring(device: Device, wanted: Package, say: Callable[[str], None]) -> str:
-    """Put framestep on a board with MicroPython, if its MicroPython can run it. Return the port at
-    the rate that it has after a restart."""
-    check(device, wanted)
+def bring(device: Device, wanted: Package, say: Callable[[str], None]) -> tuple[str, int]:
+    """Put framestep on a board with MicroPython, if its MicroPython can run it. Return the REPL's
+    port at the rate that it has after a restart, and the number of ports then."""
+    found = report_rig(device.read(RIG_FILE), wanted.board, say)
+    check(device, wanted, found.ports)
     say(f"{board_data(wanted.board)['name']} on {device.path}")
     device.halt()
     if not put(device, wanted, say):
         say(f"all of framestep ({len(wanted.modules)} modules) is on the board")
-    found = report_rig(device.read(RIG_FILE), wanted.board, say)
-    return at_rate(device.path, found.settings["uart_baud"])
+    return at_rate(device.path, found.settings["uart_baud"]), found.ports
 
 
 def install(wanted: Package, path: str, say: Callable[[str], None]) -> None:
     """Put framestep on a board with MicroPython, restart it, and print its greeting. path: of its
     serial port."""
     with Device(path, say) as device:
-        port = bring(device, wanted, say)
+        port, ports = bring(device, wanted, say)
         say("restarting")
         device.restart()
-    port, info = hello(port, None, 1)
+    port, info = hello(port, None, ports)
     say(greeting(port, info))

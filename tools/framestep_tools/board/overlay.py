@@ -112,8 +112,8 @@ def flash(port: str | None, protocol: str | None, clean: bool, say: Callable[[st
                     "this board has no overlay: all of framestep is in its file system; "
                     f"framestep install --board {board} writes it"
                 )
-            modules, ports = {}, 1
-            repl = on_files.bring(device, on_files.package(board), say)
+            modules = {}
+            repl, ports = on_files.bring(device, on_files.package(board), say)
         else:
             repl = device.path
             modules, ports = _overlay(device, clean, say)

@@ -18,6 +18,7 @@ from mpremote.transport import TransportError, TransportExecError
 from framestep.protocol import messages
 
 from ..client import port_finder
+from ..client.client import Client
 from ..client.open_port import holders
 from ..client.wire import FrameDecoder, encode
 from ..errors import NO_PORT, PORT_BUSY, ToolError
@@ -152,7 +153,12 @@ class Device:
 
     def __init__(self, path: str | None = None, say: Callable[[str], None] = lambda line: None):
         self.path = path or port_finder.repl_port()
-        self._board = next((port.board for port in port_finder.siblings(self.path)), None)
+        ports = port_finder.siblings(self.path)
+        # an ESP32's port for the protocol, which ends when somebody gets to the REPL
+        self._own_port = next(
+            (port.path for port in ports if port.foreground and port.use == port_finder.PROTOCOL),
+            None,
+        )
         self._say = say
         self._transport: Any = None
         self.state = State(False, 0, False)
@@ -167,8 +173,10 @@ class Device:
     def connect(self) -> None:
         """Get to the REPL. Raises Moving if the protocol has the same port and motors move.
 
-        framestep goes on, unless it shares its port with the REPL: then Ctrl-C ends it here.
+        framestep goes on, unless it shares its port with the REPL or runs on an ESP32: then Ctrl-C
+        ends it here.
         """
+        self._ask_own_port()
         self._open()
         self._ask_motors()
         self._enter()
@@ -202,6 +210,32 @@ class Device:
             failed.status = PORT_BUSY if others else NO_PORT
             raise failed from None
 
+    @property
+    def ports(self) -> int:
+        """Number of ports: 1 if the protocol has the REPL's."""
+        return 1 if self.state.runs and not (self.state.background or self._own_port) else 2
+
+    def _ask_own_port(self) -> None:
+        if not self._own_port:
+            return
+        try:
+            client = Client.open(self._own_port, _ASK_S)
+        except ToolError as error:
+            failed = DeviceError(
+                f"{error}; getting to the REPL would end framestep under the program that uses it"
+            )
+            failed.status = error.status
+            raise failed from None
+        moving: list[int] = []
+        with client, contextlib.suppress(ToolError):  # nobody answers if framestep has ended
+            moving = client.request(MotorStatus()).moving
+        self._refuse_moving(moving)
+
+    @staticmethod
+    def _refuse_moving(moving: list[int]) -> None:
+        if moving:
+            raise Moving(f"motors move ({', '.join(map(str, moving))}); nothing has been changed")
+
     def _ask_motors(self) -> None:
         """Ask whether motors move: if the port is the protocol's too, a Ctrl-C would stop them."""
         port = self._transport.serial
@@ -217,12 +251,7 @@ class Device:
                         and frame.request_type == MotorStatus.TYPE
                         and not frame.is_ack
                     ):
-                        moving = Status.unpack(frame.payload).moving
-                        if moving:
-                            raise Moving(
-                                f"motors move ({', '.join(map(str, moving))}); "
-                                "nothing has been changed"
-                            )
+                        self._refuse_moving(Status.unpack(frame.payload).moving)
                         return
             port.timeout = _READ_S
         except OSError as error:

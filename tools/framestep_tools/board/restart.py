@@ -7,7 +7,7 @@ from typing import TypeVar
 from framestep.protocol import messages
 
 from ..client.client import Client
-from ..client.port_finder import protocol_of
+from ..client.port_finder import protocol_behind
 from ..errors import ToolError
 from ..payloads import DeviceInfo, GetCondition, Hi, Request
 from .repl_device import PATIENCE, DeviceError
@@ -29,7 +29,7 @@ def hello(
     if advice is None:
         advice = f"mpremote connect {repl} exec 'import main' shows what it prints at its start"
     return answer(
-        lambda: repl if ports == 1 else protocol or protocol_of(repl),
+        lambda: repl if ports == 1 else protocol or protocol_behind(repl),
         "it has no port named framestep DMC",
         f"; {advice}",
     )

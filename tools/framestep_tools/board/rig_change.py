@@ -22,7 +22,7 @@ class RigChange:
 
     def __init__(self, device: Device, content: bytes):
         self._before = device.read(RIG_FILE)
-        self._ports_before = 1 if device.state.runs and not device.state.background else 2
+        self._ports_before = device.ports
         device.halt()
         device.replace(RIG_FILE, content)
         device.restart()

@@ -305,10 +305,11 @@ def edit(device: "Device", protocol: str | None, file: Path | None = None) -> No
         board = device.board()
         content = device.read(RIG_FILE)
         alone = device.state.runs and not device.state.background
-        if alone:  # reaching the REPL has ended the controller, which shares its port
+        ports = device.ports
+        if alone:  # reaching the REPL has ended the controller
             device.restart()
     if alone:
-        hello(device.path, protocol, 1)
+        hello(device.path, protocol, ports)
     folder = Path(tempfile.mkdtemp(prefix="framestep-"))
     draft = folder / "rig.json"
     there = b"{}" if content is None else content

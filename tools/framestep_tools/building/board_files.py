@@ -69,15 +69,18 @@ _OF_ENGINE = {
         "framestep/hal/esp32/port.py",
         "framestep/hal/esp32/servos.py",
         "framestep/hal/esp32/start.py",
+        "framestep/hal/esp32/usb_port.py",
         "framestep/hal/esp32/watchdog.py",
         "framestep/hal/esp32/wire.py",
     )
 }
 # Beginnings of the names of modules that only boards with this HAL get
 _OF_HAL = {
-    "rp2": ("framestep/leftovers", "framestep/hal/ports/usb_", "framestep/hal/rp2/"),
+    "rp2": ("framestep/leftovers", "framestep/hal/rp2/"),
     "esp32": ("framestep/hal/esp32/",),
 }
+# Only chips with two ports get these
+_OF_OWN_PORT = ("framestep/hal/ports/usb_", "framestep/hal/esp32/usb_port")
 _USUAL = {"ports": 2}  # what framestep.rig takes for granted
 _P = ParamSpec("_P")
 
@@ -281,11 +284,13 @@ def folded(
 
 
 @_remembered
-def sources_with(module: str, engine: str, hal: str) -> dict[str, bytes]:
+def sources_with(module: str, engine: str, hal: str, ports: int) -> dict[str, bytes]:
     """Return {"framestep/motors/axes.mpy": source} of the modules for a board. module: source of
-    framestep/board.py; engine, hal: of its chip."""
+    framestep/board.py; engine, hal, ports: of its chip."""
     folds = folded({"framestep/board.py": module}, True, engine)
     others = tuple(chain.from_iterable(_OF_HAL[other] for other in _OF_HAL.keys() - {hal}))
+    if ports == 1:
+        others += _OF_OWN_PORT
     return {
         name.removesuffix(".py") + ".mpy": (
             text if name == _NATIVE else without_compiler_imports(text.decode()).encode()
@@ -298,7 +303,7 @@ def sources_with(module: str, engine: str, hal: str) -> dict[str, bytes]:
 def board_sources(board: str) -> dict[str, bytes]:
     """Return {"framestep/motors/axes.mpy": source} of a board's modules."""
     found = board_chip(board)
-    return sources_with(board_module(board), found.engine, found.hal)
+    return sources_with(board_module(board), found.engine, found.hal, found.ports)
 
 
 def compiled_modules(found: Mapping[str, bytes], march: str) -> dict[str, bytes]:

@@ -24,7 +24,9 @@ PROTOCOL, REPL, SINGLE, OTHER = "protocol", "REPL", "single", "other"
 BAUD = 115200  # of a board whose port is a UART, unless its rig file says otherwise; USB ignores it
 _RASPBERRY_PI = 0x2E8A  # USB vendor of MicroPython on RP2040 and RP2350
 # USB vendors of an ESP32 board: Espressif, or of the bridge to its UART Silicon Labs, WCH, FTDI
-_ESP32 = (0x303A, 0x10C4, 0x1A86, 0x0403)
+_ESPRESSIF = 0x303A
+_ESP32 = (_ESPRESSIF, 0x10C4, 0x1A86, 0x0403)
+_MICROPYTHON_S3 = 0x4001  # its USB product on an ESP32-S3; the chip's own loader has another one
 _NOT_MICROPYTHON = (0x0003, 0x0004, 0x000C, 0x000F)  # its BOOTSEL drives and debug probes
 _INTERFACE = re.compile(r":(?:x|\d+)\.(\d+)$")
 _MAC = re.compile(r"usbmodem.*?(\d{1,2})$")
@@ -56,7 +58,7 @@ class PortError(ToolError):
 
 class Port(NamedTuple):
     """A serial port. `board` is equal for the ports of one board; `use` is PROTOCOL, REPL, SINGLE
-    or OTHER."""
+    or OTHER. foreground: framestep's passes end before somebody gets to the REPL."""
 
     path: str
     use: str
@@ -64,6 +66,7 @@ class Port(NamedTuple):
     product: str
     serial: str
     interface: int | None
+    foreground: bool = False
 
 
 def interface_number(record: Any) -> int | None:
@@ -83,7 +86,13 @@ def is_board(record: Any) -> bool:
     """Return whether a board with MicroPython is behind a port."""
     if record.manufacturer == "MicroPython" or record.interface == PROTOCOL_PORT:
         return True
+    if _is_s3(record):
+        return True
     return record.vid == _RASPBERRY_PI and getattr(record, "pid", None) not in _NOT_MICROPYTHON
+
+
+def _is_s3(record: Any) -> bool:
+    return record.vid == _ESPRESSIF and getattr(record, "pid", None) == _MICROPYTHON_S3
 
 
 def _board_of(record: Any) -> str:
@@ -128,7 +137,13 @@ def listed(records: Iterable[Any] | None = None) -> list[Port]:
 def _port(record: Any, use: str, board: str) -> Port:
     product = getattr(record, "product", None) or getattr(record, "description", None) or ""
     return Port(
-        record.device, use, board, product, record.serial_number or "", interface_number(record)
+        record.device,
+        use,
+        board,
+        product,
+        record.serial_number or "",
+        interface_number(record),
+        _is_s3(record),
     )
 
 
@@ -191,7 +206,9 @@ def esp32_port(records: Iterable[Any] | None = None) -> str:
         from serial.tools import list_ports
 
         records = list_ports.comports()
-    found = [record.device for record in records if record.vid in _ESP32]
+    mine = [record for record in records if record.vid in _ESP32]
+    protocols = [port.path for port in listed(filter(_is_s3, mine)) if port.use == PROTOCOL]
+    found = [record.device for record in mine if record.device not in protocols]
     if len(found) == 1:
         return found[0]
     if found:
@@ -206,6 +223,16 @@ def protocol_of(path: str) -> str | None:
     """Return the protocol's port of the board with this port, or None while it has no separate
     one."""
     return next((port.path for port in siblings(path) if port.use == PROTOCOL), None)
+
+
+def protocol_behind(path: str) -> str | None:
+    """Return the protocol's port of the board with this port. If this is the bridge to a UART of
+    the board, it is the only one with framestep on an ESP32's USB."""
+    port = known(path)
+    if port and port.use != OTHER:
+        return protocol_of(path)
+    found = [port.path for port in listed() if port.use == PROTOCOL and port.foreground]
+    return found[0] if len(found) == 1 else None
 
 
 def is_repl(path: str) -> bool:

@@ -25,8 +25,9 @@ from ..client.port_finder import BAUD
 from ..errors import ToolError
 from ..judge.trace import Edge, PinDecoder, pins_of
 from . import shift_registers
-from .boards import closed_switches
+from .boards import Channel, closed_switches
 from .driver_chips import Chips
+from .usb_host import SerialPort, UsbHost
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -41,6 +42,7 @@ _ERASED = b"\xff" * _FLASH_BYTES
 _PROG_SIZE = 32  # as MicroPython's port for ESP32 formats it
 _QEMU = "qemu-riscv32"
 _END_S = 5
+_START_NS = 10_000_000_000  # until the protocol's own port is there
 _RUNS, _RESET, _NO_POWER, _WATCHDOG = range(4)  # states in an answer: chip.h
 _CAUSES = {_NO_POWER: 1, _RESET: 2, _WATCHDOG: 3}  # machine.reset_cause() after each
 # struct line_byte in chip.h: a byte on a TX pin, with the time of its first bit; a bit takes
@@ -75,7 +77,6 @@ class Esp32Board:
     of MicroPython's heap, without the machine code of modules; baud: the host's rate."""
 
     slice_ns = 10_000_000
-    repl = None
 
     def __init__(
         self,
@@ -101,6 +102,7 @@ class Esp32Board:
         self._errors = (folder / "errors").open("w+b")
         self._heap_kb = heap_kb
         self._now = 0
+        self.host = UsbHost(self) if data["ports"] == 2 else None
         self._cause = _CAUSES[_NO_POWER]
         self._baud = baud
         self._sent = bytearray()
@@ -113,9 +115,12 @@ class Esp32Board:
         self._last: tuple[int, int] | None = None  # the last word and its time
         self._decoder = PinDecoder(pins_of(data, rig, board), inverted)
         self._driven: dict[int, int] = {}
-        self.protocol = self
+        self.protocol: Channel = self
+        self.repl: Channel | None = None
         self.powered = False
         self.power_on()
+        if self.rig.ports == 2 and "/framestep/modules" in files:
+            self._find_port()
 
     def power_on(self) -> None:
         """Start the chip, and wait until its program waits for something."""
@@ -123,7 +128,7 @@ class Esp32Board:
         self._answers, answers = os.pipe()
         words = [_QEMU, images.micropython("esp32"), self._heap_kb, "board", self._flash]
         words += [self._record, f"/dev/fd/{commands}", f"/dev/fd/{answers}", self._now]
-        words += [self._cause, self._baud]
+        words += [self._cause, self._baud, int(self.host is not None)]
         self._process = subprocess.Popen(
             [str(word) for word in words],
             pass_fds=(commands, answers),
@@ -137,6 +142,29 @@ class Esp32Board:
         self._answer()
         for pin, level in self._driven.items():
             self._command("p", "BB", pin, level)
+
+    def _find_port(self) -> None:
+        """Wait for the protocol's own port."""
+        assert self.host
+        end = self._now + _START_NS
+        while len(self.host.ports) < 2:
+            if self._now > end:
+                said = self.transmit().decode(errors="replace")
+                raise Esp32Error(f"no port of the protocol appears; the REPL says:\n{said}")
+            self.run_until(self._now + self.slice_ns)
+        self.protocol, self.repl = self.host.ports[1], self
+
+    def usb(self, letter: str, form: str, *values: Any, data: bytes = b"") -> None:
+        """Send a command for USB."""
+        self._command("u" + letter, form, *values)
+        if data:
+            os.write(self._commands, data)
+
+    def step(self, ns: int) -> None:
+        """Let time pass until then, as the USB host needs it."""
+        while ns > self._now and self.powered:
+            self._command("r", "QBB", ns, 0, _NO_PIN)
+            self._answer()
 
     def _read_record(self) -> None:
         with self._record.open("rb") as file:
@@ -168,6 +196,10 @@ class Esp32Board:
             self._lines.append(np.frombuffer(self._take(count * LINE_BYTE.itemsize), LINE_BYTE))
             if sum(map(len, self._lines)) > _MOST_LINE_BYTES:
                 del self._lines[: len(self._lines) // 2]
+        usb = struct.unpack("<B6II", self._take(29))
+        records = self._take(usb[-1])
+        if self.host:
+            self.host.take(usb[0], usb[1:7], records)
         if self._record.stat().st_size - self._played_to > _MOST_PLAYED:
             self._edges += self._decode()
         if state != _RUNS:
@@ -232,8 +264,15 @@ class Esp32Board:
             self._answer()
             if self._chips:
                 self._talk(self._chips)
-            if not self.powered or (until_output and self._sent):
+            if self.host and self.powered:
+                self.host.attend()
+            if not self.powered or (until_output and self._said()):
                 return
+
+    def _said(self) -> bool:
+        """Return whether the protocol's port has sent something."""
+        own = self.protocol
+        return bool(own.arrived if isinstance(own, SerialPort) else self._sent)
 
     def connect(self, chips: Chips) -> None:
         """Connect drivers to the board's UART for them."""
@@ -312,6 +351,8 @@ class Esp32Board:
 
     def _end(self) -> None:
         self.powered = False
+        if self.host:
+            self.host.lose()
         os.close(self._commands)
         os.close(self._answers)
         try:

@@ -58,6 +58,7 @@ def _setup(out: Path, packages: Mapping[str, Package]) -> dict[str, Any]:
         "files": {
             "scripts": files_scripts.FOR_THE_PAGE,
             "oldest": on_files.OLDEST,
+            "ownPortFrom": on_files.OWN_PORT_FROM,
             "list": on_files.LIST,
             "main": on_files.MAIN,
         },
@@ -83,6 +84,7 @@ def _board(board: str, out: Path, wanted: Package | None) -> dict[str, Any]:
         "chip": data["chip"],
         "motors": data["motors"],
         "ports": data["ports"],
+        "foreground": chip.hal == "esp32",  # its REPL cannot be used while framestep runs
         "unfit": _unfit(board),
         "example": read(BOARDS / board / "rig.json"),
         "hasImage": chip.uf2_family is not None,

@@ -10,11 +10,15 @@
 //     s ns[8]                  the main loop pauses, once
 //     b rate[4]                the host's rate at the REPL's UART, baud
 //     l pin[1] at[8] count[4] bytes   bytes arrive on the RX pin of another UART, from this time on, ns
+//     u what[1] …              USB: see usb_command()
 //     c bytes[4]               the power is cut when this many bytes of flash have been written or erased
 //
 // The answer to `r`: the time, ns [8]; whether the chip runs on, restarts or has no more power [1]; the number of bytes
-// sent [4], and the bytes; the number of bytes that other UARTs have sent [4], and for each a struct line_byte.
+// sent [4], and the bytes; the number of bytes that other UARTs have sent [4], and for each a struct line_byte; the
+// state of USB, of usb_state() [1], the number of bytes that the host still has for each of its endpoints 1 to 6 [6 × 4], the
+// size of the records of usb_told() [4], and these.
 #include <string.h>
+#include "py/mphal.h"
 #include "py/runtime.h"
 #include "../bare/files.h"
 #include "../bare/host.h"
@@ -71,7 +75,59 @@ static void answer(uint8_t state) {
     if (count) {
         host_write(answers, said, count * sizeof *said);
     }
+    const uint8_t *told;
+    uint8_t usb = usb_state();
+    host_write(answers, &usb, 1);
+    for (int i = 1; i < 7; i++) {
+        count = usb_queued(i);
+        host_write(answers, &count, sizeof count);
+    }
+    count = usb_told(&told);
+    host_write(answers, &count, sizeof count);
+    if (count) {
+        host_write(answers, told, count);
+    }
     until = 0; // time stops until the next `r`
+}
+
+// p in[1]: the cable; r: a reset of the bus; c setup[8] count[2] data: a control request; s endpoint[1] count[4] bytes: the
+// host sends; l endpoint[1] on[1]: it reads; f endpoint[1]: it gives up what it has not sent
+static void usb_command(void) {
+    static uint8_t bytes[LARGEST], letter, two[2], setup[8];
+    uint16_t count;
+    uint32_t length;
+    take(&letter, 1);
+    switch (letter) {
+        case 'p':
+            take(two, 1);
+            usb_plug(two[0]);
+            break;
+        case 'r':
+            usb_bus_reset();
+            break;
+        case 'c':
+            take(setup, sizeof setup);
+            take(&count, sizeof count);
+            take(bytes, count);
+            usb_request(setup, bytes, count);
+            break;
+        case 's':
+            take(two, 1);
+            take(&length, sizeof length);
+            take(bytes, length);
+            usb_send(two[0], bytes, length);
+            break;
+        case 'l':
+            take(two, 2);
+            usb_listen(two[0], two[1]);
+            break;
+        case 'f':
+            take(two, 1);
+            usb_forget(two[0]);
+            break;
+        default:
+            host_exit(2);
+    }
 }
 
 static void command(void) {
@@ -108,6 +164,9 @@ static void command(void) {
         case 's':
             take(&pause_ns, sizeof pause_ns);
             break;
+        case 'u':
+            usb_command();
+            break;
         case 'c':
             take(&flash_left, sizeof flash_left);
             break;
@@ -117,7 +176,7 @@ static void command(void) {
 }
 
 static bool reached(void) {
-    return chip_now >= until || (until_output && uart_has_sent()) || line_has_said(until_pin);
+    return chip_now >= until || (until_output && (uart_has_sent() || usb_has_told())) || line_has_said(until_pin);
 }
 
 void board_wait(uint64_t ns) {
@@ -153,6 +212,13 @@ void board_serve(const char *in, const char *out) {
         mp_raise_ValueError(MP_ERROR_TEXT("no such file"));
     }
     uart_on = true;
+}
+
+void board_fail(const char *why) {
+    uart_on = false;  // output goes to the computer again
+    mp_hal_stdout_tx_str(why);
+    files_flush();
+    host_exit(3);
 }
 
 void board_end(int state) {

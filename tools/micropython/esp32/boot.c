@@ -8,6 +8,7 @@
 #include "shared/readline/readline.h"
 #include "shared/runtime/pyexec.h"
 #include "modmachine.h"
+#include "shared/tinyusb/mp_usbd.h"
 #include "../bare/host.h"
 #include "chip.h"
 
@@ -19,6 +20,9 @@ extern const mp_obj_type_t esp32_partition_type;
 static void run(void) {
     pyexec_frozen_module("_boot.py", false);
     int ended = pyexec_file_if_exists("boot.py");
+    if (usb_present()) {
+        mp_usbd_init();  // here since MicroPython 1.27
+    }
     if (!(ended & PYEXEC_FORCED_EXIT) && pyexec_mode_kind == PYEXEC_MODE_FRIENDLY_REPL && ended) {
         ended = pyexec_file_if_exists("main.py");
     }
@@ -28,11 +32,14 @@ static void run(void) {
 }
 
 // words: the files of the flash, the record, the commands and the answers, the time at power-up, ns, the cause of this
-// start, and the host's rate at the REPL's UART
+// start, the host's rate at the REPL's UART, and whether there is USB
 void board_boot(void *heap, size_t bytes, char **words) {
     chip_now = strtoull(words[4], NULL, 10);
     board_reset_cause = atoi(words[5]);
     uart_set_host_rate(atoi(words[6]));
+    if (atoi(words[7])) {
+        usb_plug(true);
+    }
     i2s_record = host_open(words[1], HOST_WRITE);
     if (!flash_open(words[0]) || i2s_record < 0) {
         host_exit(2);
@@ -49,6 +56,7 @@ void board_boot(void *heap, size_t bytes, char **words) {
         machine_i2s_init0();
         run();
         machine_timer_deinit_all();
+        mp_usbd_deinit();
         gc_sweep_all();
         free_code();
         mp_hal_stdout_tx_str("MPY: soft reboot\r\n");

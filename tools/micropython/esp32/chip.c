@@ -21,7 +21,7 @@ void chip_advance(uint64_t ns) {
     uint64_t end = chip_now + ns;
     for (;;) {
         uint64_t i2s = i2s_next(), timer = timers_next(), uart = uart_next(), line = lines_next();
-        uint64_t next = MIN(MIN(MIN(i2s, line), MIN(timer, uart)), MIN(watchdog_next(), pwm_next()));
+        uint64_t next = MIN(MIN(MIN(i2s, line), MIN(timer, uart)), MIN(watchdog_next(), MIN(pwm_next(), usb_next())));
         if (next > end) {
             break;
         }
@@ -34,6 +34,8 @@ void chip_advance(uint64_t ns) {
             uart_event();
         } else if (line == next) {
             lines_event();
+        } else if (usb_next() == next) {
+            usb_event();
         } else if (pwm_next() == next) {
             pwm_event();
         } else {
@@ -41,6 +43,10 @@ void chip_advance(uint64_t ns) {
         }
     }
     chip_now = end;
+}
+
+void chip_wait(int ms) {
+    chip_advance(ms * 1000000ull);
 }
 
 void chip_collected(void) {

@@ -31,6 +31,8 @@ uint64_t pwm_next(void);
 void pwm_event(void);
 uint64_t watchdog_next(void);
 void watchdog_event(void);
+uint64_t usb_next(void);
+void usb_event(void);
 bool pins_drive(unsigned pin, int level);  // drive a pin from outside; false if it does not exist
 
 extern int i2s_record;  // the file's handle, or -1
@@ -59,11 +61,25 @@ uint32_t line_said(const struct line_byte **bytes);  // takes the bytes sent
 bool line_has_said(int pin);  // since they were taken
 void line_receive(int pin, uint64_t first_bit, const uint8_t *bytes, uint32_t count);  // on an RX pin, one after the other
 
+// USB and its host: see usb.c.
+bool usb_present(void);  // this chip has USB
+uint8_t usb_state(void);
+uint32_t usb_told(const uint8_t **bytes);
+bool usb_has_told(void);
+void usb_plug(bool in);
+void usb_bus_reset(void);
+void usb_request(const uint8_t *setup, const uint8_t *data, uint16_t count);
+void usb_send(uint8_t endpoint, const uint8_t *bytes, uint32_t count);
+void usb_listen(uint8_t endpoint, bool on);
+uint32_t usb_queued(uint8_t endpoint);
+void usb_forget(uint8_t endpoint);
+
 void board_idle(void);  // the main loop has nothing to do: see board.c
 bool board_serves(void);  // whether an outside program controls time
 void board_wait(uint64_t ns);  // something waits this long for the outside
 void board_serve(const char *commands, const char *answers);
 enum { STATE_RUNS, STATE_RESET, STATE_NO_POWER, STATE_WATCHDOG };
+void board_fail(const char *why) __attribute__((noreturn));  // ends the simulation
 void board_end(int state) __attribute__((noreturn));  // the chip stops, and is started again from outside
 extern int board_reset_cause;  // as machine.reset_cause() gives it
 void board_boot(void *heap, size_t bytes, char **words) __attribute__((noreturn));  // see boot.c

@@ -22,6 +22,7 @@
 #define MICROPY_PY_MACHINE_PWM              (1)
 #define MICROPY_PY_MACHINE_PWM_DUTY         (1)
 #define MICROPY_PY_MACHINE_PWM_INCLUDEFILE  "ports/esp32/machine_pwm.c"
+#define MICROPY_PY_MACHINE_DISABLE_IRQ_ENABLE_IRQ (1)
 #define MICROPY_PY_MACHINE_WDT              (1)
 #define MICROPY_PY_MACHINE_WDT_INCLUDEFILE  "ports/esp32/machine_wdt.c"
 #define MP_THREAD_GIL_EXIT()
@@ -33,6 +34,18 @@
 #define MICROPY_PY_MACHINE_RESET            (1)
 #undef MICROPY_HELPER_REPL
 #define MICROPY_HELPER_REPL                 (1)
+
+// USB, as in the port for ESP32-S3
+#define MICROPY_SCHEDULER_STATIC_NODES      (1)
+#define MICROPY_HW_ENABLE_USBDEV            (1)
+#define MICROPY_HW_ENABLE_USB_RUNTIME_DEVICE (1)
+#define MICROPY_HW_USB_CDC                  (1)
+#define MICROPY_HW_USB_VID                  (0x303A)
+#define MICROPY_HW_USB_PID                  (0x4001)
+#define MICROPY_HW_USB_MANUFACTURER_STRING  "Espressif Systems"
+#define MICROPY_HW_USB_PRODUCT_FS_STRING    "Espressif Device"
+#define MICROPY_INTERNAL_WFE(ms)            chip_wait(ms)
+void chip_wait(int ms);
 
 // The REPL's UART, as in the port for ESP32
 #undef MICROPY_KBD_EXCEPTION

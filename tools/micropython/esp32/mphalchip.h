@@ -14,3 +14,4 @@ gpio_num_t machine_pin_get_id(mp_obj_t pin);
 
 #include "py/ringbuf.h"
 extern ringbuf_t stdin_ringbuf;
+#define mp_hal_wake_main_task_from_isr()

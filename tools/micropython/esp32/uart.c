@@ -10,6 +10,8 @@
 #include "py/stream.h"
 #include "extmod/misc.h"
 #include "shared/runtime/interrupt_char.h"
+#include "shared/tinyusb/mp_usbd.h"
+#include "shared/tinyusb/mp_usbd_cdc.h"
 #include "chip.h"
 
 #define HARDWARE 128
@@ -81,6 +83,9 @@ bool uart_has_sent(void) {
 
 int uart_read(void) {
     for (;;) {
+        if (usb_present()) {
+            mp_usbd_cdc_poll_interfaces(0);
+        }
         int byte = ringbuf_get(&stdin_ringbuf);
         if (byte >= 0) {
             return byte;
@@ -96,6 +101,9 @@ int uart_read(void) {
 
 uintptr_t uart_poll(uintptr_t flags) {
     uintptr_t found = mp_os_dupterm_poll(flags) | (flags & MP_STREAM_POLL_WR);
+    if (usb_present()) {
+        found |= mp_usbd_cdc_poll_interfaces(flags);
+    }
     if (flags & MP_STREAM_POLL_RD && ringbuf_peek(&stdin_ringbuf) != -1) {
         found |= MP_STREAM_POLL_RD;
     }
@@ -111,6 +119,9 @@ void uart_write(const char *text, size_t length) {
         if (gone_count < MOST && host_rate == rate) {
             gone[gone_count++] = text[i];
         }
+    }
+    if (usb_present()) {
+        mp_usbd_cdc_tx_strn(text, length);
     }
     mp_os_dupterm_tx_strn(text, length);
 }

@@ -21,7 +21,6 @@ from framestep.base.native import const
 from framestep.hal import PASS
 from framestep.hal.absent import NoDmx, NoWatchdog
 from framestep.hal.esp32.chain import Chain
-from framestep.hal.esp32.port import UartPort
 from framestep.hal.stream import Stream
 from framestep.pulse.engine import CYCLES, HIGH_CYCLES, WIDTH_CYCLES, WIDTHS
 from framestep.pulse.kernel import StepKernel
@@ -108,11 +107,21 @@ class Esp32Hal:
             stream, self.kernel, steps, board["buffers"], chain["sck"], chain["ws"], chain["sd"]
         )
         self._servos = self._make_servos(rig) if rig.servos else None
-        self.port = UartPort(self, rig.settings["uart_baud"])
+        self.port = self._make_port(rig)
         led = board.get("led")
         self.led = Pin(led, Pin.OUT, value=0).value if led is not None else _no_led
 
     # ------------------------------------------------------------ parts that a rig may do without
+
+    def _make_port(self, rig):
+        if rig.ports == 2:
+            from framestep.hal.esp32.usb_port import OwnPort
+
+            rig.ports = 1  # the passes stay in the foreground, as with one port
+            return OwnPort(self)
+        from framestep.hal.esp32.port import UartPort
+
+        return UartPort(self, rig.settings["uart_baud"])
 
     def _make_dmx(self, board, rig):
         from framestep.hal.esp32.dmx import Dmx

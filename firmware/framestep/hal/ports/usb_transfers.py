@@ -34,7 +34,7 @@ from array import array
 from framestep.base.native import addressof, const, micropython, ptr8, ptr32
 
 try:
-    from machine import USBDevice, disable_irq, enable_irq  # noqa: F401 -- the port needs it
+    from machine import USBDevice  # noqa: F401 -- the port needs it
 except ImportError:
     raise ImportError(
         "a serial port of its own for the protocol needs machine.USBDevice, "
@@ -44,6 +44,8 @@ except ImportError:
     )
 
 if sys.platform == "rp2":
+    from machine import disable_irq, enable_irq
+
     from framestep.hal.rp2 import usb as chip
     from framestep.hal.rp2.usb import ADDRESS_REGISTER
 else:
@@ -51,6 +53,14 @@ else:
     chip = None
     _one = array("i", [1])
     ADDRESS_REGISTER = addressof(_one)
+
+    # TinyUSB takes a mutex of FreeRTOS for each transfer, so interrupts have to stay on.
+    def disable_irq():
+        return 0
+
+    def enable_irq(_state):
+        pass
+
 
 # Bits of ADDRESS_REGISTER: 0 from a bus reset until the host has given a new address
 _ADDRESS = const(0x7F)

@@ -7,10 +7,12 @@ import { Repl } from "framestep-console/repl.js";
 import setup from "framestep-console/setup.json";
 import { digest } from "./next_to_page.js";
 
-const { list, main, oldest, scripts } = setup.files;
+const { list, main, oldest, ownPortFrom, scripts } = setup.files;
 const MARK = "\x02";
 const CHUNK = 768; // bytes of a file in one script
 const TRIES = 4; // while MicroPython starts and formats the flash
+
+const older = (version, than) => version[0] < than[0] || (version[0] === than[0] && version[1] < than[1]);
 
 async function lines(repl, script) {
   const said = (await repl.run(script)).split(MARK).at(-1);
@@ -50,11 +52,12 @@ async function open(port) {
 /** Throw LinkError if the board's MicroPython cannot run the files, or if it has another main.py. */
 async function check(repl, board) {
   const [[version, arch, machine]] = await lines(repl, scripts.who);
-  if (version[0] < oldest[0] || (version[0] === oldest[0] && version[1] < oldest[1])) {
+  if (older(version, oldest)) {
     throw new LinkError(`the board has MicroPython ${version.join(".")}, framestep needs ${oldest.join(".")} or newer: write a newer one first`);
   }
   const chip = machine.split(" with ").at(-1);
   if (arch !== board.arch || chip !== setup.chips[board.chip].replaceAll("-", "")) throw new LinkError(`the board is a ${machine}, but the ${board.name} has an ${setup.chips[board.chip]}: choose the right board`);
+  if (board.ports === 2 && older(version, ownPortFrom)) throw new LinkError(`with MicroPython ${version.join(".")} the ${board.name} has no port of its own for Dragonframe: write ${ownPortFrom.join(".")} or newer first`);
   if ((await lines(repl, scripts.otherMain))[0]) throw new LinkError(`the board has a ${main} of its own, which would run instead of framestep: save it and remove it first`);
 }
 

@@ -37,7 +37,7 @@ export class ConnectStep {
   render() {
     const { connected, hello, state } = this.#device;
     this.#repl.disabled = !connected || Boolean(hello?.repl);
-    this.#ofRepl.hidden = this.#board().ports === 1;
+    this.#ofRepl.hidden = this.#board().foreground;
     this.#next.disabled = !connected || !(hello?.repl || this.#ofRepl.hidden);
     const lines = connected ? this.#lines(state.info) : ["Nothing is connected. If a chosen port does not answer, it may be the other one."];
     if ([...this.#said.children].map((line) => line.textContent).join("\n") !== lines.join("\n")) {

@@ -62,7 +62,7 @@ export class RigStep {
   }
 
   render() {
-    setText(this.#shared, this.#board().ports === 1 ? `On the ${this.#board().name} the REPL shares Dragonframe's port, so this page cannot put the file there: download it here, and framestep rig edit puts it onto the board.` : "");
+    setText(this.#shared, this.#board().foreground ? `On the ${this.#board().name} framestep ends when the REPL is used, so this page cannot put the file there: download it here, and framestep rig edit puts it onto the board.` : "");
     for (const button of this.#buttons) button.disabled = this.#busy || !this.#work.possible;
   }
 
