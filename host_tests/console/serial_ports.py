@@ -15,7 +15,8 @@ from host_tests.console.file_server import FileServer
 _PORTS = """addresses => {
     class Port {
         constructor(address) { this.address = address; }
-        async open() {
+        async open({baudRate}) {
+            this.baudRate = baudRate;
             if (this.socket) throw new Error('the port is already open');
             this.socket = new WebSocket(this.address);
             this.socket.binaryType = 'arraybuffer';

@@ -1,6 +1,7 @@
 """The page that installs framestep: images onto drives that the browser itself keeps (OPFS), so
 they have the interface of real ones; then the emulated board over ports of Web Serial."""
 
+import json
 import re
 
 import pytest
@@ -10,7 +11,7 @@ from framestep_tools.board.on_files import Package, main_py
 from framestep_tools.building.board_files import board_names, image_boards
 from framestep_tools.simulator.boards import EmulatedBoard
 from framestep_tools.simulator.esp32_board import BOARD as ESP32
-from framestep_tools.simulator.esp32_board import PROCESSOR, Esp32Board, modules
+from framestep_tools.simulator.esp32_board import PROCESSOR, Esp32Board, installed, modules
 from framestep_tools.site import install_page
 from host_tests.console.conftest import Device
 from host_tests.console.file_server import FileServer
@@ -407,4 +408,45 @@ def test_files_onto_an_esp32(stage, esp_site):
     go_to(page, "2. Connect")
     press(page, "Choose Dragonframe's port…")
     expect(card(page, "Connect")).to_contain_text("framestep answers: firmware")
+    assert page.errors == []
+
+
+def test_the_rig_file_of_an_esp32(stage, esp_site):
+    """Read and put back through its one port, at the rate that each file sets. It restarts each
+    time."""
+    rig = {"/rig.json": b'{"name": "before", "uart_baud": 230400}'}
+    device = Device(Esp32Board(files=installed() | rig, baud=230400), 1.0)
+    stage.closing(device.close)
+    page = stage.page(esp_site.url)
+    esp_site.give_ports(page, device.tcp)
+    page.locator(f'input[value="{ESP32}"]').check()
+    page.get_by_label("Rate of its port").select_option("230400")
+    go_to(page, "2. Connect")
+    press(page, "Choose Dragonframe's port…")
+    expect(card(page, "Connect")).to_contain_text("before answers: firmware")
+    go_to(page, "3. Rig file")
+    press(page, "Read from the board")
+    name = page.get_by_label("name", exact=True)
+    expect(name).to_have_value("before")
+    said = card(page, "Onto the board").get_by_role("status")
+    expect(said).to_have_text("This is the board's rig file.")
+    assert page.evaluate("ports[0].baudRate") == 230400
+    unfold(page)
+    name.fill("after")
+    page.get_by_label("uart_baud", exact=True).select_option("460800")
+    press(page, "Check, and show the differences")
+    expect(said).to_have_text("What changes:")
+    press(page, "Put it onto the board")
+    page.wait_for_function("ports[0].baudRate === 460800")
+    device.at_board(lambda board: setattr(board, "baud", 460800))
+    expect(said).to_have_text("after has restarted with it.")
+    count = page.get_by_label("motor_count", exact=True)
+    count.fill("9")
+    press(page, "Check, and show the differences")
+    press(page, "Put it onto the board")
+    expect(said).to_have_text("rig.json: motor_count: found 9, this board has 8 motors")
+    expect(page.locator("#who")).to_contain_text("after, firmware")
+    found = []
+    device.at_board(lambda board: found.append(json.loads(board.files()["/rig.json"])))
+    assert found == [{"name": "after", "uart_baud": 460800}]
     assert page.errors == []

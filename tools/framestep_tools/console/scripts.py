@@ -51,6 +51,15 @@ print("\\x02")
 """
     + STOP
 )
+# Frees the memory of a framestep that getting to the REPL has ended, on a board that restarts later
+FREE = """
+import gc, sys
+b = sys.modules.get("framestep.boot")
+if b and b.controller:
+    b.runner.stop()
+    b.controller = b.runner = b.hal = None
+gc.collect()
+"""
 # Replaced in one step at the end: it is the old file or the new one. 1: it arrived as sent
 WRITE = f"""
 print("\\x02")
@@ -71,6 +80,7 @@ FOR_THE_PAGE = {
     "read": READ,
     "check": CHECK,
     "halt": HALT,
+    "free": FREE,
     "write": WRITE,
     "remove": REMOVE,
     "restart": RESTART,

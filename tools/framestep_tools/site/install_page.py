@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from framestep.rig.settings import SETTINGS
+
 from ..board import bootsel_drive, esp32_flash, on_files
 from ..board.on_files import Package, package
 from ..board.rig_file import read
@@ -52,6 +54,7 @@ def _setup(out: Path, packages: Mapping[str, Package]) -> dict[str, Any]:
     """Return what the page needs to know of boards, chips and the files next to it."""
     return {
         "press": bootsel_drive.PRESS,
+        "rates": SETTINGS["uart_baud"][1],
         "about": bootsel_drive.ABOUT,
         "chipOf": bootsel_drive.CHIPS,
         "chips": {key: chip.name for key, chip in chips().items()},

@@ -23,14 +23,19 @@ function lines(said) {
 /** Tasks with the names of the server's. Each opens the port and closes it again. */
 export class BoardWork {
   #port;
+  #baud; // a function that gives the port's rate
+  #restarts;
   #watched = null;
   #schema = null;
   #terminal = null; // {port reader, writer, end}
   #turn = Promise.resolve();
 
-  /** port: the REPL's port of Web Serial. */
-  constructor(port) {
+  /** port: the REPL's port of Web Serial. restarts: getting to the REPL ends framestep, so the board restarts after each task.
+   * baud: returns the port's rate. */
+  constructor(port, restarts = false, baud = () => undefined) {
     this.#port = port;
+    this.#restarts = restarts;
+    this.#baud = baud;
   }
 
   read_rig() {
@@ -70,7 +75,7 @@ export class BoardWork {
       await this.#endTerminal(TAKEN);
       try {
         if (!this.#watched) {
-          this.#watched = await Repl.open(this.#port);
+          this.#watched = await Repl.open(this.#port, this.#baud());
           await this.#watched.run(SCRIPTS.live_begin);
         }
         const said = await output(this.#watched, SCRIPTS.live);
@@ -166,11 +171,13 @@ export class BoardWork {
     return this.#next(async () => {
       await this.#closeWatched();
       await this.#endTerminal(TAKEN);
-      const repl = await Repl.open(this.#port);
+      const repl = await Repl.open(this.#port, this.#baud());
       try {
+        if (this.#restarts) await repl.run(SCRIPTS.free);
         return await work(repl);
       } finally {
-        await repl.run("text = None").catch(() => {});
+        if (!this.#restarts) await repl.run("text = None").catch(() => {});
+        else if (!repl.left) await repl.runAndLeave(SCRIPTS.restart).catch(() => {});
         await repl.close();
       }
     });

@@ -85,6 +85,11 @@ export class Client {
     return this.#link.chooseRepl();
   }
 
+  /** Use a REPL that ends framestep: see SerialLink. */
+  useEndingRepl(shared) {
+    return this.#link.useEndingRepl(shared);
+  }
+
   /** Open a terminal on the REPL's port; `type` and `closeTerminal` are for it. Throws LinkError. */
   openTerminal(terminal) {
     return this.#link.openTerminal(terminal);

@@ -34,11 +34,12 @@ async function connect(open) {
   }
 }
 
-/** Let the user pick a port of Web Serial, and connect to the device there. Return whether it answers. */
-export function connectByCable() {
+/** Let the user pick a port of Web Serial, and connect to the device there. Return whether it answers. baud: the port's rate, if
+ * a UART is behind it. */
+export function connectByCable(baud) {
   tries = false;
   device.client?.close();
-  return connect(() => SerialLink.open());
+  return connect(() => SerialLink.open(baud));
 }
 
 async function serve() {

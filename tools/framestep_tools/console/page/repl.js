@@ -1,4 +1,5 @@
-// A board's raw REPL at a port of Web Serial: scripts in, their output out. Nothing is reset, and framestep goes on.
+// A board's raw REPL at a port of Web Serial: scripts in, their output out. Nothing is reset, and framestep goes on, except on an
+// ESP32.
 
 import { LinkError } from "./client.js";
 import { ReplPort } from "./repl_port.js";
@@ -19,7 +20,7 @@ export class Repl {
   #left = false; // the board no longer answers
 
   /** Open a port that the user has chosen, and reach its REPL. Throws LinkError if there is none. */
-  static async open(port) {
+  static async open(port, baud) {
     const repl = new Repl();
     repl.#port = await ReplPort.open(port, (text) => {
       repl.#heard += text;
@@ -27,7 +28,7 @@ export class Repl {
     }, () => {
       repl.#ended = true;
       repl.#wake();
-    });
+    }, baud);
     try {
       await repl.#send(`\r${INTERRUPT}\r${RAW}`);
       await repl.#until(PROMPT, "no REPL answers at this port: choose the one named MicroPython, or the other one");
@@ -49,6 +50,11 @@ export class Repl {
     const failed = await this.#until(`${END}>`, "the board does not come to an end");
     if (failed.trim()) throw new LinkError(`the board reported an error: ${failed.trim().split("\n").at(-1)}`);
     return said;
+  }
+
+  /** Whether a script has ended the answers. */
+  get left() {
+    return this.#left;
   }
 
   /** Run a script after which the board no longer answers. */

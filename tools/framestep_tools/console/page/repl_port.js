@@ -2,7 +2,7 @@
 
 import { LinkError } from "./client.js";
 
-const NOMINAL_BAUD = 115200; // meaningless on USB, but required
+export const USUAL_BAUD = 115200; // meaningless on USB, but required
 
 export class ReplPort {
   #port;
@@ -10,11 +10,11 @@ export class ReplPort {
   #writer;
 
   /** Open a port that the user has chosen. ontext(text): called with its output; onend: called once nothing comes any more, also
-   * after `close`. Throws LinkError. */
-  static async open(port, ontext, onend) {
+   * after `close`; baud: its rate, if a UART is behind it. Throws LinkError. */
+  static async open(port, ontext, onend, baud = USUAL_BAUD) {
     const made = new ReplPort();
     try {
-      await port.open({ baudRate: NOMINAL_BAUD });
+      await port.open({ baudRate: baud });
       await port.setSignals({ dataTerminalReady: true });
     } catch (error) {
       throw new LinkError(`the REPL's port cannot be opened (${error.message}): does another program have it, or is it the protocol's?`);

@@ -6,9 +6,12 @@ const RESTART_MS = 60_000; // time for a board to restart
 
 export class RigWork {
   #device;
+  #ends;
 
-  constructor(device) {
+  /** ends: returns whether getting to the REPL ends framestep, as on an ESP32. */
+  constructor(device, ends = () => false) {
     this.#device = device;
+    this.#ends = ends;
   }
 
   /** Whether the link reaches the REPL's port. */
@@ -17,8 +20,23 @@ export class RigWork {
   }
 
   /** Return {text, there}; `{}` if the board has none. */
-  read() {
-    return this.ask("read_rig");
+  async read() {
+    if (!this.#ends()) return this.ask("read_rig");
+    const device = this.#device;
+    const { client } = device;
+    await this.#mustRest();
+    device.restarts = true;
+    try {
+      const found = await this.ask("read_rig").finally(() => this.#connectAgain(client));
+      return found;
+    } finally {
+      device.restarts = false;
+    }
+  }
+
+  /** Throw an error if a motor moves, since getting to the REPL would stop it. */
+  async #mustRest() {
+    if ((await this.#device.demand("MotorStatus")).motor_bits) throw new Error("motors move; nothing has been changed");
   }
 
   /** Return the board's greeting for a rig file. Throws an error with the mistake. */
@@ -30,6 +48,7 @@ export class RigWork {
    * the board refuses the settings after its restart, it gets the previous file. say: called with each sentence on the way. */
   async write(text, say) {
     const device = this.#device;
+    if (this.#ends()) await this.#mustRest();
     device.restarts = !device.client?.keeps; // with a server, that waits for the board
     try {
       return await this.#replace(text, say);
@@ -46,7 +65,10 @@ export class RigWork {
 
   async #replace(text, say) {
     const { client } = this.#device;
-    const found = await this.ask("write_rig", { text });
+    const found = await this.ask("write_rig", { text }).catch(async (error) => {
+      if (this.#ends()) await this.#connectAgain(client);
+      throw error;
+    });
     if (!found.restarts) {
       await this.#device.greet(); // the server has waited for the board
       return found.text;

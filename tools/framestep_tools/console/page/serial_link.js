@@ -2,8 +2,8 @@
 
 import { BoardWork } from "./board_work.js";
 import { LinkError } from "./client.js";
-
-const NOMINAL_BAUD = 115200; // meaningless on USB, but required
+import { USUAL_BAUD } from "./repl_port.js";
+import { bareRig } from "./rig_text.js";
 
 export const serialIsThere = () => "serial" in navigator;
 
@@ -22,25 +22,28 @@ export class SerialLink {
   onbytes = () => {};
   onend = () => {};
   #port;
+  #baud;
+  #ends = false; // tasks end framestep, and the board restarts after each
   #writer;
   #reader;
+  #tries = 0;
   #ended = false;
   #closed = false;
   #work = null; // tasks on the REPL's port, once the user has chosen it
 
-  /** Open a port that the user picks. DTR shows the device that a host is connected. */
-  static async open() {
-    return SerialLink.#begin(await choosePort());
+  /** Open a port that the user picks. DTR shows the device that a host is connected. baud: its rate, if a UART is behind it. */
+  static async open(baud) {
+    return SerialLink.#begin(await choosePort(), baud);
   }
 
-  static async #begin(port) {
+  static async #begin(port, baud = USUAL_BAUD) {
     try {
-      await port.open({ baudRate: NOMINAL_BAUD });
+      await port.open({ baudRate: baud });
       await port.setSignals({ dataTerminalReady: true });
     } catch (error) {
       throw new LinkError(`the port cannot be opened (${error.message}): does another program have it?`);
     }
-    return { link: new SerialLink(port), hello: { device: "the chosen port", repl: false, kept: false } };
+    return { link: new SerialLink(port, baud), hello: { device: "the chosen port", repl: false, kept: false } };
   }
 
   /** Open a known port, with the REPL's. name: its name on the page. */
@@ -52,8 +55,9 @@ export class SerialLink {
     return found;
   }
 
-  constructor(port) {
+  constructor(port, baud = USUAL_BAUD) {
     this.#port = port;
+    this.#baud = baud;
     this.#writer = port.writable.getWriter();
     this.#reader = port.readable.getReader();
     this.#read();
@@ -64,10 +68,21 @@ export class SerialLink {
     this.#work = new BoardWork(await choosePort());
   }
 
+  /** Use this port for the REPL as well, or, if it has one of its own, the one that the user chooses: on an ESP32, where getting to
+   * the REPL ends framestep. Each task then closes this link, and the board restarts; `again` connects to it. */
+  async useEndingRepl(shared) {
+    this.#work = new BoardWork(shared ? this.#port : await choosePort(), true, () => (shared ? this.#baud : USUAL_BAUD));
+    this.#ends = true;
+  }
+
   /** Run a task on the REPL, as framestep console's server does. Throws LinkError if its port has not been chosen. */
-  ask(task, values = {}) {
-    if (!this.#work) return Promise.reject(new LinkError("the port of the REPL has not been chosen"));
-    return this.#work[task](values);
+  async ask(task, values = {}) {
+    if (!this.#work) throw new LinkError("the port of the REPL has not been chosen");
+    if (!this.#ends) return this.#work[task](values);
+    await this.close();
+    const found = await this.#work[task](values);
+    if (values.text !== undefined) this.#baud = JSON.parse(bareRig(values.text)).uart_baud ?? USUAL_BAUD;
+    return found;
   }
 
   openTerminal(terminal) {
@@ -86,8 +101,11 @@ export class SerialLink {
   async again() {
     await this.close();
     await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
-    const found = await SerialLink.#begin(this.#port);
+    // a board that has refused its rig file has the usual rate
+    this.#tries += 1;
+    const found = await SerialLink.#begin(this.#port, this.#ends && this.#tries % 2 === 0 ? USUAL_BAUD : this.#baud);
     found.link.#work = this.#work;
+    found.link.#ends = this.#ends;
     found.hello.repl = found.hello.terminal = this.#work !== null;
     return found;
   }

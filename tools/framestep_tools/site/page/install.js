@@ -16,7 +16,7 @@ const swap = async (motor) => {
   await rig.invert(motor);
   show(rig);
 };
-const connect = new ConnectStep(device, () => board.board, connectByCable, () => rig.read(), () => show(rig));
+const connect = new ConnectStep(device, () => board.board, () => connectByCable(board.baud), () => rig.read(), () => show(rig));
 const first = new FirstMoveStep(device);
 const motors = new MotorsStep(device, holds, swap, () => show(first));
 addViews([board, connect, rig, motors, first], "Install framestep");

@@ -20,10 +20,10 @@ async function lines(repl, script) {
 }
 
 /** Put files, {path: base64}, onto a board at a port of Web Serial, and restart it. Returns the number of files written.
- * say: called with a sentence before each step. Throws LinkError. */
-export async function put(port, board, files, say) {
+ * say: called with a sentence before each step; baud: the port's rate while framestep runs. Throws LinkError. */
+export async function put(port, board, files, say, baud) {
   say("Reaching MicroPython …");
-  const repl = await open(port);
+  const repl = await open(port, baud);
   let restarts = false;
   try {
     await check(repl, board);
@@ -39,10 +39,10 @@ export async function put(port, board, files, say) {
   }
 }
 
-async function open(port) {
+async function open(port, baud) {
   for (let i = 1; ; i += 1) {
     try {
-      return await Repl.open(port);
+      return await Repl.open(port, i % 2 ? baud : undefined); // without framestep it has the usual rate
     } catch (error) {
       if (i === TRIES) throw error;
     }

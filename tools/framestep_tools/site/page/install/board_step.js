@@ -18,6 +18,8 @@ export class BoardStep {
   element = h("section");
   /** The chosen board's entry in setup.json. */
   board = setup.boards.find(({ image }) => image) ?? setup.boards[0];
+  /** The rate of the board's port, if it has a UART. */
+  baud = setup.rates[0];
   #image = h("article", { class: "card", "aria-label": "Its image" });
   #onchoice;
 
@@ -79,13 +81,17 @@ export class BoardStep {
     const file = h("input", { type: "file", accept: ".bin" });
     const [saidFirst, saidThen] = [h("p", { role: "status" }), h("p", { role: "status" })];
     const bar = h("progress", { max: 1, value: 0, hidden: true, "aria-label": "Written" });
+    const rate = h("select", { onchange: () => {
+      this.baud = Number(rate.value);
+    } }, ...setup.rates.map((baud) => h("option", { value: baud, selected: baud === this.baud }, String(baud))));
     const first = h("button", { type: "button", onclick: () => this.#writeMicroPython(first, file, bar, saidFirst) }, "Erase the board and write it…");
     const then = h("button", { type: "button", class: "main", onclick: () => this.#putFiles(then, saidThen) }, "Put framestep's files onto it…");
     return [
       h("ol", { class: "what" },
         h("li", {}, `MicroPython for an ${setup.chips[chip]}, ${setup.files.oldest.join(".")} or newer: the .bin file from micropython.org/download. Skip this if the board has it. Writing erases everything on the board. `,
           field("MicroPython's .bin file", file), h("div", { class: "row" }, first), bar, saidFirst),
-        h("li", {}, "framestep's files. If framestep runs already, it ends and starts again, so nothing may move. rig.json and your other files stay. ", h("div", { class: "row" }, then), saidThen)),
+        h("li", {}, "framestep's files. If framestep runs already, it ends and starts again, so nothing may move. rig.json and your other files stay. ",
+          field("Rate of its port, if its rig.json sets uart_baud", rate), h("div", { class: "row" }, then), saidThen)),
       byHand,
     ];
   }
@@ -111,7 +117,7 @@ export class BoardStep {
     return this.#work(button, null, said, async () => {
       const port = await choosePort();
       const files = JSON.parse(new TextDecoder().decode(await fetchFile(board.files)));
-      const count = await put(port, board, files, (text) => setText(said, text));
+      const count = await put(port, board, files, (text) => setText(said, text), this.baud);
       return count ? `framestep is on the board (${count} files written), which restarts with it.` : "All of framestep was on the board already; it restarts.";
     });
   }

@@ -37,8 +37,9 @@ export class ConnectStep {
   render() {
     const { connected, hello, state } = this.#device;
     this.#repl.disabled = !connected || Boolean(hello?.repl);
-    this.#ofRepl.hidden = this.#board().foreground;
-    this.#next.disabled = !connected || !(hello?.repl || this.#ofRepl.hidden);
+    this.#ofRepl.hidden = this.#shares();
+    if (connected && this.#shares() && !hello.repl) this.#share();
+    this.#next.disabled = !connected || !hello?.repl;
     const lines = connected ? this.#lines(state.info) : ["Nothing is connected. If a chosen port does not answer, it may be the other one."];
     if ([...this.#said.children].map((line) => line.textContent).join("\n") !== lines.join("\n")) {
       this.#said.replaceChildren(...lines.map((line) => h("p", {}, line)));
@@ -55,9 +56,21 @@ export class ConnectStep {
     ];
   }
 
+  /** Whether Dragonframe and the REPL have the same port. */
+  #shares() {
+    const { foreground, ports } = this.#board();
+    return foreground && ports === 1;
+  }
+
+  #share() {
+    this.#device.hello.repl = true;
+    this.#device.client.useEndingRepl(true);
+  }
+
   async #chooseRepl() {
     try {
-      await this.#device.client.chooseRepl();
+      if (this.#board().foreground) await this.#device.client.useEndingRepl(false);
+      else await this.#device.client.chooseRepl();
       this.#device.hello.repl = true;
       this.#onrepl();
     } catch (error) {

@@ -18,6 +18,7 @@ export class RigStep {
   #schema = null;
   #form = null;
   #before = {}; // the board's file
+  #known = false; // it has been read
   #place = h("div");
   #said = h("p", { role: "status" });
   #changes = h("ul", { "aria-label": "Differences" });
@@ -29,7 +30,7 @@ export class RigStep {
   /** board: returns the chosen board's entry; next: shows the next step. */
   constructor(device, board, next) {
     this.#device = device;
-    this.#work = new RigWork(device);
+    this.#work = new RigWork(device, () => board().foreground);
     this.#board = board;
     const button = (text, work, main = false) => {
       const made = h("button", { type: "button", class: main ? "main" : "", onclick: () => this.#do(work) }, text);
@@ -62,7 +63,7 @@ export class RigStep {
   }
 
   render() {
-    setText(this.#shared, this.#board().foreground ? `On the ${this.#board().name} framestep ends when the REPL is used, so this page cannot put the file there: download it here, and framestep rig edit puts it onto the board.` : "");
+    setText(this.#shared, this.#board().foreground ? `The ${this.#board().name} restarts also when its file is read: framestep ends when the REPL is used.` : "");
     for (const button of this.#buttons) button.disabled = this.#busy || !this.#work.possible;
   }
 
@@ -74,6 +75,7 @@ export class RigStep {
   async #read() {
     const { text, there } = await this.#work.read();
     this.#before = JSON.parse(text);
+    this.#known = true;
     await this.#fillSound(this.#before, there ? "This is the board's rig file." : "The board has no rig file yet: every setting is at its default.");
   }
 
@@ -133,15 +135,18 @@ export class RigStep {
   async #look() {
     this.#forget();
     const text = this.#text();
-    this.#before = JSON.parse((await this.#work.read()).text);
+    const { foreground } = this.#board();
+    if (!foreground || !this.#known) this.#before = JSON.parse((await this.#work.read()).text);
+    this.#known = true;
     const found = differences(this.#before, JSON.parse(text));
     if (found.length === 0) {
       setText(this.#said, "The board has exactly these settings.");
       return;
     }
-    const verdict = await this.#work.check(text);
+    // an ESP32 checks it as it gets it
+    const verdict = foreground ? "What changes:" : `The board would accept it (${await this.#work.check(text)}). What changes:`;
     this.#changes.replaceChildren(...found.map((line) => h("li", {}, line)));
-    setText(this.#said, `The board would accept it (${verdict}). What changes:`);
+    setText(this.#said, verdict);
     this.#put.hidden = false;
   }
 
