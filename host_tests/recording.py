@@ -6,6 +6,7 @@ A recording is a file for runtime/recording_replay.py: a line of JSON that descr
     S 12 30        a tick and a pass, in each of the milliseconds 12 to 41
     T 12007        a single tick, at this microsecond
     P 12           a single pass, with the clock at this millisecond
+    A 12           questions are answered between two passes
     R 4446…        bytes from the host
     O, C           the port is opened, closed
     L 19 0         an input's level
@@ -152,7 +153,7 @@ class Recorder:
 
     def _listen(self):
         board, hal, controller = self.board, self.hal, self.board.controller
-        tick, poll = hal.tick, controller.poll
+        tick, poll, answer = hal.tick, controller.poll, controller.answer
         receive, open_port, set_level = board.receive, board.open_port, hal.set_level
         drive, enable, led, trouble = hal.drive, hal.enable, hal.led, hal.take_lost_commands
         wire_send, wire_receive, choose = (
@@ -216,6 +217,14 @@ class Recorder:
             if self.notes or self.wire or self.lights or self.sent or len(hal.said) > said:
                 self.recording.did.append(f"{now} {' '.join(self._noted(hal.said[said:]))}")
             return found
+
+        def on_answer(now):
+            self._line(f"A {now}")
+            if self.notes or self.wire or self.lights or self.sent:
+                self._noted(())  # not in a pass
+            answer(now)
+            if self.notes or self.sent:
+                self.recording.did.append(f"{now} {' '.join(self._noted(()))}")
 
         def on_receive(data):
             if data:
@@ -302,6 +311,7 @@ class Recorder:
         replaced = (
             (hal, "tick", on_tick, tick),
             (controller, "poll", on_poll, poll),
+            (controller, "answer", on_answer, answer),
             (board, "receive", on_receive, receive),
             (board, "open_port", on_open, open_port),
             (hal, "set_level", on_level, set_level),

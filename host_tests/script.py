@@ -14,6 +14,7 @@ MicroPython read.
     12 hold 40                    the main loop is away: for 40 ms there are ticks, but no pass
     12 skip 3                     interrupts are off: three ticks are missed and made up for later;
                                   no passes either
+    12 prompt                     questions that have come are answered before the pass
     12 full                       the host takes no more bytes, until drain
     500 end
 
@@ -26,7 +27,7 @@ Nothing here needs CPython, and it imports nothing of this package.
 
 import json
 
-VERBS = ("open", "close", "rx", "pin", "hold", "skip", "full", "drain")
+VERBS = ("open", "close", "rx", "pin", "hold", "skip", "full", "drain", "prompt")
 _NUMBERS = ("hold", "skip")
 
 

@@ -81,6 +81,9 @@ class Player:
             self._held = argument
         elif verb == "skip":
             self._off = argument
+        elif verb == "prompt":
+            if not self._held and not self._off:
+                board.controller.answer(board.hal.ticks_ms())
         elif verb in ("full", "drain"):
             self.full = verb == "full"
             if self.recorder:

@@ -15,7 +15,7 @@ import sys
 from framestep.base.native import const
 from framestep.protocol.messages import CONDITION_OVERLAY, CONDITION_OVERLAY_LEFT_OUT
 
-_DENSE = const(4096)  # bytes taken between two collections
+_DENSE = const(3072)  # bytes taken between two collections
 _SAVE = "framestep: set a smaller motor_count or virtuals in rig.json"
 _SPARE = const(10 * 1024)  # bytes for the REPL and a user's own code, in one piece
 

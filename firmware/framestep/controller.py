@@ -98,6 +98,7 @@ class Controller:
         self.housekept_at = 0
         self.active_passes = _ACTIVE_PASSES
         self.planning = False  # there is more to plan in the next pass
+        self.reported = False  # the last pass was for a report, so this one plans
         self.unsent = False  # the port has not taken everything yet
         self.backlog = False  # requests wait until there is room for their answers
         self.was_open = False
@@ -233,22 +234,67 @@ class Controller:
             self.active_passes = _ACTIVE_PASSES  # a run of lights only does not move anything
             self._housekeep(now, False, news)
             return busy
-        since = elapsed(now, self.housekept_at)
         reports = self.reports
         if (
             reports.was_moving
-            and since < 2 * _HOUSEKEEP_MS
-            and elapsed(now, reports.sent_at) >= reports.period_ms
+            and not self.reported
+            and (reports.virtual or elapsed(now, reports.sent_at) >= reports.period_ms)
         ):
+            # A report and a piece of planning would be too much for one pass, so they take turns.
+            self.reported = self.planning = True
             self._housekeep(now, False, news)
-        elif since >= _HOUSEKEEP_MS or news:
+        elif news or elapsed(now, self.housekept_at) >= _HOUSEKEEP_MS and not self.reported:
+            self.reported = False
             self.housekept_at = now
             self._housekeep(now, True, news)
         elif self.planning:
+            self.reported = False
             self._plan(now)
             if self.operations.rt_end_due:
                 self._housekeep(now, False, news)
+        else:
+            self.reported = False
         return busy
+
+    def answer(self, now):
+        """Answer questions for status, positions or HI that have just come, between two passes.
+
+        now: as for poll(). All other requests wait for the next pass, which begins at a known time
+        after a tick.
+        """
+        port = self.port
+        reader = self.reader
+        state = self.operations.state
+        if (
+            not self.was_open
+            or not port.open
+            or port.openings != self.openings
+            or reader.waiting
+            or self.unsent
+            or state == POSITIONING
+            or state == ENDING
+        ):
+            return
+        now &= WRAP
+        self.now = reader.now = now
+        if port.poll(reader):
+            self.heard_at = self.begun_at = now
+        writer = self.writer
+        while True:
+            kind = reader.upcoming()
+            if (
+                kind != m.MSG_MOTOR_STATUS
+                and kind != m.MSG_MOTOR_GET_POSITION
+                and kind != m.MSG_HI
+                or writer.room() < _REPLY_ROOM
+            ):
+                break
+            sample(self.header, self.axes.samples)
+            code = m.ERR_CHECKSUM if reader.poll() == DAMAGED else self._handle(reader)
+            if code:
+                writer.ack(reader, code, self.rig.dword_acks)
+        if writer.pending:
+            self.unsent = port.send(writer)
 
     def _housekeep(self, now, whole, news):
         """Look after queues, faults and reports, every few milliseconds.

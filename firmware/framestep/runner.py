@@ -22,14 +22,14 @@ from framestep.base.native import const, micropython
 from framestep.base.results import BY, EXCEEDED_MEMORY, FRAME, MOTOR, ROOM, WHAT
 from framestep.controller import LED_FAULT, glow
 from framestep.faults import FAULTS, outcome
-from framestep.hal import DEEPEST, PASS
+from framestep.hal import DEEPEST, PASS, SHALLOW
 from framestep.moves.path.move_check import UNREPORTED
 from framestep.protocol.messages import CONDITION_POSITIONS_UNSAVABLE, CONDITION_WATCHDOG_RESET
 from framestep.pulse.stepper import TICKS
 from framestep.stops import HOMING_REPORT
 
 _PASS_MS = const(1)
-_BEHIND_TICK_US = const(50)  # from a tick to a pass: see _prepare()
+_BEHIND_TICK_US = const(50)  # from a tick to a pass: see run()
 _LINES = const(16)
 _BEAT_MS = const(128)
 _CTRL_C = const(3)
@@ -76,6 +76,8 @@ class Runner:
         self._controller = None
         self.failure = None  # the exception that ended the passes
         self.alive = False  # passes go on
+        self._timer = None  # that calls for a pass
+        self._begun_at = -1  # time of the last pass, ms
         self.task = None  # a function of framestep.repl to call between two passes
         self._traceback_task = self._traceback
         self._failing = False  # a pass was broken off: the next one stops the motors
@@ -100,8 +102,17 @@ class Runner:
         port."""
         self._controller = controller
         if self.background:
-            self._prepare()
+            # All passes begin in the middle between two ticks. The pass that reads a GO releases
+            # the motors a millisecond and a half after it has begun. If that were close to a tick,
+            # it would sometimes come before and sometimes after it, and runs would begin up to 2 ms
+            # apart instead of 1 (`make bench`: go_ms_spread).
+            ticks = self._hal.kernel.state
+            tick = ticks[TICKS]
+            while ticks[TICKS] == tick:
+                pass
+            sleep_us(_BEHIND_TICK_US)
             self.alive = True
+            self._hal.port.prompt = self._pass_callback
             self._hal.passes.init(
                 period=_PASS_MS, mode=Timer.PERIODIC, callback=self._pass_callback
             )
@@ -122,19 +133,6 @@ class Runner:
             self._hal.port.stop()  # gives it back to the REPL
             self._report_all()
 
-    def _prepare(self):
-        """Wait for the moment between two ticks at which all passes will begin.
-
-        The pass that reads a GO releases the motors a millisecond and a half after it has begun. If
-        that were close to a tick, it would sometimes come before and sometimes after it, and runs
-        would begin up to 2 ms apart instead of 1 (`make bench`: go_ms_spread).
-        """
-        state = self._hal.kernel.state
-        tick = state[TICKS]
-        while state[TICKS] == tick:
-            pass
-        sleep_us(_BEHIND_TICK_US)
-
     def _poll(self):
         """Do one pass in the foreground. Return the result of the controller's poll()."""
         heap_lock()
@@ -147,8 +145,9 @@ class Runner:
 
     # MicroPython raises a pending Ctrl-C at the next branch. So there is no branch before _turn(),
     # which expects it, nor after the last line, which passes it on.
-    def _pass(self, _timer):
+    def _pass(self, timer):
         heap_lock()
+        self._timer = timer
         try:
             self._turn()
         finally:
@@ -161,13 +160,18 @@ class Runner:
             _interrupt(dupterm, dupterm_notify, self._ctrl_c)
 
     def _turn(self):
-        """Do one pass in the background; catch anything that it raises.
+        """Do one pass in the background, or answer questions between two if no timer calls; catch
+        anything that it raises.
 
         A Ctrl-C is meant for a program on the REPL.
         """
         controller = self._controller
         try:
-            if not self.alive or stack_use() > DEEPEST:
+            deepest = DEEPEST
+            if self._timer is None:
+                self._hal.port.prompt = self._pass_callback
+                deepest = SHALLOW
+            if not self.alive or stack_use() > deepest:
                 # The passes ended while this one waited in the scheduler. Or a program is deep in
                 # calls, so that the stack may be too small for a pass; the next one comes in 1 ms.
                 return
@@ -178,7 +182,12 @@ class Runner:
                 controller.stops.fault_stop()
                 self._failing = False
                 self._failed = self._news = True
-            controller.poll(ticks_ms())
+            now = ticks_ms()
+            if self._timer is None:
+                controller.answer(now)
+            elif now != self._begun_at:  # else a long one has held it up
+                self._begun_at = now
+                controller.poll(now)
         except KeyboardInterrupt:
             self._struck = self._failing = True
             return

@@ -4,7 +4,7 @@ nothing is written below the stack, where the heap ends.
 
 import pytest
 
-from framestep.hal import DEEPEST, REPL_STACK, STACK
+from framestep.hal import DEEPEST, REPL_STACK, SHALLOW, STACK
 from framestep_tools.payloads import (
     HardStop,
     MotorMove,
@@ -56,11 +56,14 @@ def session():
         yield session
 
 
-def test_what_the_largest_pass_takes(session):
+@pytest.mark.parametrize("prompted, most", [(False, DEEPEST), (True, SHALLOW)])
+def test_what_the_largest_pass_takes(session, prompted, most):
     """From the prompt on, including everything on top of it."""
     repl = session.repl
     prompt = repl.eval("__import__('micropython').stack_use()")
     repl.exec(LOW)
+    if not prompted:
+        repl.exec("import framestep.boot\nframestep.boot.hal.port.prompt = False")
     positions = move(session, frames=40)
     stands = load(session, positions)
     session.accept(RtGo())
@@ -71,7 +74,9 @@ def test_what_the_largest_pass_takes(session):
     session.run(0.1)
     session.accept(MotorStopAll(), MotorStopAll())
     session.wait_idle()
-    assert 3500 < repl.eval("low()") <= prompt + STACK - DEEPEST
+    low = repl.eval("low()")
+    repl.exec("import framestep.boot as b\nb.hal.port.prompt = b.runner._pass_callback")
+    assert 3500 < low <= prompt + STACK - most
 
 
 def test_a_runaway_recursion_while_a_motor_moves(session):

@@ -225,9 +225,10 @@ def test_throughput(usb, capsys):
             "\nUSB port, kB/s:", ", ".join(f"{name}: {rate:.0f}" for name, rate in figures.items())
         )
     assert min(rate for name, rate in figures.items() if name.startswith("in")) > 400
-    # 280 to 292, depending on when the loop checks for the end of a packet, and on how the code is
-    # in the flash cache; keeping the device over a soft reset takes 7 µs of each packet
-    assert figures["out"] > 275
+    # 256 to 292, depending on when the loop checks for the end of a packet, and on how names and
+    # code are in dictionaries and in the flash cache; keeping the device over a soft reset takes
+    # 7 µs of each packet
+    assert figures["out"] > 250
 
 
 def test_latency_and_cost(usb, capsys):

@@ -89,6 +89,8 @@ class Host:
             self.spoil(data)
         else:
             self.trial.do("rx", data)
+        if self.number % 3:
+            self.trial.do("prompt")
         if self.trial.counts["requests"] >= self.requests:
             raise Over
         return number

@@ -122,8 +122,8 @@ class Runs(Part):
     def may_stop(self):
         """Allow a run that is under way to end beside its path."""
         if self.going and self.going.get("run") is self.run:
-            for motor in self.going["motors"]:
-                self._beside(motor, self._played(motor), self.run["fps"])
+            for motor, path in self.going["paths"]:  # of the move, while the next is uploaded
+                self._beside(motor, path, self.run["fps"])
 
     def _rolled(self, motor, number, roll_ms):
         """Allow the begin or end of a ramp at that frame."""
@@ -163,9 +163,11 @@ class Runs(Part):
                 motor.jerky = motor.free = True
             return
         self.going["run"] = run
+        self.going["paths"] = []
         for motor in self._takers():
             self.going["motors"].append(motor)
             path = self._played(motor)
+            self.going["paths"].append((motor, path))
             self._over(motor, path)
             self._rolled(motor, run["start"], run["pre"])
             self._rolled(motor, run["end"], run["post"])

@@ -417,12 +417,15 @@ class Replay:
             print(f"{us}: t{registers[0]},{registers[1]}")
             registers[0] = registers[1] = -1
 
-    def poll(self, ms):
+    def poll(self, ms, between=False):
         hal = self.hal
         now = ms + self.ms & 0x3FFFFFFF
         micropython.heap_lock()
         try:
-            self.controller.poll(now)
+            if between:
+                self.controller.answer(now)
+            else:
+                self.controller.poll(now)
         finally:
             micropython.heap_unlock()
         reported = hal.notes.reported()
@@ -442,6 +445,8 @@ class Replay:
                 self.poll(ms)
         elif verb == b"P":
             self.poll(int(words[1]))
+        elif verb == b"A":
+            self.poll(int(words[1]), True)
         elif verb == b"T":
             self.tick(int(words[1]))
         elif verb == b"R":

@@ -161,6 +161,9 @@ class Port:
 
     open        whether the host has it open (DTR); True if that cannot be seen
     openings    how often it has been opened: a change means a new host
+    prompt      set from outside if the port is not the REPL's: what the scheduler is to call with
+                None when a question for status, positions or HI has come. The port sets it to False
+                then, and the call sets it again. Without such calls passes answer all questions.
     """
 
     def start(self):

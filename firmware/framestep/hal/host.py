@@ -98,6 +98,8 @@ class PulseModel:
 class HostPort:
     """The protocol port; whoever drives the board is at its far end."""
 
+    prompt = False
+
     def __init__(self):
         self.open = False
         self.openings = 0

@@ -132,6 +132,8 @@ class StdinPort:
     bytes of an incomplete frame it holds.
     """
 
+    prompt = False
+
     def __init__(self):
         self._buffer = bytearray(_SIZE)
         self._filling = _Filling(self._buffer)

@@ -67,9 +67,11 @@ from framestep.hal.ports.usb_transfers import (
     restore,
     send_packet,
 )
+from framestep.protocol.messages import MSG_HI, MSG_MOTOR_GET_POSITION, MSG_MOTOR_STATUS
 
 # isort: split
 # After usb_transfers, which explains what to do if this is missing
+import micropython as runtime
 from machine import USBDevice, disable_irq, enable_irq
 
 # CDC requests (USB CDC PSTN 1.2, table 13)
@@ -93,6 +95,9 @@ class UsbPort:
     counts how often it was opened: a change means a new client, even if `open` is True before and
     after.
 
+    `prompt`: what the scheduler is to call with None when a question for status, positions or HI
+    has come; False by default, and from then on. So the callback has to be set again by its call.
+
     Nothing allocates after `start()`. One main loop calls `poll()` and `send()`. If it is a
     scheduled function, it calls `poll()` only once each time, since callbacks must come between two
     calls.
@@ -102,7 +107,6 @@ class UsbPort:
         usb = self._usb = USBDevice()
         builtin = self._builtin = usb.BUILTIN_DEFAULT
         self._submit = usb.submit_xfer
-        self._ticks = time.ticks_ms
         memory = memoryview(chip.memory(MEMORY) if chip else bytearray(MEMORY))
         self._rx = memory[: 2 * PLACE]
         self._places = (memory[:PLACE], memory[PLACE : 2 * PLACE])
@@ -131,6 +135,7 @@ class UsbPort:
         self._bus = chip.BusWatch() if chip else None
         self.open = False
         self.openings = 0
+        self.prompt = False
 
     def start(self):
         """Add the port to the built-in one; returns at once.
@@ -146,6 +151,7 @@ class UsbPort:
                 arm,
                 mark_stale,
                 send_packet,
+                _prompt,
                 port._configured,
                 port._reset,
                 port._control,
@@ -239,7 +245,7 @@ class UsbPort:
         s[UNHEARD] = 0
         s[BY_DTR] = 1
         self.open = False
-        self._closed_at = self._ticks()
+        self._closed_at = time.ticks_ms()
 
     @micropython.viper
     def _control(self, stage: int, request):
@@ -271,7 +277,7 @@ class UsbPort:
                 if chip:
                     chip.empty_packet(s[EP_OUT])
                 self.open = False
-                self._closed_at = self._ticks()
+                self._closed_at = time.ticks_ms()
                 s[BY_DTR] = s[DTR]
             s[DTR] = dtr
             ptr32(s[KEPT])[KEPT_DTR] = dtr
@@ -295,6 +301,12 @@ class UsbPort:
             s[ARMED] = 0
             if (s[FILL] - s[TAKE]) & 3 < 2:
                 arm(self)
+            frame = ptr8(s[RX] + place * PLACE)
+            kind = frame[6] | (frame[7] << 8)
+            if (
+                kind == MSG_MOTOR_STATUS or kind == MSG_MOTOR_GET_POSITION or kind == MSG_HI
+            ) and self.prompt:
+                _prompt(self)
         elif endpoint == s[EP_IN]:
             if s[LEFT] or s[LAST] == PACKET:
                 send_packet(self)
@@ -430,3 +442,19 @@ class UsbPort:
             elif not self.open and self._state[DTR]:
                 self.open = True
                 self.openings += 1
+
+
+@micropython.viper
+def _prompt(port):
+    """Let the scheduler call for a question to be answered.
+
+    If its queue is full, the next pass sees to it. With the heap locked, not even that exception
+    allocates.
+    """
+    runtime.heap_lock()
+    try:
+        runtime.schedule(port.prompt, None)
+        port.prompt = NO
+    except:  # noqa: E722
+        pass
+    runtime.heap_unlock()

@@ -35,10 +35,6 @@ _GUARD_MS = const(3)  # a bus reset takes at least ten
 _TRACEBACK_BYTES = const(256)  # for an exception in a pass, where it cannot allocate
 
 
-def _no_led(_colour):
-    pass
-
-
 def release(block):
     """Free the memory of a bytearray, even if the object itself survives.
 
@@ -54,6 +50,8 @@ class Rp2Hal:
     framestep.rig.Rig."""
 
     def __init__(self, board, rig):
+        from framestep.hal.rp2 import parts
+
         self.board = board
         self._stack = set_limit(REPL_STACK)
         self.motors = len(board["step"])
@@ -73,7 +71,7 @@ class Rp2Hal:
             setup = int(settings["setup_us"] * cycles_per_us)
             width = 0 if width < 0 else WIDTHS - 1 if width >= WIDTHS else width
             self.kernel.configure(i, self.engine.fifo(i), width, setup, settings["invert"])
-        self._servos = self._make_servos(rig, cycles_per_us) if rig.servos else None
+        self._servos = parts.servos(self, rig, cycles_per_us) if rig.servos else None
         # Drivers stay off until a motor has to move.
         self._on_level = [1 if rig.motor(i)["enable_high"] else 0 for i in range(self.motors)]
         self._enabled = 0
@@ -83,81 +81,16 @@ class Rp2Hal:
         self.floats = self._motors_of(1 << held_pin()) if held_pin() >= 0 else 0
         self._everyone = (1 << self.motors) - 1
         self._bus_guard_callback = self._bus_guard
-        self.dmx = self._make_dmx(board.get("dmx"), rig)
+        self.dmx = parts.dmx(board.get("dmx"), rig)
         self._watched = rig.watchdog
-        self.watchdog = self._make_watchdog(rig)
+        self.watchdog = parts.watchdog(rig)
         self.inside = self.watchdog.words if rig.watchdog else array("i", [0] * (PASS + 1))
         self.report_driver = None  # prints lines about drivers: see contract.py
-        self.driver_wire = self._make_wire(board["drivers"]) if rig.drivers else None
-        self.port = self._make_port(rig.ports)
+        self.driver_wire = parts.wire(board["drivers"], self.motors) if rig.drivers else None
+        self.port = parts.port(rig.ports)
         self.ticker = None
         self.passes = Timer(-1)  # made now, as there may be no memory for it later
-        self.led = self._make_led(board)
-
-    def _make_servos(self, rig, cycles_per_us):
-        from framestep.hal.servos import make_servos
-
-        motors = range(self.motors)
-        return make_servos(
-            self.kernel,
-            [rig.motor(i) for i in motors],
-            [self.engine.fifo(i) for i in motors],
-            cycles_per_us,
-        )
-
-    def _make_dmx(self, wiring, rig):
-        if wiring is None or not rig.dmx:
-            from framestep.hal.absent import NoDmx
-
-            return NoDmx()
-        from framestep.hal.rp2.dmx import Dmx
-
-        with Claim(wiring["tx"], wiring["rx"]):
-            dmx = Dmx(
-                wiring,
-                machine.freq(),
-                rig.dmx_break_us,
-                rig.dmx_mark_us,
-                "RP2350" in sys.implementation._machine,
-            )
-        dmx.start()
-        return dmx
-
-    def _make_watchdog(self, rig):
-        if rig.watchdog:
-            from framestep.hal.rp2.watchdog import Watchdog
-
-            return Watchdog()
-        from framestep.hal.absent import NoWatchdog
-
-        return NoWatchdog()
-
-    def _make_wire(self, wiring):
-        if "pins" in wiring:
-            from framestep.hal.rp2.one_wire import OneWire
-
-            pins = wiring["pins"][: self.motors]
-            with Claim(*pins):
-                return OneWire(pins, self.motors)
-        from framestep.hal.rp2.wire import Wire
-
-        with Claim(wiring["tx"], wiring["rx"]):
-            return Wire(wiring, "RP2350" in sys.implementation._machine)
-
-    def _make_led(self, board):
-        if "led" in board:
-            with Claim(board["led"]):
-                return Pin(board["led"], Pin.OUT, value=0).value
-        if "rgb" not in board:
-            return _no_led
-        from framestep.hal.rp2.rgb import RgbLed
-
-        # The first state machine that neither motors nor the drivers' lines (one_wire.py) use.
-        machine = self.motors
-        if machine % 4 == 0:
-            machine += 2 * len(board.get("drivers", {}).get("pins", ()))
-        with Claim(board["rgb"]):
-            return RgbLed(board["rgb"], machine).show
+        self.led = parts.led(board, self.motors)
 
     def flash(self):
         import rp2
@@ -165,15 +98,6 @@ class Rp2Hal:
         from framestep.hal.flash import Flash
 
         return Flash(rp2.Flash())
-
-    def _make_port(self, ports):
-        if ports == 2:
-            from framestep.hal.ports.usb_port import UsbPort
-
-            return UsbPort()
-        from framestep.hal.ports.stdin_port import StdinPort
-
-        return StdinPort()
 
     @property
     def upload_bytes(self):

@@ -10,6 +10,7 @@ from framestep.leftovers import stop_dma as clear  # noqa: F401
 SPENT = (
     "framestep.hal.flash_blocks",
     "framestep.hal.rp2.clock",
+    "framestep.hal.rp2.parts",
     "framestep.hal.rp2.stack",
     "framestep.hal.ports.usb_descriptor",
     "framestep.hal.rp2.start",

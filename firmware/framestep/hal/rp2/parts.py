@@ -1,0 +1,94 @@
+"""Parts of the HAL that board and rig choose; unloaded once the board is up."""
+
+import sys
+
+import machine
+from machine import Pin
+
+from framestep.hal.rp2.pin_guard import Claim
+
+
+def servos(hal, rig, cycles_per_us):
+    """Return the Servos of a rig that has some."""
+    from framestep.hal.servos import make_servos
+
+    motors = range(hal.motors)
+    return make_servos(
+        hal.kernel,
+        [rig.motor(i) for i in motors],
+        [hal.engine.fifo(i) for i in motors],
+        cycles_per_us,
+    )
+
+
+def dmx(wiring, rig):
+    """Return what sends DMX, or does nothing. wiring: from board.json, or None."""
+    if wiring is None or not rig.dmx:
+        from framestep.hal.absent import NoDmx
+
+        return NoDmx()
+    from framestep.hal.rp2.dmx import Dmx
+
+    with Claim(wiring["tx"], wiring["rx"]):
+        sender = Dmx(
+            wiring,
+            machine.freq(),
+            rig.dmx_break_us,
+            rig.dmx_mark_us,
+            "RP2350" in sys.implementation._machine,
+        )
+    sender.start()
+    return sender
+
+
+def watchdog(rig):
+    """Return the Watchdog, or one that does nothing."""
+    if rig.watchdog:
+        from framestep.hal.rp2.watchdog import Watchdog
+
+        return Watchdog()
+    from framestep.hal.absent import NoWatchdog
+
+    return NoWatchdog()
+
+
+def wire(wiring, motors):
+    """Return the wire to the drivers of a number of motors. wiring: from board.json."""
+    if "pins" in wiring:
+        from framestep.hal.rp2.one_wire import OneWire
+
+        pins = wiring["pins"][:motors]
+        with Claim(*pins):
+            return OneWire(pins, motors)
+    from framestep.hal.rp2.wire import Wire
+
+    with Claim(wiring["tx"], wiring["rx"]):
+        return Wire(wiring, "RP2350" in sys.implementation._machine)
+
+
+def port(ports):
+    """Return the protocol's port on a board with one port or two."""
+    if ports == 2:
+        from framestep.hal.ports.usb_port import UsbPort
+
+        return UsbPort()
+    from framestep.hal.ports.stdin_port import StdinPort
+
+    return StdinPort()
+
+
+def led(board, motors):
+    """Return a function that shows a colour, 0xRRGGBB, on the board's LED, if it has one."""
+    if "led" in board:
+        with Claim(board["led"]):
+            return Pin(board["led"], Pin.OUT, value=0).value
+    if "rgb" not in board:
+        return lambda _colour: None
+    from framestep.hal.rp2.rgb import RgbLed
+
+    # The first state machine that neither motors nor the drivers' lines (one_wire.py) use.
+    machine = motors
+    if machine % 4 == 0:
+        machine += 2 * len(board.get("drivers", {}).get("pins", ()))
+    with Claim(board["rgb"]):
+        return RgbLed(board["rgb"], machine).show
