@@ -127,7 +127,7 @@ def edge_columns(page, row):
     return card(page, "Pins").locator("canvas").evaluate(EDGE_COLUMNS, row)
 
 
-def test_console_and_repl_of_the_board_in_the_page(page, url):
+def use_console_and_repl(page, url):
     expect(page.locator("#who")).to_contain_text(try_page.RIG["name"])
     expect(card(page, "Motor 4")).to_be_visible()
     type_on_repl(page, "6 * 7000")
@@ -137,7 +137,8 @@ def test_console_and_repl_of_the_board_in_the_page(page, url):
     assert all(asked.startswith(url) for asked in page.asked), page.asked
 
 
-def test_rig_and_scope_show_the_pins(page):
+def watch_rig_and_scope(page):
+    go_to(page, "Motors")
     assert edge_columns(page, 0) == 0
     with jog_up(page, 300):
         assert edge_columns(page, 0) > 10
@@ -147,19 +148,21 @@ def test_rig_and_scope_show_the_pins(page):
     expect(card(page, "Rig")).to_contain_text(f"track {steps(page) / STEPS_PER_MM:.1f} mm")
 
 
-def test_a_narrow_page_begins_with_the_tour(stage, url):
-    page = stage.page(url, viewport={"width": 390, "height": 844})
-    wait_connected(page)
+def make_it_narrow(page):
+    """A narrow page begins with the tour."""
+    wide = page.viewport_size
+    page.set_viewport_size({"width": 390, "height": 844})
     order = [card(page, "Tour"), card(page, "Rig"), page.locator("main"), card(page, "REPL")]
     tops = [each.bounding_box()["y"] for each in order]
     assert tops == sorted(tops)
     for view in ("Motors", "Moves", "Rig file, load"):
         go_to(page, view)
         assert page.evaluate("document.documentElement.scrollWidth") <= 390, view
-    assert page.errors == []
+    page.set_viewport_size(wide)
+    go_to(page, "Motors")
 
 
-def test_power_goes_off_and_on(page):
+def switch_power_off_and_on(page):
     type_on_repl(page, "kept = 6 * 7000")
     page.get_by_role("button", name="Power off and on").click()
     expect(log(page)).to_contain_text("The link has ended")
@@ -168,7 +171,7 @@ def test_power_goes_off_and_on(page):
     expect_on_repl(page, "NameError")
 
 
-def test_a_new_rig_file_and_the_load(page):
+def put_a_new_rig_file(page):
     """The page itself uses the REPL's port, then returns it to the terminal."""
     go_to(page, "Rig file, load")
     page.get_by_role("button", name="Measure").click()
@@ -179,8 +182,17 @@ def test_a_new_rig_file_and_the_load(page):
     expect(rig.get_by_role("status")).to_have_text("two motors has restarted with it.")
     go_to(page, "Motors")
     expect(page.get_by_role("main").get_by_role("article")).to_have_count(2)
-    type_on_repl(page, "6 * 7000")
-    expect_on_repl(page, "42000")
+    type_on_repl(page, "6 * 7001")
+    expect_on_repl(page, "42006")
+
+
+def test_console_repl_pins_power_and_a_new_rig_file(page, url):
+    """In one page, since the board in it starts for seconds."""
+    use_console_and_repl(page, url)
+    watch_rig_and_scope(page)
+    make_it_narrow(page)
+    switch_power_off_and_on(page)
+    put_a_new_rig_file(page)
 
 
 def done(page, step):
