@@ -378,6 +378,7 @@ def test_a_call_that_takes_longer_than_the_watchdog_waits(rig):
     assert rig.made(1) == 100
 
 
+@pytest.mark.repeats
 def test_a_tick_that_has_died(rig):
     """During a long call on the REPL: nothing controls the motors any more, so the board starts
     again."""

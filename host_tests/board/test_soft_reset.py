@@ -247,6 +247,7 @@ def test_a_boot_py_that_knows_nothing_of_framestep():
         assert dma_running(repl) == []
 
 
+@pytest.mark.repeats
 def test_a_host_that_closes_its_port_while_framestep_restarts(image):
     """Nobody hears it. The port counts as closed all the same, because nobody reads a packet: no
     motion stops for lack of a host, and the next host begins a new session."""
