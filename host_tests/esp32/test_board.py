@@ -154,7 +154,7 @@ def test_a_jog_ends_without_another(rig):
     assert 0.5 < times[-1] - times[0] < 0.6
 
 
-@pytest.mark.parametrize("fps", [23.976, 24, 60])
+@pytest.mark.parametrize("fps", sweep([23.976, 24, 60], 23.976, 60))
 def test_a_run(rig, fps):
     """At each frame's time each motor is on its uploaded position, and the frame is reported."""
     rig.upload(MOVE)
@@ -375,7 +375,7 @@ def test_reading_the_upload_port_takes_no_step(rig):
     assert steady.max() - steady.min() < 9e-6
 
 
-@pytest.mark.parametrize("baud", [230400, 460800, 921600])
+@pytest.mark.parametrize("baud", sweep([230400, 460800, 921600], 921600))
 def test_a_higher_rate(board, baud):
     """An upload while a motor moves, with pauses of the main loop: no byte is lost."""
     session = board({"uart_baud": baud}, baud)

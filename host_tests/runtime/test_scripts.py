@@ -51,12 +51,17 @@ def words(*values):
 
 def test_what_the_fuzzer_has_found(request, runtime, tmp_path):
     """On CPython they are all judged in each run (fuzz/test_fuzz.py)."""
-    scripts = FOUND if request.config.getoption("--all") else FOUND[::3]
-    recordings = []
-    for path in runtime.share(scripts):
+    scripts = {}
+    for path in FOUND:
         with path.open() as file:
-            recording, _ = played(parse(file))
-        recording.test = path.name
+            scripts[path.name] = parse(file)
+    names = sorted(scripts, key=lambda name: scripts[name].end)
+    if not request.config.getoption("--all"):
+        names = names[: len(names) // 3]
+    recordings = []
+    for name in runtime.share(names):
+        recording, _ = played(scripts[name])
+        recording.test = name
         recordings.append(recording)
     found = all_differences(runtime, recordings, tmp_path)
     assert not found, "\n\n".join(found)
