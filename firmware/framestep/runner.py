@@ -13,7 +13,7 @@ including all reports that need no memory.
 import io
 import sys
 from os import dupterm, dupterm_notify  # type: ignore[attr-defined]
-from time import sleep_us, ticks_ms  # modulo 2^30 where small integers have 31 bits
+from time import sleep_us, ticks_diff, ticks_ms, ticks_us  # 30 bits where small integers have 31
 
 from machine import Timer
 from micropython import heap_lock, heap_unlock, stack_use
@@ -29,6 +29,7 @@ from framestep.pulse.stepper import TICKS
 from framestep.stops import HOMING_REPORT
 
 _PASS_MS = const(1)
+_APART_US = const(500)  # passes, at least; one is due each millisecond
 _BEHIND_TICK_US = const(50)  # from a tick to a pass: see run()
 _LINES = const(16)
 _BEAT_MS = const(128)
@@ -77,7 +78,7 @@ class Runner:
         self.failure = None  # the exception that ended the passes
         self.alive = False  # passes go on
         self._timer = None  # that calls for a pass
-        self._begun_at = -1  # time of the last pass, ms
+        self._begun_at = 0  # time of the last pass, ticks_us
         self.task = None  # a function of framestep.repl to call between two passes
         self._traceback_task = self._traceback
         self._failing = False  # a pass was broken off: the next one stops the motors
@@ -182,12 +183,11 @@ class Runner:
                 controller.stops.fault_stop()
                 self._failing = False
                 self._failed = self._news = True
-            now = ticks_ms()
             if self._timer is None:
-                controller.answer(now)
-            elif now != self._begun_at:  # else a long one has held it up
-                self._begun_at = now
-                controller.poll(now)
+                controller.answer(ticks_ms())
+            elif ticks_diff(ticks_us(), self._begun_at) >= _APART_US:  # else it has been held up
+                self._begun_at = ticks_us()
+                controller.poll(ticks_ms())
         except KeyboardInterrupt:
             self._struck = self._failing = True
             return

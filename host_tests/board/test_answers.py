@@ -14,7 +14,7 @@ from host_tests.covering import sweep
 
 WORST_MS = 10  # design.md's goal
 WORST_VIRTUAL_MS = 15
-AT_REST_MS = 1  # a pass is due each millisecond, but questions do not wait for it
+AT_REST_MS = 1.2  # a pass is due each millisecond, but questions do not wait for it
 EDGE_MS = 10  # from GO to the first edge, 3 of them until the ramp's first step
 APART_NS = 1000  # between the motors' first edges
 
@@ -32,7 +32,8 @@ def test_a_question_at_rest_waits_for_no_pass(session):
     ask = Asker(session.client, at_once=0)
     for _ in range(30):
         ask()
-    assert np.median(ask.ms) < AT_REST_MS
+    kinds = len(ask.KINDS)
+    assert max(np.median(ask.ms[kind::kinds]) for kind in range(kinds)) < AT_REST_MS
 
 
 @pytest.mark.parametrize("fps", sweep([25, 60], 60))

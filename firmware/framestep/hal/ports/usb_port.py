@@ -67,7 +67,6 @@ from framestep.hal.ports.usb_transfers import (
     restore,
     send_packet,
 )
-from framestep.protocol.messages import MSG_HI, MSG_MOTOR_GET_POSITION, MSG_MOTOR_STATUS
 
 # isort: split
 # After usb_transfers, which explains what to do if this is missing
@@ -80,6 +79,11 @@ _GET_LINE_CODING = const(0x21)
 _SET_CONTROL_LINE_STATE = const(0x22)
 _SEND_BREAK = const(0x23)
 _STAGE_SETUP = const(1)
+
+# Types of frames that prompt (protocol.messages)
+_HI = const(0x01)
+_STATUS = const(0x30)
+_GET_POSITION = const(0x34)
 
 # bytes that come this long after DTR was cleared come from a host that does not use it
 _QUIET_MS = const(100)
@@ -303,9 +307,7 @@ class UsbPort:
                 arm(self)
             frame = ptr8(s[RX] + place * PLACE)
             kind = frame[6] | (frame[7] << 8)
-            if (
-                kind == MSG_MOTOR_STATUS or kind == MSG_MOTOR_GET_POSITION or kind == MSG_HI
-            ) and self.prompt:
+            if (kind == _STATUS or kind == _GET_POSITION or kind == _HI) and self.prompt:
                 _prompt(self)
         elif endpoint == s[EP_IN]:
             if s[LEFT] or s[LAST] == PACKET:
