@@ -15,7 +15,7 @@ unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup node chromium micropython images demo try site sim emu check test test-all test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
+.PHONY: help setup node chromium micropython images demo try site sim emu check test test-all test-core test-runtime test-replay test-sessions test-board test-emulator test-console console-pictures fuzz lint types format \
 	plots bench profile flash image install release emulator-measure conform drawn-faults prove clean
 
 help: ## show this list
@@ -85,6 +85,10 @@ test-runtime: setup ## the core on 32-bit MicroPython: x86, and ESP32's processo
 test-replay: setup ## the end-to-end sessions once more on 32-bit MicroPython, with the heap locked
 	@tools/micropython/build.sh unix32f
 	@$(PYTEST) --replay host_tests/end_to_end $(ARGS)
+
+test-sessions: setup ## the end-to-end sessions on the simulated ESP32-S3
+	@tools/micropython/build.sh esp32
+	@$(PYTEST) --target esp32 host_tests/end_to_end $(ARGS)
 
 test-board: node images ## the firmware on the emulated board, end to end
 	@$(PYTEST) host_tests/board $(ARGS)

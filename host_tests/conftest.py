@@ -55,6 +55,12 @@ def pytest_addoption(parser):
         help="play the end-to-end sessions again on 32-bit MicroPython, the heap locked",
     )
     parser.addoption(
+        "--target",
+        choices=("host", "esp32"),
+        default="host",
+        help="what plays the end-to-end sessions: the host simulation, or the simulated ESP32-S3",
+    )
+    parser.addoption(
         "--all",
         action="store_true",
         help="tests as well that repeat with other values what others show",
@@ -65,6 +71,14 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     config.pluginmanager.register(ProcessorTime())
+    if config.getoption("--target") == "esp32":
+        from framestep_tools.simulator import boards
+        from host_tests.end_to_end import session
+        from host_tests.end_to_end.esp32_target import Esp32Sessions, Esp32Target
+
+        config.pluginmanager.register(Esp32Sessions())
+        # before a test imports it
+        boards.SimulatedBoard = session.SimulatedBoard = Esp32Target
     if since := config.getoption("--near"):
         config.pluginmanager.register(Near(since, config.getoption("--seconds")))
 
