@@ -164,7 +164,8 @@ def test_a_queue_that_is_not_filled_in_time(rig):
     assert repl.exec("import machine\n" + watched) == "1\n"
     failed = rig.now
     rig.run(1)
-    assert [message for _, message in rig.events(p.HardStop)] == [p.HardStop(100)]
+    # one, or two if the motors' queues run dry some milliseconds apart
+    assert {message for _, message in rig.events(p.HardStop)} == {p.HardStop(100)}
     assert levels(rig) == [0, 1, 0]
     assert not rig.moving
     for motor in (1, 2):

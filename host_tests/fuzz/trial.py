@@ -77,6 +77,7 @@ class Trial:
         self.virtual = False
         self.lines: set[int] = set()  # motors of the virtual rig
         self.moving = 0  # what MOTOR_STATUS says of this millisecond
+        self.before_pass = 0  # bytes sent in this millisecond before its tick
         self.idle_since: int | None = 0  # since then MOTOR_STATUS is 0
         self.last_status = -1
         self.full_at = 0  # since then the host reads nothing
@@ -131,6 +132,8 @@ class Trial:
         if verb == "rx":
             if self.board.hal.port.open:
                 self.link.sent(argument)
+        elif verb == "prompt":
+            self.before_pass = len(self.board.hal.port.outgoing)
         elif verb == "close":
             self._closed()
         elif verb == "open":
@@ -276,7 +279,10 @@ class Trial:
             self.stops.enabled()
         if player.sent:
             for _, data in player.sent:
-                self.link.heard(data)
+                self.link.heard(data[: self.before_pass])
+                self.moving = 0  # since then a tick may have brought it to rest
+                self.link.heard(data[self.before_pass :])
+        self.before_pass = 0
         if passing and not player.full:
             self.passes += 1
             if self.open:
