@@ -103,10 +103,10 @@ class Runner:
         port."""
         self._controller = controller
         if self.background:
-            # All passes begin in the middle between two ticks. The pass that reads a GO releases
-            # the motors a millisecond and a half after it has begun. If that were close to a tick,
-            # it would sometimes come before and sometimes after it, and runs would begin up to 2 ms
-            # apart instead of 1 (`make bench`: go_ms_spread).
+            # Passes begin at a fixed time after a tick. The one that reads a GO releases the motors
+            # a millisecond and a half later. If that were close to a tick, it would sometimes come
+            # before and sometimes after it, and runs would begin up to 2 ms apart instead of 1
+            # (`make bench`: go_ms_spread).
             ticks = self._hal.kernel.state
             tick = ticks[TICKS]
             while ticks[TICKS] == tick:
@@ -178,6 +178,7 @@ class Runner:
                 return
         except KeyboardInterrupt:
             self._struck = True  # at a point where nothing is half done
+            self._hal.port.prompt = self._pass_callback
         try:
             if self._failing:
                 controller.stops.fault_stop()

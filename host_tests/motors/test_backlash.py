@@ -228,16 +228,6 @@ def test_an_axis_moves_its_load(moves):
         assert rig.bench.engines[0].position == motor
 
 
-def test_which_way_an_axis_heads():
-    rig, axis = with_backlash(0)
-    assert axis.backlash.heading() == EITHER
-    rig, axis = with_backlash()
-    for target, heading in ((-5, DOWN), (-3, UP)):
-        axis.move_to(rig.bench, word(target), 1)
-        assert axis.backlash.heading() == heading
-        meet(rig, axis)
-
-
 def test_setting_the_position_leaves_the_backlash_as_it_is():
     rig, axis = with_backlash()
     axis.move_to(rig.bench, word(-5), 1)

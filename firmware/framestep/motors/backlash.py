@@ -64,13 +64,6 @@ class Backlash(array):
         return turned(0, w[BACKLASH], 0, direction)
 
     @micropython.viper
-    def heading(w: ptr32) -> int:
-        """Return the direction for which it is taken up there; 0 without backlash."""
-        if w[BACKLASH] == 0:
-            return 0
-        return -1 if w[OFFSET] else 1
-
-    @micropython.viper
     def plan_from(w: ptr32, positions, i: int):
         """Continue the plan from the load position positions[i], with the present offset."""
         w[OFFSET] = ptr32(w[BLOCK])[stepper.POSITION] - w[LOAD]

@@ -98,7 +98,6 @@ class JogAll(Operation):
         self.destination = 0  # index of the frame to come to rest on
         self.step = 1  # direction along the path: 1 or -1
         self.closed = True  # the phase that ends at rest has been queued
-        # index of the destination behind the motors, to go to after they have turned; -1: none
         # index of a destination behind the motors, for after they have turned; -1: none
         self.after_turn = -1
         self.fps_milli = 0  # as requested
@@ -148,7 +147,7 @@ class JogAll(Operation):
         frames = (to - at) * step + 1
         if under_way and frames * self._motors(bits) > _MOST_CHECKED:
             return ERR_MOVING
-        self._find_directions(self.draft, bits, at, step, frames, going)
+        self._find_directions(self.draft, bits, at, step, frames)
         code = self.player.check(bits, at, frames, fps_milli, step, self.draft, ACCELERATION, going)
         if code == OK and not under_way:
             code = find_switch_on_path(self.player, operations.safety, bits, at, to, self.positions)
@@ -176,20 +175,13 @@ class JogAll(Operation):
             bits >>= 1
         return n
 
-    def _find_directions(self, directions, bits, at, step, frames, going):
-        """directions[motor] = its first direction in `frames` frames from index `at` on.
-
-        going: it is in motion there.
-        """
+    def _find_directions(self, directions, bits, at, step, frames):
+        """directions[motor] = its first direction in `frames` frames from index `at` on."""
         player = self.player
         for motor in range(player.count):
             directions[motor] = 0
             if (bits >> motor) & 1:
-                directions[motor] = (
-                    player.axes[motor].backlash.heading()
-                    if going
-                    else player.first_direction(motor, at, step, frames)
-                )
+                directions[motor] = player.first_direction(motor, at, step, frames)
 
     def _approach(self):
         """Take up the motors' backlash for the motion to the destination, then start."""
@@ -203,7 +195,6 @@ class JogAll(Operation):
             self.last_queued,
             self.step,
             (self.destination - self.last_queued) * self.step + 1,
-            False,
         )
         self.operations.approach(self, self.positions, self.directions)
 

@@ -10,7 +10,7 @@ from framestep.base.native import const
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
-from framestep.motors.backlash import BACKLASH
+from framestep.motors.backlash import BACKLASH, OFFSET
 from framestep.motors.bounds import LOWER, UPPER
 from framestep.motors.motor import MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.moves.path import path, path_check, registers
@@ -146,10 +146,10 @@ class MoveCheck:
         """Check that motors can follow `count` frames from index `begin` on (field note 5.5).
 
         step: 1 played forward, -1 backward. directions: those for which the motors' backlash is
-        taken up at the first frame. Return OK; ERR_RANGE if a motor would need more than its
-        velocity, including the backlash where the path turns, or more than the board can make; or
-        the code of a soft limit. Too high an acceleration is refused only if `strict`. `exceeded`
-        says what was exceeded; of frames that are too fast, the fastest of that motor.
+        taken up at the first frame, unless `going`. Return OK; ERR_RANGE if a motor would need more
+        than its velocity, including the backlash where the path turns, or more than the board can
+        make; or the code of a soft limit. Too high an acceleration is refused only if `strict`.
+        `exceeded` says what was exceeded; of frames that are too fast, the fastest of that motor.
 
         ramp: acceleration, in frames/s², with which that rate is reached, from rest unless `going`.
         With a ramp the check fails only if no lower rate is possible either, including the curve
@@ -176,7 +176,7 @@ class MoveCheck:
             words[path_check.SEEN] = 0
             words[path_check.FASTEST_AT] = 0
             words[path_check.BACKLASH] = axis.backlash[BACKLASH]
-            words[path_check.OFFSET] = axis.backlash.offset_for(directions[motor])
+            words[path_check.OFFSET] = self._offset(motor, directions, going)
             words[path_check.TAKEN] = 0
             reals.copy_word(words, path_check.LOWEST, axis.bounds, LOWER)
             reals.copy_word(words, path_check.HIGHEST, axis.bounds, UPPER)
@@ -243,6 +243,11 @@ class MoveCheck:
                 )
         return results.OK
 
+    def _offset(self, motor, directions, going):
+        """Return how far a motor is from its load at the first frame; `going`: as planned."""
+        backlash = self.axes[motor].backlash
+        return backlash[OFFSET] if going else backlash.offset_for(directions[motor])
+
     def _allow(self, axis, fps_milli):
         """Put a motor's limits from frame to frame, in steps, into `words`.
 
@@ -282,7 +287,7 @@ class MoveCheck:
         axis = self.axes[motor]
         store = self.store
         lowered = 0
-        words[path_check.OFFSET] = axis.backlash.offset_for(directions[motor])
+        words[path_check.OFFSET] = self._offset(motor, directions, going)
         self._allow_bends(axis, ramp)
         rests = 0 if going else 1
         while True:
