@@ -103,6 +103,7 @@ class MoveCheck:
         self.values = array("i", [0] * BATCH)
         self.position = array("i", [0])
         self.strict = False  # setting `strict_moves`
+        self.hardest = 0  # change of the steps from frame to frame that the board can play
         # the limit that the last move checked exceeds
         self.exceeded = array("i", [0] * results.EXCEEDED_WORDS)
         reals.put(self.numbers, registers.THOUSAND, 1000, 0)
@@ -228,6 +229,13 @@ class MoveCheck:
                     words[path_check.FASTEST],
                 )
                 return results.ERR_RANGE
+            if not ramp:
+                hard = begin
+                if not self._bends_hard(motor, hard):
+                    hard += step * (count - 1)
+                if self._bends_hard(motor, hard):
+                    self._exceeded(path_check.TOO_HARD, motor, hard, 0)
+                    return results.ERR_RANGE
             if ramp:
                 self.window[path.MOST] = path.FROM_REST
                 fits = self._slow_down(motor, begin, count, step, directions, ramp, going)
@@ -242,6 +250,17 @@ class MoveCheck:
                     words[path_check.SHARPEST],
                 )
         return results.OK
+
+    def _bends_hard(self, motor, index):
+        """Return whether the path bends harder at a frame than the board can play.
+
+        For the first and the last frame: the frame beyond shapes the path on this side, too.
+        """
+        store = self.store
+        if not 0 < index < store.end - store.start:
+            return False
+        store.positions(motor, index - 1, 3, self.values, 0)
+        return path_check.bend(self.values) > self.hardest
 
     def _offset(self, motor, directions, going):
         """Return how far a motor is from its load at the first frame; `going`: as planned."""
@@ -270,8 +289,9 @@ class MoveCheck:
         compute(0, 0, r, _FROM_FRAME_TO_FRAME)
         words[path_check.FASTEST] = reals.floor(r, registers.TOP_VELOCITY, HALF) + 1
         words[path_check.HARDEST] = reals.floor(r, registers.TOP_CHANGE, HALF) + 2
+        self.hardest = words[path_check.HARDEST]
         words[path_check.STEEPEST] = min(
-            reals.floor(r, registers.TOP_ACCELERATION, HALF) + 2, words[path_check.HARDEST]
+            reals.floor(r, registers.TOP_ACCELERATION, HALF) + 2, self.hardest
         )
         if self.strict:
             words[path_check.HARDEST] = words[path_check.STEEPEST]

@@ -312,6 +312,16 @@ def bends(
 
 
 @micropython.viper
+def bend(values: ptr32) -> int:
+    """Return by how many steps the change from frame to frame changes at the second of three
+    frames, 2^30 - 1 at most."""
+    change = values[2] - values[1] - values[1] + values[0]
+    if change < 0:
+        change = 0 - change
+    return change if 0 <= change < 0x3FFFFFFF else 0x3FFFFFFF
+
+
+@micropython.viper
 def first_direction(values: ptr32, count: int, order: int) -> int:
     """Return the direction of the first change in `count` positions: 1 up, -1 down, 0 for none.
 
