@@ -229,12 +229,12 @@ class MoveCheck:
                     words[path_check.FASTEST],
                 )
                 return results.ERR_RANGE
-            if not ramp:
-                hard = begin
-                if not self._bends_hard(motor, hard):
-                    hard += step * (count - 1)
-                if self._bends_hard(motor, hard):
-                    self._exceeded(path_check.TOO_HARD, motor, hard, 0)
+            if not ramp and count > 1:
+                end = begin
+                if not self._bends_hard(motor, end, step):
+                    end += step * (count - 1)
+                if end == begin or self._bends_hard(motor, end, -step):
+                    self._exceeded(path_check.TOO_HARD, motor, end, 0)
                     return results.ERR_RANGE
             if ramp:
                 self.window[path.MOST] = path.FROM_REST
@@ -251,16 +251,18 @@ class MoveCheck:
                 )
         return results.OK
 
-    def _bends_hard(self, motor, index):
-        """Return whether the path bends harder at a frame than the board can play.
+    def _bends_hard(self, motor, index, inward):
+        """Return whether the path bends harder than the board can play at a frame where a run ends,
+        because of the frame beyond. inward: 1 or -1, to the next frame of the run.
 
-        For the first and the last frame: the frame beyond shapes the path on this side, too.
+        With few steps to that frame it does not matter: its cubic has no more than six times their
+        acceleration.
         """
         store = self.store
         if not 0 < index < store.end - store.start:
             return False
         store.positions(motor, index - 1, 3, self.values, 0)
-        return path_check.bend(self.values) > self.hardest
+        return path_check.bend(self.values, 1 + inward) > self.hardest
 
     def _offset(self, motor, directions, going):
         """Return how far a motor is from its load at the first frame; `going`: as planned."""

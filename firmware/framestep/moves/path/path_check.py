@@ -312,13 +312,16 @@ def bends(
 
 
 @micropython.viper
-def bend(values: ptr32) -> int:
+def bend(values: ptr32, inner: int) -> int:
     """Return by how many steps the change from frame to frame changes at the second of three
-    frames, 2^30 - 1 at most."""
+    frames, or the steps between it and frame `inner` (0 or 2) if they are fewer."""
     change = values[2] - values[1] - values[1] + values[0]
     if change < 0:
         change = 0 - change
-    return change if 0 <= change < 0x3FFFFFFF else 0x3FFFFFFF
+    steps = values[inner] - values[1]
+    if steps < 0:
+        steps = 0 - steps
+    return steps if steps < change else change
 
 
 @micropython.viper
