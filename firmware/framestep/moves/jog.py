@@ -147,7 +147,8 @@ class JogAll(Operation):
         frames = (to - at) * step + 1
         if under_way and frames * self._motors(bits) > _MOST_CHECKED:
             return ERR_MOVING
-        self._find_directions(self.draft, bits, at, step, frames)
+        if not going:
+            self._find_directions(self.draft, bits, at, step, frames)
         code = self.player.check(bits, at, frames, fps_milli, step, self.draft, ACCELERATION, going)
         if code == OK and not under_way:
             code = find_switch_on_path(self.player, operations.safety, bits, at, to, self.positions)

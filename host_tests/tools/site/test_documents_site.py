@@ -55,7 +55,7 @@ def elsewhere(text):
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory):
-    """Return the staged documents. Empty pages stand in for those of `make try`."""
+    """Return the staged documents, with empty pages in place of those that `make try` makes."""
     folder = tmp_path_factory.mktemp("pages")
     documents.stage(folder)
     for name in ("try", "install"):
