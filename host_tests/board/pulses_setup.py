@@ -86,7 +86,7 @@ def fresh():
     kernel.state[stepper.FAULTS] = kernel.state[stepper.WORST_LATE] = 0
     for b in kernel.blocks:
         assert b[stepper.MODE] == stepper.IDLE
-        b[stepper.POSITION] = b[stepper.FRACTION] = b[stepper.FAULT] = 0
+        b[stepper.POSITION] = b[stepper.FRACTION] = b[stepper.FAULT] = b[stepper.DECEL] = 0
 
 
 def result():

@@ -7,6 +7,7 @@ import pytest
 from framestep.protocol import messages as m
 from framestep.pulse import stepper
 from framestep_tools import payloads as p
+from framestep_tools.client.wire import encode
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests import dmx_wire
 from host_tests.end_to_end.session import Session, deceleration, run_request
@@ -198,6 +199,30 @@ def test_estop():
             assert 0 < times[-1] - pressed < 0.030
         assert len(board_session.events(p.RtEnd)) == 1
         release(board_session, board)
+
+
+@pytest.mark.repeats
+def test_estop_while_a_motor_sets_off():
+    """Press it at many moments while a pass plans the motor's jog. The host is told of the E-stop
+    and of nothing else."""
+    board_session, board = session({"estop": "nc", "motor_count": 4, "dmx": False})
+    with board:
+        board.emulator.set_pin(ESTOP_PIN, 0)
+        board_session.run(0.05)
+        board_session.speed(2, 20_000, 100_000)
+        jog, stop = (
+            encode(request.TYPE, request.pack(), 9)
+            for request in (p.MotorJog(2, 5000, -(2**31)), p.MotorStopAll())
+        )
+        for us in range(2600, 3400, 20):
+            frames = board_session.bytes_for(jog, us * 1e-6)
+            board.emulator.set_pin(ESTOP_PIN, 1)
+            frames += board_session.bytes_for(b"", 0.06)
+            stops = [frame.payload for frame in frames if frame.type == m.MSG_MOTOR_HARD_STOP]
+            assert stops == [bytes((0,))], us
+            board.emulator.set_pin(ESTOP_PIN, 0)
+            board_session.bytes_for(b"", 0.015)
+            board_session.bytes_for(stop, 0.025)
 
 
 def begin(board_session):

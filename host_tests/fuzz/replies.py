@@ -147,7 +147,7 @@ class Replies(Part):
                 self.trial.edges.judge(motor)
             if motor.homing:
                 motor.homing, motor.renumbered = False, True
-            elif motor.goals and motor.load not in motor.goals:
+            elif motor.goals and not motor.renumbered and motor.load not in motor.goals:
                 self.fail(
                     "goal",
                     f"motor {motor.index + 1} has come to rest on {motor.load}, not on "

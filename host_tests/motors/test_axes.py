@@ -343,6 +343,39 @@ def test_stop_all_and_hard_stop():
     assert rig.bench.state[stepper.FAULTS] == 0
 
 
+@pytest.mark.parametrize("speed, ticks", [(0, 0), (0, 2), (15, 0), (15, 6)])
+def test_an_interrupt_stops_the_motor_while_its_plan_is_made(speed, ticks):
+    """speed: of the motor before. ticks: between the stop and the rest of the plan. From its
+    middle the plan must not begin."""
+    rig = Rig()
+    axis, bench = rig[0], rig.bench
+    axis.set_speed(speed or 1000, 20_000)
+    if speed:
+        rig.move_to(0, 1000)
+        rig.run(100)
+        axis.set_speed(1000, 20_000)
+    feed, place = axis.feed, axis.block[stepper.POSITION]
+
+    def interrupted(most, enough):
+        feed(1)
+        stepper.halt(axis.block, 1, kernel_rate(80_000), 0)
+        bench.run(ticks)
+        feed(most, enough)
+
+    axis.feed = interrupted
+    rig.move_to(0, 2000)
+    axis.feed = feed
+    rig.run(10)
+    axis.stop(bench)
+    rig.to_rest()
+    assert bench.kernel.state[stepper.FAULTS] == 0
+    assert abs(rig.place() - place) <= 1
+    rig.move_to(0, 300)
+    rig.to_rest()
+    assert rig.place() == 300
+    assert bench.kernel.state[stepper.FAULTS] == 0
+
+
 def test_release_starts_all_in_one_tick():
     """Queued with begin_plan(), append_phase() and feed(), started by release(): their first pulses
     come together."""

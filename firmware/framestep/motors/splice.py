@@ -114,6 +114,7 @@ def cut(m: ptr32, bits: int, ticks: int) -> int:
                 done = TOO_SOON
             else:
                 m[sw.WRITE_INDEX] = head
+                m[sw.DECEL] = 0  # from here on a stop holds up release()
                 out[_TICKS] = left
                 if k < 0:
                     out[_WHOLE] = m[sw.POSITION]

@@ -38,7 +38,7 @@ class StepKernel:
             block[sw.NEXT] = following
             following = as_word(addressof(block))
             block[sw.QUEUE] = as_word(addressof(self.queues[i]))
-            block[sw.BRAKE] = block[sw.DECEL] = sw.ONE // 50
+            block[sw.BRAKE] = sw.ONE // 50
             block[sw.IDLE_AT] = -1000
             block[sw.SPAN] = block[sw.WHOLE_SPAN] = cycles
         state[sw.FIRST] = following

@@ -84,7 +84,8 @@ SETUP = const(15)  # least cycles from a change of direction to the rising edge
 QUEUE = const(16)  # address of the segment ring
 READ_INDEX = const(17)  # segments taken, modulo 2^30
 WRITE_INDEX = const(18)  # segments put, modulo 2^30
-DECEL = const(19)  # Q22 steps per tick per tick: deceleration of a stop
+# Q22 steps per tick per tick: deceleration of the last stop; 0 once a new plan is made (splice.cut)
+DECEL = const(19)
 BRAKE = const(20)  # Q22: deceleration if the queue runs dry in motion
 WAIT = const(21)  # ticks until the last pulse is out
 IDLE_AT = const(22)  # tick in which a motor not in RUN got its last command
@@ -155,7 +156,7 @@ def halt(m: ptr32, bits: int, rate: int, factor: int):
 
     m: the block of the motor of bit 0. To be called with interrupts off or from a hard interrupt,
     so that all begin in the same tick. A motor that is slowing down already never gets a lower
-    deceleration.
+    deceleration. A plan in the making does not start: see release().
     """
     while bits:
         if bits & 1:
@@ -164,6 +165,8 @@ def halt(m: ptr32, bits: int, rate: int, factor: int):
                 d = m[BRAKE] * factor
                 if d > rate:
                     d = rate
+            if m[MODE] & STOP == 0 or d > m[DECEL]:
+                m[DECEL] = d
             if m[MODE] & START:
                 m[MODE] = m[MODE] & DRAIN
                 m[READ_INDEX] = m[WRITE_INDEX]
@@ -175,12 +178,8 @@ def halt(m: ptr32, bits: int, rate: int, factor: int):
                     # step is no velocity.
                     m[VELOCITY] = 0
                     m[SPAN] = m[WHOLE_SPAN]
-                m[DECEL] = d
                 m[MODE] = STOP
-            elif m[MODE] & STOP:
-                if d > m[DECEL]:
-                    m[DECEL] = d
-            else:
+            elif m[MODE] & STOP == 0:
                 m[READ_INDEX] = m[WRITE_INDEX]
         bits >>= 1
         if bits:
@@ -192,10 +191,12 @@ def halt(m: ptr32, bits: int, rate: int, factor: int):
 def release(m: ptr32, bits: int):
     """Let the motors of these bits start on their queues at the next tick.
 
-    m: the block of the motor of bit 0. To be called with interrupts off.
+    m: the block of the motor of bit 0. To be called with interrupts off. If an interrupt has
+    stopped a motor since its plan began, its queue lacks the plan's beginning, and it stays at
+    rest.
     """
     while bits:
-        if bits & 1 and m[MODE] & (RUN | STOP) == 0:
+        if bits & 1 and m[MODE] & (RUN | STOP) == 0 and m[DECEL] == 0:
             m[MODE] = m[MODE] | RUN | START
         bits >>= 1
         if bits:
