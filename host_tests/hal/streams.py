@@ -20,11 +20,12 @@ REPLAY = Path(__file__).parents[1] / "runtime" / "stream_replay.py"
 WORDS = 250  # in a tick
 WORD_US = 4
 END_WORDS = 3  # of a motor
+STEPS = (0, 16, 14, 3)  # bits of the motors' steps; the next is the direction's
 
 
 @dataclass
 class Painted:
-    """The words that a session has painted. The first word of tick n is words[n * WORDS]."""
+    """The levels that a session has painted. Those of tick n begin at words[n * WORDS]."""
 
     words: np.ndarray
     lost: int
@@ -45,13 +46,15 @@ class Painted:
     def ways(self, motor: int) -> np.ndarray:
         """Return +1 or -1 for each step."""
         up = 0 if motor % 2 else 1
-        return np.where(self.bit(2 * motor + 1)[self.rises(2 * motor)] == up, 1, -1)
+        return np.where(self.bit(STEPS[motor] + 1)[self.rises(STEPS[motor])] == up, 1, -1)
 
 
 def read(data: bytes, motors: int) -> Painted:
     """Read the output of stream_replay.py."""
     found = np.frombuffer(data, "<i4")
-    words, end = np.split(found, [len(found) - 1 - END_WORDS * motors])
+    frames, end = np.split(found, [len(found) - 1 - END_WORDS * motors])
+    # the upper levels leave a word early
+    words = (frames[1:] & 0xFFFF | frames[:-1] & ~0xFFFF) >> 1
     modes, faults, positions = end[1:].reshape(motors, END_WORDS).T.tolist()
     return Painted(words, int(end[0]), modes, faults, positions)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from framestep.pulse import stepper
-from host_tests.hal.streams import WORD_US, WORDS, here, on_pio, read
+from host_tests.hal.streams import STEPS, WORD_US, WORDS, here, on_pio, read
 
 LAG = 1000  # µs: a tick's pulses are in the words of the next tick
 SHOWN = 0.3  # µs by which two engines with different clocks may differ, besides rounding to words
@@ -45,7 +45,7 @@ def session(rng, motors, count):
 def check_steps(found, lines):
     """Each step is in the word that is sent when PIO would make it."""
     for motor, (times, ways) in enumerate(on_pio(lines)):
-        rises = found.rises(2 * motor)
+        rises = found.rises(STEPS[motor])
         assert np.array_equal(found.ways(motor), ways), f"motor {motor}"
         early = times - (rises * WORD_US - LAG)
         if len(rises):
@@ -60,7 +60,7 @@ def check_steps(found, lines):
 def test_the_steps_of_pio_to_a_word(painted, seed):
     lines = list(session(random.Random(seed), 4, 10))
     found = painted(lines)
-    assert sum(len(found.rises(2 * motor)) for motor in range(4)) > 500
+    assert sum(len(found.rises(STEPS[motor])) for motor in range(4)) > 500
     check_steps(found, lines)
 
 
@@ -79,11 +79,11 @@ def test_pulses_are_as_wide_as_set(painted, width):
     lines += ["batch 20"] * 15 + ["travel 0 -2000", "travel 1 -100"] + ["batch 20"] * 45
     found = painted(lines)
     for motor in range(2):
-        step = found.bit(2 * motor)
+        step = found.bit(STEPS[motor])
         rises, falls = (np.flatnonzero(np.diff(step, prepend=0) == way) for way in (1, -1))
         assert set(falls - rises) == {width + 1}
         assert (rises[1:] - falls[:-1]).min() >= width + 1
-        for turn in found.changes(2 * motor + 1):
+        for turn in found.changes(STEPS[motor] + 1):
             assert not step[turn]
             after = rises[rises >= turn]
             assert not len(after) or after[0] - turn >= 2

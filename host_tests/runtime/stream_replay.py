@@ -1,9 +1,9 @@
 """Runs on MicroPython and on CPython, with the core built for the stream engine: scripts of
 requests and batches of ticks, with the heap locked from the first tick on; a file gets the painted
-words.
+words, after one that has only the first early levels.
 
-    new motors width     a new kernel; motor i has its step on bit 2·i and its direction on bit
-                         2·i + 1, inverted if i is odd
+    new motors width     a new kernel; motor i has its step on bit STEPS[i] and its direction on the
+                         next one, inverted if i is odd
     speed m v a          Axis.set_speed
     travel m target; stop m factor
     cue tick high low    StepKernel.cue, ticks counted from the beginning
@@ -35,22 +35,22 @@ except ImportError:
 SETUP = 640  # cycles: 5 µs
 AHEAD = 20
 LONGEST = 20  # batch, ticks
+STEPS = (0, 16, 14, 3)  # both early, or one of them
 
 
 class Rig:
     """Motors on a stream. It is a HAL, as far as axes need one."""
 
     def __init__(self, motors, width):
-        self.stream = Stream(
-            [1 << 2 * i for i in range(motors)], [2 << 2 * i for i in range(motors)]
-        )
+        steps = [1 << bit for bit in STEPS[:motors]]
+        self.stream = Stream(steps, [bit << 1 for bit in steps])
         self.kernel = StepKernel(motors, CYCLES, self.stream.clock)
         for i in range(motors):
             self.kernel.configure(i, self.stream.fifo(i), width, SETUP, i % 2 == 1)
         self.stream.attach(self.kernel, AHEAD)
         self.axes = Axes(self)
         self.target = array("i", [0, 0])
-        self.painted = array("i", [0] * (LONGEST * WORDS))
+        self.painted = array("i", [0] * (1 + LONGEST * WORDS))
 
     def irq_off(self):
         return 0
@@ -85,7 +85,7 @@ def drive(rig, high, low):
 
 def miss(rig, ticks):
     heap_lock()
-    rig.stream.miss(rig.painted, ticks)
+    rig.stream.miss(rig.painted, ticks, 1)
     heap_unlock()
 
 
@@ -93,8 +93,19 @@ def batch(rig, ticks):
     heap_lock()
     rig.axes.feed()
     sample(rig.kernel.state, rig.axes.samples)
-    rig.stream.fill(rig.painted, ticks)
+    at = 1
+    while ticks:
+        rig.stream.fill(rig.painted, at)
+        at += WORDS
+        ticks -= 1
     heap_unlock()
+
+
+def write(rig, ticks, out):
+    """Write what is complete of the painted words."""
+    painted = rig.painted
+    out.write(memoryview(painted)[: ticks * WORDS])
+    painted[0] = painted[ticks * WORDS]
 
 
 def play(lines, out):
@@ -117,11 +128,12 @@ def play(lines, out):
             drive(rig, *numbers)
         elif what == "batch":
             batch(rig, numbers[0])
-            out.write(memoryview(rig.painted)[: numbers[0] * WORDS])
+            write(rig, numbers[0], out)
         elif what == "miss":
             miss(rig, numbers[0])
-            out.write(memoryview(rig.painted)[:WORDS])
+            write(rig, 1, out)
         elif what == "end":
+            out.write(memoryview(rig.painted)[:1])
             out.write(array("i", [rig.stream.take_lost_commands()]))
             for block in rig.kernel.blocks:
                 out.write(array("i", [block[MODE], block[FAULT], block[POSITION]]))

@@ -1,8 +1,12 @@
-"""A pulse engine that is a stream of words in memory: a bit for each pin, a word for each 4 µs.
+"""A pulse engine that is a stream of words in memory, one for each 4 µs, as machine.I2S sends them.
 
 For chips that can send memory to their pins at a fixed rate but cannot interrupt at 1 kHz. The main
-loop calls `fill` when there is room for some ticks. For each tick `fill` runs the kernel, whose
-commands go to a ring for each motor, and then paints the engine's edges of that tick into words.
+loop calls `fill` for each tick that there is room for. It runs the kernel, whose commands go to a
+ring for each motor, and then paints the engine's edges of that tick into words.
+
+A word is a frame of two 16-bit samples in Philips format. Its data leaves a clock late, and what is
+behind it latches in the middle of a frame. So level n is bit n + 1, and levels from EARLY on are a
+word earlier than the others. No level above 29 is used.
 
 Time runs by the words. The kernel's clock is moved on here, so a tick is never late unless the
 words ran out. `miss` reports that, and the kernel reacts as to any engine that has run dry.
@@ -28,135 +32,199 @@ from framestep.pulse.engine import (
 )
 from framestep.pulse.stepper import BEHIND, TICK_US
 
+EARLY = const(15)  # levels from this one on leave a word early
+_UPPER = const(-0x10000)  # their bits in a word
 _LONG_AGO = const(-0x100000)  # before any edge from which a command may still count
 
 # Words of a motor
-_STEP = const(0)  # the bits of its step pin
-_TURN = const(1)  # and direction pin
-_RING = const(2)  # address of its commands
-_TAKEN = const(3)  # commands taken, modulo 2^30
-_AT = const(4)  # cycles from the first word to be painted to the last rising edge
-_LEFT = const(5)  # pulses left of the present command
-_PERIOD = const(6)
-_HIGH = const(7)  # words of a pulse
-_TURNS = const(8)  # the present command has yet to change the direction
-_REST = const(9)  # words of a pulse that extend into those to be painted
-_MOTOR = const(4)  # log2 of the words of a motor
+_NEXT = const(0)  # address of the next motor's words, or 0
+_STEP = const(1)  # its step pin's bit in a word
+_TURN = const(2)  # the level of its direction pin
+_RING = const(3)  # address of its commands
+_TAKEN = const(4)  # commands taken, modulo 2^30
+_AT = const(5)  # cycles from the first word to be painted to the last rising edge
+_LEFT = const(6)  # pulses left of the present command
+_PERIOD = const(7)
+_HIGH = const(8)  # words of a pulse
+_TURNS = const(9)  # the present command has yet to change the direction
+_REST = const(10)  # words of a pulse that extend into those to be painted
+_BEFORE = const(11)  # words by which its step leaves early
+_MOTOR_WORDS = const(12)
+
+# Words of the stream itself
+_LEVELS = const(0)  # of all pins; steps are 0
+_FIRST = const(1)  # address of the first motor's words
+_CLOCK = const(2)  # address of the kernel's clock
+_LOST = const(3)  # motors that have lost a command, a bit each
+_STREAM_WORDS = const(4)
 
 
 @micropython.viper
-def paint(words: ptr32, first: int, motors: ptr32, count: int, levels: ptr32) -> int:
-    """Paint a tick's words from words[first] on. Return the motors that lost a command, a bit each.
+def paint(at: int, step: int, words: ptr32, stream: ptr32):
+    """Paint a tick's words from words[at] on, its early levels from the word before on, and move
+    the clock on.
 
-    motors: the words of `count` motors, as above. levels: a word with the levels of all pins, in
-    which steps are 0.
+    stream, and the motors that it leads to: words as above. What `step` is does not matter.
     """
-    i = first
-    base = levels[0]
-    while i < first + WORDS:
-        words[i] = base
-        i += 1
-    lost = 0
-    motor = 0
-    while motor < count:
-        k = motor << _MOTOR
-        step = motors[k + _STEP]
-        turn = motors[k + _TURN]
-        ring = ptr32(motors[k + _RING])
-        taken = motors[k + _TAKEN]
-        at = motors[k + _AT]
-        left = motors[k + _LEFT]
-        period = motors[k + _PERIOD]
-        high = motors[k + _HIGH]
-        i = first
-        rest = motors[k + _REST]
+    # The compiler keeps the first two variables in registers, so these are the ones that the loops
+    # over words and pulses use most.
+    clock = ptr32(stream[_CLOCK])
+    clock[0] = (clock[0] + TICK_US) & WIDE_WRAP
+    first = at
+    end = at + WORDS
+    step = stream[_LEVELS] << 1
+    words[at - 1] = words[at - 1] | (step & _UPPER)
+    while at < end:
+        words[at] = step
+        words[at + 1] = step
+        words[at + 2] = step
+        words[at + 3] = step
+        words[at + 4] = step
+        words[at + 5] = step
+        words[at + 6] = step
+        words[at + 7] = step
+        words[at + 8] = step
+        words[at + 9] = step
+        at += 10
+    words[at - 1] = step & ~_UPPER
+    motor = 1
+    address = stream[_FIRST]
+    while address:
+        m = ptr32(address)
+        address = m[_NEXT]
+        step = m[_STEP]
+        ring = ptr32(m[_RING])
+        put = ring[COMMANDS]
+        taken = m[_TAKEN]
+        left = m[_LEFT]
+        period = m[_PERIOD]
+        high = m[_HIGH]
+        rest = m[_REST]
+        begin = first - m[_BEFORE]
+        at = begin
         while rest:
-            words[i] = words[i] | step
-            i += 1
+            words[at] = words[at] | step
+            at += 1
             rest -= 1
-        if (ring[COMMANDS] - taken) & WIDE_WRAP > COMMANDS:
-            lost |= 1 << motor
-            taken = (ring[COMMANDS] - COMMANDS) & WIDE_WRAP
+        begin = begin << WORD_BITS
+        end = begin + CYCLES
+        at = begin + m[_AT]
+        if (put - taken) & WIDE_WRAP > COMMANDS:
+            stream[_LOST] = stream[_LOST] | motor
+            taken = (put - COMMANDS) & WIDE_WRAP
+        motor = motor << 1
         while True:
-            if left == 0:
-                if taken == ring[COMMANDS]:
+            if left:
+                pass
+            else:
+                if taken == put:
                     break
                 command = ring[taken & (COMMANDS - 1)]
                 taken = (taken + 1) & WIDE_WRAP
                 wider = (command >> WIDTH) & 15
                 high = wider + 1
-                motors[k + _HIGH] = high
                 wider = wider << WORD_BITS
-                if at + wider < 0:
-                    at = 0 - wider  # the engine has been idle until now
+                if at + wider < begin:
+                    at = begin - wider  # the engine has been idle until now
                 left = (command >> PULSES) & 0x1FF
                 period = (command >> GAP) & 0x3FFFF
-                if left == 0:
+                if left:
+                    pass
+                else:
                     at += period
                     continue
                 period += wider
-                motors[k + _TURNS] = 0
-                if levels[0] & turn:
+                m[_TURNS] = 0
+                if stream[_LEVELS] & m[_TURN]:
                     if command & DIRECTION == 0:
-                        motors[k + _TURNS] = 1
+                        m[_TURNS] = 1
                 elif command & DIRECTION:
-                    motors[k + _TURNS] = 1
-            if motors[k + _TURNS]:
-                i = (at >> WORD_BITS) + high  # the last pulse has ended
+                    m[_TURNS] = 1
+            if m[_TURNS]:
+                i = ((at - begin) >> WORD_BITS) + high  # the last pulse has ended
                 if i >= WORDS:
                     break
+                turn = m[_TURN] << 1
                 i += first
-                while i < first + WORDS:
+                till = first + WORDS
+                if turn & _UPPER:
+                    i -= 1
+                    till -= 1
+                while i < till:
                     words[i] = words[i] ^ turn
                     i += 1
-                levels[0] = levels[0] ^ turn
-                motors[k + _TURNS] = 0
-            i = (at + period) >> WORD_BITS
-            if i >= WORDS:
+                stream[_LEVELS] = stream[_LEVELS] ^ m[_TURN]
+                m[_TURNS] = 0
+            if at + period >= end:
                 break
-            at += period
-            left -= 1
-            n = i + high
-            if n > WORDS:
-                rest = n - WORDS
-                n = WORDS
-            n += first
-            i += first
-            while i < n:
-                words[i] = words[i] | step
-                i += 1
-        motors[k + _TAKEN] = taken
-        at -= CYCLES
+            pulses = left
+            if at + left * period >= end:
+                pulses = (end - 1 - at) // period
+            left -= pulses
+            before = at
+            i = high
+            while i:  # the pulses' last words, ..., their first words
+                i -= 1
+                at = (i << WORD_BITS) + before
+                n = pulses
+                if at + n * period >= end:
+                    n -= 1  # of the last pulse, this word is in the next tick
+                fours = n >> 2
+                while fours:
+                    at = period + at
+                    words[at >> WORD_BITS] = words[at >> WORD_BITS] | step
+                    at = period + at
+                    words[at >> WORD_BITS] = words[at >> WORD_BITS] | step
+                    at = period + at
+                    words[at >> WORD_BITS] = words[at >> WORD_BITS] | step
+                    at = period + at
+                    words[at >> WORD_BITS] = words[at >> WORD_BITS] | step
+                    fours -= 1
+                n = n & 3
+                while n:
+                    at = period + at
+                    words[at >> WORD_BITS] = words[at >> WORD_BITS] | step
+                    n -= 1
+            rest = ((at - end) >> WORD_BITS) + high
+            if rest < 0:
+                rest = 0
+        at -= end
         if at < _LONG_AGO:
             at = _LONG_AGO
-        motors[k + _AT] = at
-        motors[k + _LEFT] = left
-        motors[k + _PERIOD] = period
-        motors[k + _REST] = rest
-        motor += 1
-    return lost
+        m[_TAKEN] = taken
+        m[_AT] = at
+        m[_LEFT] = left
+        m[_PERIOD] = period
+        m[_HIGH] = high
+        m[_REST] = rest
 
 
 class Stream:
-    """The engine of some motors. steps, turns: for each of them, the bits of its step and its
-    direction pin.
+    """The engine of some motors. steps, turns: for each of them, its step and its direction pin, a
+    bit each.
 
-    Bits are below 2^30. Nothing allocates after construction.
+    Bits are those of the levels, below 2^30. Nothing allocates after construction.
     """
 
     def __init__(self, steps, turns):
         self.motors = len(steps)
         self._clock = array("i", [0])
-        self._levels = array("i", [0])
         self._rings = [array("i", [0] * (COMMANDS + 1)) for _ in steps]
-        self._words = array("i", [0] * (self.motors << _MOTOR))
-        for i in range(self.motors):
-            k = i << _MOTOR
-            self._words[k + _STEP] = steps[i]
-            self._words[k + _TURN] = turns[i]
-            self._words[k + _RING] = as_word(self.fifo(i))
-        self._kernel = None
-        self._lost = 0
+        self._steps = [bit << 1 for bit in steps]  # as in a word
+        self._motors = [array("i", [0] * _MOTOR_WORDS) for _ in steps]
+        following = 0
+        for i in range(self.motors - 1, -1, -1):
+            words = self._motors[i]
+            words[_NEXT] = following
+            words[_STEP] = self._steps[i]
+            words[_TURN] = turns[i]
+            words[_RING] = as_word(self.fifo(i))
+            words[_BEFORE] = int(steps[i] >> EARLY > 0)
+            following = as_word(addressof(words))
+        self._words = array("i", [0] * _STREAM_WORDS)
+        self._words[_FIRST] = following
+        self._words[_CLOCK] = as_word(addressof(self._clock))
+        self._tick = None
 
     @property
     def clock(self):
@@ -170,35 +238,40 @@ class Stream:
     def attach(self, kernel, ahead):
         """Run this kernel. ahead: ticks that may wait in memory to be sent, at most; see
         stepper.BEHIND."""
-        self._kernel = kernel
-        kernel.outputs(addressof(self._levels), addressof(self._levels))
+        self._tick = kernel.tick
+        levels = addressof(self._words)
+        kernel.outputs(levels, levels)
         kernel.state[BEHIND] = LEAD + ahead
 
     def drive(self, high, low):
         """Raise and lower the pins of these bits, from the words painted next on."""
-        self._levels[0] = (self._levels[0] | high | low) ^ low
+        self._words[_LEVELS] = (self._words[_LEVELS] | high | low) ^ low
 
-    def fill(self, words, ticks, at=0):
-        """Do `ticks` ticks, which fill ticks · WORDS words of the array, from words[at] on."""
-        while ticks:
-            self._kernel.tick(None)
-            self._clock[0] = (self._clock[0] + TICK_US) & WIDE_WRAP
-            self._lost |= paint(words, at, self._words, self.motors, self._levels)
-            at += WORDS
-            ticks -= 1
+    def mute(self, on):
+        """Leave the pulses out of the words painted next, or no longer."""
+        i = 0
+        while i < self.motors:
+            self._motors[i][_STEP] = 0 if on else self._steps[i]
+            i += 1
 
-    def miss(self, words, ticks, at=0):
+    def fill(self, words, at):
+        """Do a tick, which fills WORDS words of the array, from words[at] on. The word before gets
+        its first early levels, and the last word lacks those of the next tick."""
+        self._tick(None)
+        paint(at, 0, words, self._words)
+
+    def miss(self, words, ticks, at):
         """Report that the words ran out for `ticks` ticks, including begun ones. Paint the words of
         the first tick after that, from words[at] on.
 
         They have the pulses that the motors still have to make. Whatever moves faults and ramps
         down at the next tick.
         """
-        self._lost |= paint(words, at, self._words, self.motors, self._levels)
-        self._clock[0] = (self._clock[0] + (ticks + 1) * TICK_US) & WIDE_WRAP
+        paint(at, 0, words, self._words)
+        self._clock[0] = (self._clock[0] + ticks * TICK_US) & WIDE_WRAP
 
     def take_lost_commands(self):
         """Return the motors that have lost a command since the last call, a bit each."""
-        lost = self._lost
-        self._lost = 0
+        lost = self._words[_LOST]
+        self._words[_LOST] = 0
         return lost

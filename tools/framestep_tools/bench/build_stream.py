@@ -1,27 +1,58 @@
 """Runs on MicroPython, for builder_cost.py: RATE MS. Does what the main loop of an ESP32 does for
-eight motors, a pass each millisecond, without I2S. Prints the speed of the last 100 ms, steps/s."""
+eight motors, a pass each millisecond, with a stand-in for I2S. Prints the speed of the last ticks,
+steps/s."""
 
 import sys
 from array import array
 
 
-class Absent:
-    I2S = Pin = POLLOUT = poll = None
+class Clock:
+    """In the place of `time`."""
+
+    us = 0
+
+    @staticmethod
+    def ticks_us():
+        return Clock.us
 
 
-sys.modules["machine"] = sys.modules["select"] = Absent  # type: ignore[assignment]
+class Machine:
+    """In the place of `machine` and `select`: an I2S that takes a buffer whenever one has been
+    played."""
 
-from framestep.hal.esp32.chain import FRAMES, WORDS, move_down, to_frames  # noqa: E402
+    POLLOUT = TX = STEREO = taken = 0
+
+    def __init__(self, *_, **__):
+        pass
+
+    def write(self, frames):
+        if Machine.taken * 1024 > Clock.us:
+            return 0
+        Machine.taken += 1
+        return len(frames)
+
+    def ipoll(self, *_):
+        pass
+
+    register = ipoll
+
+
+Machine.I2S = Machine.Pin = Machine.poll = Machine  # type: ignore[attr-defined]
+sys.modules["time"] = Clock  # type: ignore[assignment]
+sys.modules["machine"] = sys.modules["select"] = Machine  # type: ignore[assignment]
+
+from framestep.hal.esp32.chain import Chain  # noqa: E402
 from framestep.hal.stream import Stream  # noqa: E402
 from framestep.motors.axes import Axes  # noqa: E402
 from framestep.pulse.engine import CYCLES  # type: ignore[attr-defined]  # noqa: E402
 from framestep.pulse.kernel import StepKernel  # noqa: E402
-from framestep.pulse.stepper import POSITION  # noqa: E402
+from framestep.pulse.stepper import POSITION, TICKS  # noqa: E402
 
 MOTORS = 8
 SETUP = 640  # cycles: 5 µs
-AHEAD = 28  # ticks, of 24 buffers
+BUFFERS = 24
 ACCELERATION = 2_000_000
+LAST = 100  # ms
 
 
 class Hal:
@@ -29,11 +60,11 @@ class Hal:
 
     def __init__(self):
         steps = [1 << 2 * i for i in range(MOTORS)]
-        self.stream = Stream(steps, [2 << 2 * i for i in range(MOTORS)])
-        self.kernel = StepKernel(MOTORS, CYCLES, self.stream.clock)
+        stream = Stream(steps, [2 << 2 * i for i in range(MOTORS)])
+        self.kernel = StepKernel(MOTORS, CYCLES, stream.clock)
         for i in range(MOTORS):
-            self.kernel.configure(i, self.stream.fifo(i), 0, SETUP, False)
-        self.stream.attach(self.kernel, AHEAD)
+            self.kernel.configure(i, stream.fifo(i), 0, SETUP, False)
+        self.chain = Chain(stream, self.kernel, steps, BUFFERS, 0, 0, 0)
 
     def irq_off(self):
         return 0
@@ -45,24 +76,20 @@ class Hal:
 def build(rate, ms):
     hal = Hal()
     axes = Axes(hal)
-    words = array("i", [0] * (FRAMES + 4 * WORDS))
-    frames = bytearray(FRAMES * 4)
     for axis in axes:
         axis.set_speed(rate, ACCELERATION)
         axis.move_to(hal, array("i", [0, 10 * rate]), 1)
-    count = 0
-    before = 0
-    for tick in range(ms):
-        if tick == ms - 100:
-            before = hal.kernel.blocks[0][POSITION]
+    state = hal.kernel.state
+    ticks = position = 0
+    for ms_left in range(ms, 0, -1):
+        if ms_left == LAST:
+            ticks = state[TICKS]
+            position = hal.kernel.blocks[0][POSITION]
         axes.feed()
-        hal.stream.fill(words, 1, count)
-        count += WORDS
-        if count > FRAMES:
-            to_frames(frames, words)
-            count -= FRAMES
-            move_down(words, count, FRAMES)
-    print("speed", 10 * (hal.kernel.blocks[0][POSITION] - before))
+        hal.chain.serve()
+        Clock.us += 1000
+    made = hal.kernel.blocks[0][POSITION] - position
+    print("speed", 1000 * made // (state[TICKS] - ticks))
 
 
 build(int(sys.argv[1]), int(sys.argv[2]))

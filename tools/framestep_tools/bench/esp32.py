@@ -68,7 +68,7 @@ FIGURES = (
         None,
         200,
         "planning, the tick and the words for I2S, for each millisecond of eight motors at 60 000 "
-        "steps/s: instructions in QEMU, at best one each cycle of 240 MHz",
+        "steps/s, without I2S: instructions in QEMU, at best one each cycle of 240 MHz",
     ),
     Figure(
         "esp32_free_bytes",

@@ -13,10 +13,11 @@ has run out. So drivers need enable inputs that are off while low.
 
 from array import array
 from select import POLLOUT, poll
-from time import ticks_diff, ticks_us
+from time import ticks_us
 
 from machine import I2S, Pin
 
+from framestep.base.clock import WIDE_WRAP
 from framestep.base.native import const, micropython, ptr32
 from framestep.pulse.stepper import moving
 
@@ -24,38 +25,33 @@ RATE = const(250000)  # words a second, one each 4 µs
 WORDS = const(RATE // 1000)  # in a tick, as in pulse/stream_engine.py
 FRAMES = const(256)  # words of a DMA buffer; MicroPython has no other
 _BYTES = const(4)  # of a word
-_BUFFER_US = const(1024)
+_SLOTS = const(4)  # buffers that there is memory for: what follows a fault takes most of it
+_BUFFER_BITS = const(10)  # a buffer lasts 1 << this µs
 _STILL = const(4)  # ticks within which motors at rest make their last pulses
 _HELD = const(2)  # buffers without pulses after the ring ran out: time to paint the next ones
 
 LEAST = const(8)  # buffers
 MOST = const(40)
 
-
-@micropython.viper
-def to_frames(frames: ptr32, words: ptr32):
-    """Convert FRAMES words to 16-bit samples of Philips format, left and right. words[FRAMES] must
-    be there.
-
-    Data is a clock late and the chain latches in the middle of a frame, so its upper bits are those
-    of the next word.
-    """
-    i = 0
-    word = words[0]
-    while i < FRAMES:
-        after = words[i + 1]
-        frames[i] = (word & 0x7FFF) << 1 | (after >> 15) << 16
-        word = after
-        i += 1
+# Words of a count
+_LAG = const(0)  # played buffers that have not been filled again
+_WITHIN = const(1)  # µs since the last of them was played
+_SEEN = const(2)  # ticks_us() then
+_COUNT_WORDS = const(3)
 
 
 @micropython.viper
-def hold_frames(frames: ptr32, word: int):
-    """Fill FRAMES samples with the same word."""
-    i = 0
-    while i < FRAMES:
-        frames[i] = (word & 0x7FFF) << 1 | (word >> 15) << 16
-        i += 1
+def look(count: ptr32, now: int, filled: int) -> int:
+    """Count the buffers that have been played in the meantime, and those that have been `filled`
+    again. Return how many are left to be filled. now: ticks_us()."""
+    within = ((now - count[_SEEN]) & WIDE_WRAP) + count[_WITHIN]
+    count[_SEEN] = now
+    count[_WITHIN] = within & ((1 << _BUFFER_BITS) - 1)
+    lag = count[_LAG] + (within >> _BUFFER_BITS) - filled
+    if lag < 0:
+        lag = 0
+    count[_LAG] = lag
+    return lag
 
 
 @micropython.viper
@@ -68,23 +64,38 @@ def move_down(words: ptr32, count: int, by: int):
 
 
 @micropython.viper
-def move_up(words: ptr32, count: int, by: int, word: int):
-    """words[by : by + count] = words[0 : count], with `word` in front of them"""
+def move_up(words: ptr32, count: int, by: int):
+    """words[by : by + count] = words[0 : count], and words[0] in front of them"""
     i = count
     while i:
         i -= 1
         words[i + by] = words[i]
+    word = words[0]
     while i < by:
         words[i] = word
         i += 1
 
 
 @micropython.viper
-def leave_out(words: ptr32, first: int, steps: int):
-    """Clear these bits in a tick's words, from words[first] on."""
-    i = first
-    while i < first + WORDS:
-        words[i] = (words[i] | steps) ^ steps
+def end_pulses(words: ptr32, count: int, steps: int):
+    """Clear the pulses that are high in words[0] to their ends. steps: the levels of step pins."""
+    high = words[0] & (steps << 1)
+    i = 0
+    while i < count:
+        high = high & words[i]
+        if high == 0:
+            break
+        words[i] = words[i] ^ high
+        i += 1
+
+
+@micropython.viper
+def hold_level(frames: ptr32, words: ptr32):
+    """Fill FRAMES words with words[0]."""
+    word = words[0]
+    i = 0
+    while i < FRAMES:
+        frames[i] = word
         i += 1
 
 
@@ -106,17 +117,22 @@ class Chain:
         self._steps = 0
         for bit in steps:
             self._steps |= bit
-        # a tick, the rest of another, and at a fault as much again
-        self._words = array("i", [0] * (FRAMES + 3 * WORDS + FRAMES))
-        self._count = 0  # painted words among them
-        self._frames = bytearray(FRAMES * _BYTES)
-        self._ready = False  # they hold the first of these words
-        self._last = 0  # last word handed over
-        self._lag = 0  # played buffers that have not been filled again
-        self._within = 0  # µs since the last of them was played
+        # The last word handed over, then painted words. They are handed over in whole slots, and
+        # what is left moves to the front after the last slot.
+        self._words = array("i", [0] * (1 + _SLOTS * FRAMES + WORDS))
+        self._slots = [
+            memoryview(self._words)[1 + slot * FRAMES : 1 + (slot + 1) * FRAMES]
+            for slot in range(_SLOTS)
+        ]
+        self._slot = 0  # to be handed over next
+        self._end = 1  # index of the next word to be painted
+        self._levels = array("i", [0] * FRAMES)  # without pulses
+        self._full = 1 + FRAMES  # up to here it is painted if the slot is full
+        self._count = array("i", [0] * _COUNT_WORDS)
         self._lost = 0
         stream.attach(kernel, self.ahead())
-        self._masked = False  # pulses are left out
+        self._fill = stream.fill
+        self._muted = False  # pulses are left out
         self._still = 0  # ticks for which nothing has moved
         self._pins = Pin(sck), Pin(ws), Pin(sd)
         self._asking = poll()
@@ -137,11 +153,12 @@ class Chain:
     def _began(self):
         """Reset the counters, as I2S begins to play, with zeros at first."""
         self._stopped = False
-        self._count = 0
-        self._ready = False
-        self._lag = 0
-        self._within = 0
-        self._seen = ticks_us()
+        self._slot = 0
+        self._end = 1
+        self._words[0] = 0
+        self._full = 1 + FRAMES
+        self._count[_LAG] = self._count[_WITHIN] = 0
+        self._count[_SEEN] = ticks_us()
         self._asking.ipoll(0)  # makes writes take only what there is room for, without waiting
 
     def ahead(self):
@@ -150,46 +167,33 @@ class Chain:
 
     def serve(self):
         """Do ticks while there is room for their words. To be called in each pass."""
+        count = self._count
+        filled = 0
         while not self._stopped:
-            self._look()
-            if self._lag >= self.buffers - 1:
+            if look(count, ticks_us(), filled) >= self.buffers - 1:
                 self._ran_out()
-            while self._count <= FRAMES:
-                self._stream.fill(self._words, 1, self._count)
-                if self._masked:
-                    self._mask()
-                self._count += WORDS
-            if not self._ready:
-                to_frames(self._frames, self._words)
-                self._ready = True
-            if not self._hand_over():
+            # a slot's last early levels are painted with the next tick
+            while self._end <= self._full:
+                self._fill(self._words, self._end)
+                self._end += WORDS
+                if self._muted:
+                    self._count_still()
+            if not self._i2s.write(self._slots[self._slot]):  # there is no room
+                count[_LAG] = 0
                 return
-            self._last = self._words[FRAMES - 1]
-            self._count -= FRAMES
-            move_down(self._words, self._count, FRAMES)
-            self._ready = False
+            filled = 1
+            self._slot += 1
+            self._full += FRAMES
+            if self._slot == _SLOTS:
+                self._to_front()
 
-    def _look(self):
-        """Count the buffers that have been played in the meantime."""
-        now = ticks_us()
-        self._within += ticks_diff(now, self._seen)
-        self._seen = now
-        played = self._within // _BUFFER_US
-        self._within -= played * _BUFFER_US
-        self._lag += played
-
-    def _hand_over(self):
-        """Give the frames to I2S. Return False if there is no room."""
-        if not self._i2s.write(self._frames):
-            self._lag = 0
-            return False
-        self._look()
-        if self._lag >= self.buffers:
-            # it was played while it was being written
-            self._lost |= moving(self._state)
-        if self._lag:
-            self._lag -= 1
-        return True
+    def _to_front(self):
+        """Move what has been painted to the first slot, behind the last word handed over."""
+        by = self._slot * FRAMES
+        self._slot = 0
+        self._full = 1 + FRAMES
+        self._end -= by
+        move_down(self._words, self._end, by)
 
     def _ran_out(self):
         """The ring has run out, or is about to: hold all levels for a while and report to the
@@ -199,51 +203,33 @@ class Chain:
         """
         self._lost |= moving(self._state)
         room = self.buffers - 1  # what I2S keeps
-        held = (self._lag - room + _HELD) * FRAMES  # time in words
-        self._lag = room
-        level = self._last & ~self._steps
-        if self._count <= FRAMES + WORDS:  # otherwise nothing has been sent since the last time
-            self._delay(held, level)
-        self._hold(level)
+        held = (self._count[_LAG] - room + _HELD) * FRAMES  # time in words
+        self._count[_LAG] = room
+        self._to_front()
+        if self._end <= 1 + FRAMES + WORDS:  # otherwise nothing has been sent since the last time
+            self._delay(held)
+        hold_level(self._levels, self._words)
+        left = _HELD
+        while left and self._i2s.write(self._levels):
+            left -= 1
+        look(self._count, ticks_us(), _HELD - left)
+        if left:
+            self._count[_LAG] = 0
 
-    def _delay(self, held, level):
-        """Delay the painted words and the next ones by `held` words, on the grid of ticks."""
+    def _delay(self, held):
+        """Delay the painted words and the next ones by `held` words, on the grid of ticks. Pulses
+        under way were cut off: count them as made."""
         words = self._words
-        # The upper half of the next word has been out for a frame, and pulses under way were cut
-        # off: count both as made.
-        made = (self._last | words[0] & ~0x7FFF) & self._steps
-        i = 0
-        while i < self._count:
-            made &= words[i]
-            if not made:
-                break
-            words[i] ^= made
-            i += 1
+        end_pulses(words, self._end, self._steps)
         ticks = (held + WORDS - 1) // WORDS
         over = ticks * WORDS - held
-        move_up(words, self._count, over, level)
-        self._count += over
-        self._stream.miss(words, ticks, self._count)
-        self._count += WORDS
+        move_up(words, self._end, over)
+        self._end += over
+        self._stream.miss(words, ticks, self._end)
+        self._end += WORDS
 
-    def _hold(self, level):
-        """Hand over buffers of levels."""
-        hold_frames(self._frames, level)
-        self._ready = False
-        left = _HELD
-        while left:
-            left -= 1
-            if left == 0:
-                # the upper half of the next word
-                after = self._words[0] >> 15
-                self._frames[FRAMES * _BYTES - 2] = after & 0xFF
-                self._frames[FRAMES * _BYTES - 1] = after >> 8
-            if not self._hand_over():
-                return
-
-    def _mask(self):
-        """Leave the pulses out of the last painted tick."""
-        leave_out(self._words, self._count, self._steps)
+    def _count_still(self):
+        """Count the ticks for which nothing has moved."""
         if moving(self._state):
             self._still = 0
         elif self._still < _STILL:
@@ -257,7 +243,8 @@ class Chain:
         self._i2s.deinit()
         self._stopped = True
         self._lost |= moving(self._state)
-        self._masked = True
+        self._stream.mute(True)
+        self._muted = True
         self._still = 0
 
     def recovered(self):
@@ -275,8 +262,10 @@ class Chain:
                 ibuf=self.buffers * FRAMES * _BYTES,
             )
             self._began()
-        self._masked = self._still < _STILL
-        return not self._masked
+        if self._muted and self._still == _STILL:
+            self._stream.mute(False)
+            self._muted = False
+        return not self._muted
 
     def take_lost(self):
         """Return the motors whose positions were lost since the last call, a bit each."""
