@@ -137,7 +137,7 @@ def test_what_was_measured_before_it_broke_off_is_in_the_report(board, monkeypat
 
     monkeypatch.setattr(Measuring, "_together", broken)
     report = prove(board, Options(short=True), emulated_boards(), lambda line: None)
-    assert report.complaints == ["the measurement broke off here: the board stumbled"]
+    assert report.faults == ["the measurement broke off here: the board stumbled"]
     assert {"upload_frames", "rate_350k", "edge_350k_us"} <= set(report.figures)
     assert "reply_ms" not in report.figures
     assert "the board stumbled" in report.as_markdown()

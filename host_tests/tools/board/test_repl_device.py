@@ -3,8 +3,10 @@
 import os
 import time
 import tty
+from types import SimpleNamespace
 
 import pytest
+from mpremote.transport import TransportError
 
 from framestep_tools.board import repl_device, restart
 from framestep_tools.board.repl_device import Device, DeviceError
@@ -36,6 +38,34 @@ def test_a_terminal_that_says_nothing_is_left_in_time():
     finally:
         os.close(master)
         os.close(slave)
+
+
+class HalfSent:
+    """A transport whose first script is interrupted half-way: the REPL takes no other one before it
+    has been entered again."""
+
+    def __init__(self):
+        self.serial = SimpleNamespace(timeout=1)
+        self.ready = True
+
+    def exec(self, script):
+        if not self.ready:
+            raise TransportError("could not exec command")
+        self.ready = script != "interrupted"
+        if not self.ready:
+            raise KeyboardInterrupt
+        return b"run"
+
+    def enter_raw_repl(self, **_):
+        self.ready = True
+
+
+def test_scripts_can_be_run_after_ctrl_c():
+    device = repl_device.Device("/dev/half")
+    device._transport = HalfSent()
+    with pytest.raises(KeyboardInterrupt):
+        device.run("interrupted")
+    assert device.run("put back") == "run"
 
 
 def test_a_board_that_does_not_come_up(monkeypatch):

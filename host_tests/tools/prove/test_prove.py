@@ -2,6 +2,8 @@
 measurements."""
 
 import json
+from contextlib import nullcontext
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +11,8 @@ import pytest
 from framestep_tools.building.board_files import ROOT, board_data, board_names
 from framestep_tools.cli import app
 from framestep_tools.client import port_finder
-from framestep_tools.client.client import Client
+from framestep_tools.client.client import BrokenOff, Client
+from framestep_tools.errors import BROKEN_OFF, FAILED, INTERRUPTED
 from framestep_tools.payloads import (
     DeviceInfo,
     MotorConfigure,
@@ -35,6 +38,7 @@ from framestep_tools.prove.figures import (
     Figure,
 )
 from framestep_tools.prove.layout import Layout, layout
+from framestep_tools.prove.measure import Measuring
 from framestep_tools.prove.pins import HELD, RATES, trapezoids
 from framestep_tools.prove.watching import program, times_ns
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
@@ -174,6 +178,83 @@ def test_it_asks_before_pins_move(monkeypatch, capsys):
     assert app.status(["prove", "/dev/none", "--with-drivers"]) == 130
     assert "enable pins" in asked[0]
     assert "motors turn" in asked[1]
+
+
+@pytest.mark.parametrize(
+    ("error", "said", "status"),
+    [
+        (report.ToolError("the board stumbled"), "the board stumbled", FAILED),
+        (BrokenOff("the cable was pulled"), "the cable was pulled", BROKEN_OFF),
+        (OSError(5, "Input/output error"), "Input/output error", BROKEN_OFF),
+        (KeyboardInterrupt(), "Ctrl-C", INTERRUPTED),
+        (ValueError("a fault of this tool"), "a fault of this tool", None),
+    ],
+)
+def test_what_was_measured_before_it_broke_off_is_kept(
+    error, said, status, monkeypatch, tmp_path, capsys
+):
+    def measure(self):
+        self.figures["upload_frames"] = 10_000
+        raise error
+
+    board = SimpleNamespace(
+        client=None,
+        run=lambda code: "MicroPython v1.26.1",
+        rig={},
+        folder="pico",
+        where="here",
+        clock_hz=HZ,
+        layout=layout(PICO, {}, set(), [0, 1]),
+        overlay=0,
+        drivers_off=nullcontext,
+        settings=lambda motor: {},
+    )
+    monkeypatch.setattr("framestep_tools.prove.board.real", lambda *_: nullcontext(board))
+    monkeypatch.setattr(Measuring, "everything", measure)
+    arguments = ["prove", "/dev/none", "--yes", "--out", str(tmp_path)]
+    if status is None:
+        with pytest.raises(type(error)):
+            app.status(arguments)
+    else:
+        assert app.status(arguments) == status
+    data, page = sorted(tmp_path.iterdir())
+    printed = capsys.readouterr().err.splitlines()[-1]
+    assert "the measurement broke off: " in printed
+    assert printed.endswith(f"{said}; {page} has the figures so far")
+    kept = json.loads(data.read_text())
+    assert kept["figures"]["upload_frames"] == 10_000
+    assert said in kept["complaints"][-1]
+    assert said in page.read_text()
+
+
+def test_nothing_is_written_if_nothing_was_measured(monkeypatch, tmp_path):
+    def interrupted(self):
+        raise KeyboardInterrupt
+
+    board = SimpleNamespace(client=None, run=lambda code: "", drivers_off=nullcontext)
+    monkeypatch.setattr("framestep_tools.prove.board.real", lambda *_: nullcontext(board))
+    monkeypatch.setattr(Measuring, "everything", interrupted)
+    assert app.status(["prove", "/dev/none", "--yes", "--out", str(tmp_path)]) == INTERRUPTED
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), report.ToolError("stumbled")])
+def test_the_first_error_is_reported_if_the_pins_cannot_be_given_back(error):
+    """A lost port raises another one while the enable pins are given back."""
+    writes = []
+
+    def put(*words):
+        writes.append(words)
+        if len(writes) > 1:
+            raise report.ToolError("the board has gone")
+
+    board = Board.__new__(Board)
+    board.data, board.rig, board._chip = {"enable": 8}, {}, CHIPS["rp2040"]
+    board.instrument = SimpleNamespace(get=lambda registers: [0 for _ in registers], put=put)
+    with pytest.raises(type(error)) as raised, board.drivers_off():
+        raise error
+    assert raised.value is error
+    assert len(writes) == 2
 
 
 class Silent:

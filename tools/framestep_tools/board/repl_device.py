@@ -273,9 +273,13 @@ class Device:
 
     def run(self, script: str) -> str:
         """Run a script on the REPL and return its output. Raises DeviceError with the traceback if
-        it fails."""
+        it fails. Ctrl-C ends the script."""
         try:
             return self._transport.exec(script).decode()
+        except KeyboardInterrupt:
+            with contextlib.suppress(DeviceError):
+                self._enter()  # for scripts that put the board back as it was
+            raise
         except TransportExecError as error:
             raise DeviceError(
                 f"the board reported an error:\n{error.error_output.strip()}"

@@ -73,6 +73,8 @@ def prove(
         say_json(found.as_json())
     else:
         report.show(found)
+    found.raise_broken_off(paths[1])
+    if not json:
         print(f"{paths[1]} is a report to attach to an issue: docs/use/hardware-reports.md")
     if found.complaints:
         raise ToolError(f"{len(found.complaints)} things are not as they should be")

@@ -37,11 +37,14 @@ def main(
         found = prove(measured, Options(short=short), beside, print)
         count = len(measured.layout.measured)
     if renew:
+        found.raise_broken_off()
         report.renew(board, count, found.figures)
         print(f"{report.EMULATED} has {len(found.figures)} figures of {board}")
         return
     report.show(found)
-    print(*found.write(out), sep="\n")
+    paths = found.write(out)
+    print(*paths, sep="\n")
+    found.raise_broken_off(paths[1])
     if found.complaints or found.worse:
         raise ToolError(f"worse than before: {', '.join(found.worse) or found.complaints[0]}")
 

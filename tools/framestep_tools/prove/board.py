@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,8 +115,11 @@ class Board:
         )
         try:
             yield
-        finally:
-            write(words)
+        except BaseException:
+            with suppress(ToolError, OSError):  # the first error says more
+                write(words)
+            raise
+        write(words)
 
 
 def emulated_rig(board: str = "pico") -> dict[str, Any]:

@@ -127,7 +127,7 @@ class Instrument:
             self.begun_us = borrowed.begin()
             during()
         except BaseException:
-            with suppress(ToolError):  # the first error says more
+            with suppress(ToolError, OSError):  # the first error says more
                 borrowed.end()
             raise
         counts = borrowed.end()

@@ -1,13 +1,14 @@
 """Report of `framestep prove`: a table, a file for programs, a page to attach to an issue."""
 
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..errors import ToolError
+from ..errors import BROKEN_OFF, ToolError
 from ..paths import BOARDS, version
 from .figures import FIGURES, OF_THE_RIG, WORSE
 
@@ -21,7 +22,7 @@ class Report:
 
     board: its folder in boards/; where: its port; figures: measured values; complaints: texts about
     faults; emulated: values for comparison; remarks: texts about differences from a board without a
-    rig file.
+    rig file; broken_off: what ended the measurement before all figures were measured.
     """
 
     board: str
@@ -32,6 +33,31 @@ class Report:
     complaints: Sequence[str]
     emulated: Mapping[str, float]
     remarks: Sequence[str] = ()
+    broken_off: BaseException | None = None
+
+    @property
+    def faults(self) -> list[str]:
+        """Return the complaints, and why the measurement broke off."""
+        if self.broken_off is None:
+            return list(self.complaints)
+        return [*self.complaints, f"the measurement broke off here: {_reason(self.broken_off)}"]
+
+    def raise_broken_off(self, page: Path | None = None) -> None:
+        """Raise what broke the measurement off, if it was not completed.
+
+        page: the report with the figures so far, for the error's sentence.
+        """
+        error = self.broken_off
+        if error is None:
+            return
+        kept = f"; {page} has the figures so far" if page else ""
+        text = f"the measurement broke off: {_reason(error)}{kept}"
+        if isinstance(error, (ToolError, OSError)):
+            broken = ToolError(text)
+            broken.status = getattr(error, "status", BROKEN_OFF)
+            raise broken from error
+        print(text, file=sys.stderr)
+        raise error
 
     @property
     def rows(self) -> list[tuple[str, str, str, str, str]]:
@@ -64,7 +90,7 @@ class Report:
             "date": date.today().isoformat(),
             "figures": dict(self.figures),
             "verdicts": {key: verdict for key, _, _, _, verdict in self.rows},
-            "complaints": list(self.complaints),
+            "complaints": self.faults,
             "remarks": list(self.remarks),
         }
 
@@ -81,7 +107,7 @@ class Report:
             *("| " + " | ".join(row) + " |" for row in self.rows),
             "",
         ]
-        lines += [f"* {text}" for text in self.complaints] or ["Every edge is where it should be."]
+        lines += [f"* {text}" for text in self.faults] or ["Every edge is where it should be."]
         lines += [f"* {text}" for text in self.remarks]
         lines += ["", "How each is measured:", ""]
         lines += [f"* {figure.key}: {figure.how}" for figure in FIGURES]
@@ -101,6 +127,13 @@ class Report:
                 raise ToolError(f"cannot write {path}: {error.strerror}") from None
             paths.append(path)
         return paths
+
+
+def _reason(error: BaseException) -> str:
+    """Return an exception as text."""
+    if isinstance(error, KeyboardInterrupt):
+        return "Ctrl-C"
+    return str(error) or type(error).__name__
 
 
 def number(value: float | None) -> str:
@@ -169,5 +202,5 @@ def show(found: Report) -> None:
     for row in found.rows:
         table.add_row(*row)
     Console(highlight=False).print(table)
-    for text in (*found.complaints, *found.remarks):
+    for text in (*found.faults, *found.remarks):
         print(text)

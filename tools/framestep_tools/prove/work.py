@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from typing import NamedTuple
 
-from ..errors import ToolError
 from .board import Board
 from .measure import Measuring
 from .report import Emulated, Report
@@ -35,20 +34,24 @@ def prove(
 ) -> Report:
     """Measure a board. emulated: boards to compare it with; say: called with what comes next.
 
-    If the measurement breaks off, the report has the figures so far and says so. Raises ToolError
-    if there are none.
+    If the measurement breaks off, by Ctrl-C as well, the report has the figures so far and the
+    reason in `broken_off`. Raises the reason if there are no figures.
     """
     micropython = board.run(_MICROPYTHON).strip()
     measuring = Measuring(board, say, options.short)
+    broken_off = None
     try:
         with nullcontext() if options.with_drivers else board.drivers_off():
             measuring.everything()
-    except ToolError as error:
+    except (Exception, KeyboardInterrupt) as error:
         if "upload_frames" not in measuring.figures:  # the first figure
             raise
-        measuring.complaints.append(f"the measurement broke off here: {error}")
+        broken_off = error
     known = emulated.get(board.folder)
     count, plain = len(board.layout.measured), is_plain(board)
+    remarks = _remarks(board, known, count, plain)
+    if broken_off:
+        remarks.append("the board may not be as it was before: reset it before its motors are used")
     return Report(
         board.folder,
         board.where,
@@ -57,7 +60,8 @@ def prove(
         measuring.figures,
         measuring.complaints,
         known.beside(count, plain) if known else {},
-        _remarks(board, known, count, plain),
+        remarks,
+        broken_off,
     )
 
 
