@@ -2,6 +2,7 @@
 TinyUSB above a simulated controller, and a host that enumerates it."""
 
 import struct
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -226,41 +227,36 @@ def test_a_rate_for_usb():
 
 @pytest.fixture
 def shell(monkeypatch, capsys):
-    """Return shell(board): a function that runs a command, with the board's two ports on USB, and
-    gives its status and output."""
+    """Return shell(board): a context with a function that runs a command, with the board's two
+    ports on USB, and gives its status and output. The board ends with it."""
     found = Package(S3, modules(S3), main_py(), "ESP32", PROCESSOR)
     monkeypatch.setattr(on_files, "package", lambda board: found)
     monkeypatch.setattr(on_files, "OWN_PORT_FROM", (1, 26))  # the simulated one has this USB
-    terminals = []
 
+    @contextmanager
     def make(board):
-        terminal = Terminal(board)
-        terminals.append(terminal.__enter__())
+        with board, Terminal(board) as terminal:
 
-        def listed(records=None):
-            ports = [Port(terminal.path, REPL, "s3", "", "", 0, True)]
-            if len(board.host.ports) == 2:
-                ports.append(Port(terminal.own.path, PROTOCOL, "s3", "", "", 2, True))
-            return ports
+            def listed(records=None):
+                ports = [Port(terminal.path, REPL, "s3", "", "", 0, True)]
+                if len(board.host.ports) == 2:
+                    ports.append(Port(terminal.own.path, PROTOCOL, "s3", "", "", 2, True))
+                return ports
 
-        monkeypatch.setattr(port_finder, "listed", listed)
+            def run(*words):
+                status = cli.app.status(list(words))
+                return status, "".join(capsys.readouterr())
 
-        def run(*words):
-            status = cli.app.status(list(words))
-            return status, "".join(capsys.readouterr())
+            monkeypatch.setattr(port_finder, "listed", listed)
+            yield run
 
-        return run
-
-    yield make
-    for terminal in terminals:
-        terminal.__exit__(None, None, None)
+    return make
 
 
 @pytest.mark.repeats
 def test_from_an_erased_flash_to_the_first_move(shell, tmp_path, monkeypatch):
     """The commands find each port."""
-    with Esp32Board({}, S3, files={}) as board:
-        run = shell(board)
+    with shell(Esp32Board({}, S3, files={})) as run:
         repl = port_finder.repl_port
         monkeypatch.setattr(port_finder, "esp32_port", repl)
         status, said = run("install", "--board", S3)
@@ -281,8 +277,7 @@ def test_from_an_erased_flash_to_the_first_move(shell, tmp_path, monkeypatch):
 
 def test_a_command_for_the_repl_while_another_program_moves_motors(shell):
     """Getting to the REPL would end framestep, so the command changes nothing."""
-    with Esp32Board({}, S3) as board:
-        run = shell(board)
+    with shell(Esp32Board({}, S3)) as run:
         with Client.open(port_finder.protocol_port()) as client:
             client.request(MotorMove(1, 30_000))
             status, said = run("flash")
@@ -295,9 +290,10 @@ def test_a_command_for_the_repl_while_another_program_moves_motors(shell):
 def test_an_older_micropython(shell, monkeypatch):
     """Its USB cannot have the port, so nothing is copied."""
     monkeypatch.setattr(on_files, "OWN_PORT_FROM", (99, 0))
-    with Esp32Board({}, S3, files={"/boot.py": b""}) as board:
+    board = Esp32Board({}, S3, files={"/boot.py": b""})
+    with shell(board) as run:
         monkeypatch.setattr(port_finder, "esp32_port", lambda: port_finder.repl_port())
-        status, said = shell(board)("install", "--board", S3)
+        status, said = run("install", "--board", S3)
         assert status == 1
         assert "put 99.0 or newer on the board" in said
         assert '"ports": 1 into its rig file' in said
