@@ -106,11 +106,9 @@ fuzz: setup ## random sessions, checked for what must never happen: SECONDS=60, 
 ifeq ($(BOARD),emulator)
 	@tools/setup.sh node && tools/micropython/build.sh rp2
 	@"$(PYTHON_VENV)" -m host_tests.board.strain $(if $(SEED),--seed $(SEED)) $(ARGS)
-else ifeq ($(BOARD),esp32)
-	@tools/micropython/build.sh esp32
-	@"$(PYTHON_VENV)" -m host_tests.esp32.strain $(if $(SEED),--seed $(SEED)) $(ARGS)
 else
-	@"$(PYTHON_VENV)" -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(ARGS)
+	$(if $(BOARD),@tools/micropython/build.sh esp32)
+	@"$(PYTHON_VENV)" -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(if $(BOARD),--board esp32_s3_595) $(ARGS)
 endif
 
 lint: setup ## style (ruff)

@@ -23,6 +23,10 @@ class Player:
     sent: [(ms, bytes)] that the host has received, in the order of sending.
     """
 
+    links = True  # the port may close at any time, and the link may have faults
+    lag_ms = 0  # from a tick to its edges, at most
+    report_s = 0.0025  # age of the positions in a report, at most
+
     def __init__(self, script: Script, on_edge: Callable[[int, str, int], None] | None = None):
         self.script = script
         self.ms = 0
@@ -62,6 +66,9 @@ class Player:
             return start(script.rig)
         except RigError:
             return start(None, True)
+
+    def close(self) -> None:
+        """Do nothing: there is no process."""
 
     def _offer(self, writer) -> None:
         if not self.full:

@@ -1,7 +1,7 @@
 """Any requests in any order on the simulated ESP32, through its UART, while its main loop pauses
 and its E-stop is pressed: host_tests/board/strain.py on another board.
 
-    make fuzz BOARD=esp32 SEED=7 ARGS="--requests 5000"
+    python -m host_tests.esp32.strain --seed 7 --requests 5000
 
 A pause is no longer than the queue, so it is no fault. The UART does not show whether a host is
 there, so none leaves. An E-stop loses positions, so they are compared only if there was none.

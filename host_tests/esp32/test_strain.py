@@ -1,4 +1,4 @@
-"""A part of `make fuzz BOARD=esp32`: see strain.py."""
+"""A short run of strain.py."""
 
 from host_tests.esp32.strain import strain
 

@@ -26,9 +26,12 @@ def replay(script: Script, tail_ms: int = 0, again=None):
     from .trial import Trial
 
     trial = (again.trial if again else Trial)(header_of(script))
-    follow(trial, script, tail_ms)
-    if again:
-        again.judge(trial)
+    try:
+        follow(trial, script, tail_ms)
+        if again:
+            again.judge(trial)
+    finally:
+        trial.close()
     return trial
 
 
@@ -131,7 +134,7 @@ def shrink_from(script: Script, finding, again=None) -> Script:
     return shrink(whole, finding.kind, again=again if finding.kind == "again" else None)
 
 
-def session(seed: str, requests: int, minutes: float = 0.5, again=None):
+def session(seed: str, requests: int, minutes: float = 0.5, again=None, board: str | None = None):
     """Play one session; return (Trial, Finding or None)."""
     from .findings import Finding
     from .rigs import draw_script
@@ -139,7 +142,7 @@ def session(seed: str, requests: int, minutes: float = 0.5, again=None):
     from .world import World
 
     dice = Random(seed)
-    trial = (again.trial if again else Trial)(draw_script(dice))
+    trial = (again.trial if again else Trial)(draw_script(dice, board))
     try:
         World(dice, trial, requests, round(minutes * 60_000)).run()
         if again:
@@ -147,6 +150,8 @@ def session(seed: str, requests: int, minutes: float = 0.5, again=None):
     except Finding as finding:
         finding.ms = trial.ms + 1
         return trial, finding
+    finally:
+        trial.close()
     return trial, None
 
 
@@ -154,6 +159,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scripts", nargs="*", help="replay these instead")
     parser.add_argument("--seconds", type=float, default=60)
+    parser.add_argument("--board", help="of all sessions, as esp32_s3_595, which is simulated")
     parser.add_argument("--seed", default=None)
     parser.add_argument("--first", type=int, default=0, help="number of the first session")
     parser.add_argument("--sessions", type=int, default=10**9)
@@ -208,7 +214,7 @@ def main() -> int:
         if time.monotonic() - began > options.seconds:
             break
         name = f"{seed}/{number}"
-        trial, finding = session(name, requests, options.minutes, again)
+        trial, finding = session(name, requests, options.minutes, again, options.board)
         played += 1
         counts += trial.counts
         virtual_ms += trial.ms

@@ -221,7 +221,7 @@ class Replies(Part):
             motor.seen = n
             reported = struct.unpack_from("<i", payload, 4 + 4 * motor.index)[0]
             ahead = reported - motor.at - motor.made
-            slack = 2 + int(motor.top[-1][1] * 2.5e-3)
+            slack = 2 + int(motor.top[-1][1] * self.player.report_s)
             if not -slack <= ahead <= motor.backlash + slack:
                 self.fail(
                     "pins",

@@ -30,6 +30,7 @@ are those of the cubic through the frames, and the place of the motor at each fr
 
 import traceback
 from collections import Counter
+from typing import Any
 
 from framestep.io.watchdog import HOST_UNREAD_MS
 from framestep.motors.backlash import LOAD
@@ -38,6 +39,7 @@ from host_tests import int32
 from host_tests.script import Script
 from host_tests.script_player import Player
 
+from . import chip_player
 from .bounds import FREE, STEEPEST, Motor
 from .edges import Edges
 from .findings import Finding
@@ -58,7 +60,10 @@ class Trial:
 
     def __init__(self, script: Script):
         self.script = script
-        self.player = player = Player(script, self._edge)
+        player: Any = Player
+        if script.board == chip_player.BOARD:
+            player = chip_player.ChipPlayer
+        self.player = player = player(script, self._edge)
         self.board = player.board
         self.hal = self.board.hal
         self.rig = self.board.rig
@@ -179,6 +184,10 @@ class Trial:
         )
         finding = Finding("exception-" + where.name, f"at {self.ms} ms, {text}")
         raise finding from error
+
+    def close(self):
+        """End the board."""
+        self.player.close()
 
     def judge(self, motor):
         """Compare a motor's edges so far with its limits, then start from their end."""

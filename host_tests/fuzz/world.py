@@ -30,7 +30,7 @@ class World:
         self.motors = trial.count
         self.rig = trial.rig
         self.wild = dice.random() < 0.25
-        links = dice.random() < 0.2
+        links = dice.random() < 0.2 and trial.player.links
         late = dice.random() < 0.15
         switches = dice.random() < 0.6
         self.host = Host(dice, trial, requests, ms, links, dice.random() < 0.4)
