@@ -55,9 +55,12 @@ class Motors(list):
     """Some motors, with as much of Axes as io/ needs."""
 
     def __init__(self, count=8):
+        self.kernel = self
+        self.state = array("i", [0] * stepper.HEADER_WORDS)
         super().__init__(Motor() for _ in range(count))
         for motor, following in pairwise(self):
             motor.block[stepper.NEXT] = as_word(addressof(following.block))
+        self.state[stepper.FIRST] = as_word(addressof(self[0].block))
         self.count = count
         self.positions = Positions(count)
 

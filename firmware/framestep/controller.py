@@ -309,7 +309,7 @@ class Controller:
         if (now >> 7) & 15 != self.beat:
             self._light((now >> 7) & 15)
         flags = stepper.poll_flags(self.header)
-        if flags or news:
+        if flags or news or self.operations.rt_end_due:
             self.active_passes = _ACTIVE_PASSES
         elif self.active_passes > _IDLE_EVERY:
             self.active_passes -= 1

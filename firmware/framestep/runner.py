@@ -186,7 +186,8 @@ class Runner:
                 self._failed = self._news = True
             if self._timer is None:
                 controller.answer(ticks_ms())
-            elif ticks_diff(ticks_us(), self._begun_at) >= _APART_US:  # else it has been held up
+            elif not 0 <= ticks_diff(ticks_us(), self._begun_at) < _APART_US:
+                # else it has been held up
                 self._begun_at = ticks_us()
                 controller.poll(ticks_ms())
         except KeyboardInterrupt:

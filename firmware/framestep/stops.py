@@ -93,6 +93,7 @@ class Stops:
         self.io.safe()
         self.operations.stop()
         self.run_outputs.abort()
+        self.io.safe()  # a tick may have given a cue in the meantime
         self.virtuals.halt()
         self.axes.stop()
         self.gate.switch_off(self.axes.released)
@@ -138,7 +139,7 @@ class Stops:
         factor = self.rig.hard_stop_factor
         if self.safety.tripped:
             if self.rig.estop_cuts_power:
-                self.positions.power_cut(axes.moving_bits())
+                self.positions.power_cut(axes.moving_bits() | self.safety.motors_at_estop())
             self._note(FAULT_ESTOP)
             self.gate.stop_jogging()
             self._end_homing()
@@ -172,17 +173,21 @@ class Stops:
 
     def on_fault(self, lost):
         """Handle a fault of the kernel, or lost commands of the motors `lost`."""
-        header = self.header
-        self._note(header[stepper.FAULTS] | (FAULT_LOST if lost else 0))
-        header[stepper.FAULTS] = 0
+        self._note(self._take(self.header, stepper.FAULTS) | (FAULT_LOST if lost else 0))
         for motor in range(self.axes.count):
-            block = self.axes[motor].block
-            if block[stepper.FAULT] & stepper.FAULT_LATE:
+            if self._take(self.axes[motor].block, stepper.FAULT) & stepper.FAULT_LATE:
                 lost |= 1 << motor  # its pulses broke off in motion, so it may have slipped
-            block[stepper.FAULT] = 0
         if lost:
             self.positions.set_lost(lost, STEPS)
         self.fault_stop()
+
+    def _take(self, words, i):
+        """Return words[i], to which a tick may add bits, and clear it."""
+        irq = self.hal.irq_off()
+        bits = words[i]
+        words[i] = 0
+        self.hal.irq_on(irq)
+        return bits
 
     def on_driver_failure(self, bits):
         """Handle a failure of these motors' drivers (io/tmc2209.py).

@@ -36,6 +36,13 @@ def test_a_question_at_rest_waits_for_no_pass(session):
     assert max(np.median(ask.ms[kind::kinds]) for kind in range(kinds)) < AT_REST_MS
 
 
+def test_passes_go_on_after_half_a_turn_of_the_microseconds(session):
+    """A board whose firmware starts minutes after its power-on."""
+    session.repl("import time\nfrom framestep.boot import runner")
+    session.repl("runner._begun_at = time.ticks_add(time.ticks_us(), 300_000_000)")
+    session.client.request(MotorSetSpeed(1, 5000, 20_000))
+
+
 @pytest.mark.parametrize("fps", sweep([25, 60], 60))
 def test_right_after_go_and_in_play(session, fps):
     """Eight motors: the first phases are planned right after GO, frames and segments in play."""

@@ -202,27 +202,37 @@ def test_estop():
 
 
 @pytest.mark.repeats
-def test_estop_while_a_motor_sets_off():
-    """Press it at many moments while a pass plans the motor's jog. The host is told of the E-stop
-    and of nothing else."""
-    board_session, board = session({"estop": "nc", "motor_count": 4, "dmx": False})
+def test_estop_while_motors_set_off():
+    """Press it at many moments while a pass plans a jog, or eight motions. The host is told of the
+    E-stop and of nothing else, and motors whose pulses have not begun by then make none."""
+    board_session, board = session({"estop": "nc", "dmx": False})
     with board:
         board.emulator.set_pin(ESTOP_PIN, 0)
         board_session.run(0.05)
-        board_session.speed(2, 20_000, 100_000)
-        jog, stop = (
-            encode(request.TYPE, request.pack(), 9)
-            for request in (p.MotorJog(2, 5000, -(2**31)), p.MotorStopAll())
-        )
-        for us in range(2600, 3400, 20):
-            frames = board_session.bytes_for(jog, us * 1e-6)
-            board.emulator.set_pin(ESTOP_PIN, 1)
-            frames += board_session.bytes_for(b"", 0.06)
-            stops = [frame.payload for frame in frames if frame.type == m.MSG_MOTOR_HARD_STOP]
-            assert stops == [bytes((0,))], us
-            board.emulator.set_pin(ESTOP_PIN, 0)
-            board_session.bytes_for(b"", 0.015)
-            board_session.bytes_for(stop, 0.025)
+        for motor in EIGHT:
+            board_session.speed(motor, 20_000, 100_000)
+        board_session.upload({motor: [0, 4000] for motor in EIGHT})
+        for request, moments in (
+            (p.MotorJog(2, 5000, -(2**31)), range(2600, 3400, 20)),
+            (p.RtPositionFrame(2), range(1000, 19_000, 1500)),
+        ):
+            for us in moments:
+                board_session.forget()
+                frames = board_session.bytes_for(encode(request.TYPE, request.pack(), 9), us * 1e-6)
+                pressed = board_session.now
+                board.emulator.set_pin(ESTOP_PIN, 1)
+                frames += board_session.bytes_for(b"", 0.06)
+                stops = [frame.payload for frame in frames if frame.type == m.MSG_MOTOR_HARD_STOP]
+                assert stops == [bytes((0,))], us
+                for motor in EIGHT:
+                    times, _ = board_session.steps(motor)
+                    # two ticks of pulses were queued
+                    assert not len(times) or times[0] < pressed + 0.0035, (us, motor)
+                board.emulator.set_pin(ESTOP_PIN, 0)
+                board_session.bytes_for(b"", 0.015)
+                board_session.bytes_for(
+                    encode(p.MotorStopAll.TYPE, p.MotorStopAll().pack(), 9), 0.025
+                )
 
 
 def begin(board_session):

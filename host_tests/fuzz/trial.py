@@ -272,7 +272,7 @@ class Trial:
         """Play a millisecond."""
         player = self.player
         passing = not player._off and not player._held
-        if player._held and self.runs.going:
+        if (player._held or player.full) and self.runs.going:
             self.runs.going["held"] = True  # more than a frame may pass until the next report
         player.sent.clear()
         self.answers.clear()

@@ -376,6 +376,19 @@ def test_an_interrupt_stops_the_motor_while_its_plan_is_made(speed, ticks):
     assert bench.kernel.state[stepper.FAULTS] == 0
 
 
+def test_a_move_in_each_tick_of_a_motion():
+    """Also in the tick after its last segment, in which it stops without any speed."""
+    for ticks in range(170):
+        rig = Rig()
+        rig[0].set_speed(1000, 20_000)
+        rig.move_to(0, 100)
+        rig.run(ticks)
+        rig.move_to(0, 300)
+        rig.to_rest()
+        assert rig.place() == 300
+        assert rig.bench.state[stepper.FAULTS] == 0
+
+
 def test_release_starts_all_in_one_tick():
     """Queued with begin_plan(), append_phase() and feed(), started by release(): their first pulses
     come together."""

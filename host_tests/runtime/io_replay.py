@@ -17,7 +17,7 @@ from framestep.io.safety import Safety
 from framestep.motion.reals import copy_word
 from framestep.motors.feeder import WORK_WORDS
 from framestep.protocol.frames import FrameWriter
-from framestep.pulse.stepper import NEXT, WORK
+from framestep.pulse.stepper import FIRST, HEADER_WORDS, NEXT, WORK
 from framestep.rig import Rig
 
 try:
@@ -92,7 +92,10 @@ class Motors:
     count = 8
 
     def __init__(self):
+        self.kernel = self
+        self.state = array("i", [0] * HEADER_WORDS)
         self.motors = [Motor() for _ in range(self.count)]
+        self.state[FIRST] = as_word(addressof(self.motors[0].block))
         for i in range(self.count - 1):
             self.motors[i].block[NEXT] = as_word(addressof(self.motors[i + 1].block))
 

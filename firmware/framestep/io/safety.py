@@ -21,7 +21,18 @@ from framestep.base.clock import elapsed
 from framestep.base.native import addressof, as_word, const, micropython, ptr32
 from framestep.motors.feeder import coupled
 from framestep.motors.motor import ACCELERATION_LIMIT, kernel_rate
-from framestep.pulse.stepper import DOWN, MODE, RUN, SPAN, STOP, VELOCITY, WHOLE_SPAN, halt
+from framestep.pulse.stepper import (
+    DOWN,
+    HELD,
+    MODE,
+    RUN,
+    SPAN,
+    STOP,
+    VELOCITY,
+    WHOLE_SPAN,
+    halt,
+    moving,
+)
 
 RELEASE_MS = const(20)
 _READINGS = const(3)  # after the first one
@@ -37,8 +48,9 @@ ACTIVE = const(3)  # these, and switches that were active less than RELEASE_MS a
 _SINCE = const(4)  # time of the last change of _SEEN
 CAUGHT = const(5)  # switches that an interrupt has found active
 _AT_LIMIT = const(6)  # motors that it has stopped at a limit, as returned by _approaching()
-_COUNT = const(7)  # number of motors; for each of them three words follow:
-_MOTORS = const(8)
+_MOVED = const(7)  # motors that moved when it found the E-stop pressed
+_COUNT = const(8)  # number of motors; for each of them three words follow:
+_MOTORS = const(9)
 _BLOCK = const(0)  # address of its state block
 _UPPER_PIN = const(1)  # of the limit switch at its upper end, or 0
 _LOWER_PIN = const(2)
@@ -128,6 +140,7 @@ class Safety:
         for i in range(axes.count):
             words[_MOTORS + i * _MOTOR_WORDS] = as_word(addressof(axes[i].block))
         self.block = axes[0].block  # it leads to the others
+        self.header = axes.kernel.state
         self.sets = [
             (
                 self._switch(limit["high"], limit["contact"]),
@@ -257,7 +270,12 @@ class Safety:
         w[CAUGHT] = w[CAUGHT] | active
         block = self.block
         bits = int(self._everyone)
-        if active & int(self._estop) == 0:
+        if active & int(self._estop):
+            header = self.header
+            w[_MOVED] = w[_MOVED] | int(moving(header))
+            h = ptr32(header)
+            h[HELD] = 1
+        else:
             bits = int(_approaching(words, active))
             if bits == 0:
                 return
@@ -275,6 +293,8 @@ class Safety:
         levels = self._steady(levels)
         irq = self.hal.irq_off()
         bits = _update(words, levels, now)
+        if words[ACTIVE] & self._estop == 0:
+            self.header[HELD] = words[_MOVED] = 0
         self.hal.irq_on(irq)
         return self._judge(words, bits)
 
@@ -298,6 +318,10 @@ class Safety:
     def estop_held(self):
         """Return whether the E-stop is held, even if no pass has seen it yet."""
         return self.tripped or self.words[CAUGHT] & self._estop != 0
+
+    def motors_at_estop(self):
+        """Return the motors that moved when the E-stop was pressed, a bit each."""
+        return self.words[_MOVED]
 
     def motors_at_limit(self):
         """Return the motors to be stopped at a limit, a bit each; of coupled motors the leader."""

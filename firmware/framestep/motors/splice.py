@@ -54,12 +54,13 @@ def queued(m: ptr32, bits: int, most: int) -> int:
 
 
 @micropython.viper
-def cut(m: ptr32, bits: int, ticks: int) -> int:
+def cut(m: ptr32, bits: int, ticks: int, held: int) -> int:
     """End the queues of these motors about `ticks` from now; start_cubic() continues from there.
 
     Return the ticks until then, at least `ticks`; 0 if the first motor is at rest; TOO_SOON, with
     nothing changed, if it comes to rest before; UNEVEN if the cuts are not at the same moment. m:
-    the block of the motor of bit 0. To be called with interrupts off; the new plan must be queued
+    the block of the motor of bit 0. held: stepper.HELD: a motor that slows down goes on doing so,
+    and one at rest does not start. To be called with interrupts off; the new plan must be queued
     within that time.
     """
     found = TOO_SOON
@@ -75,7 +76,9 @@ def cut(m: ptr32, bits: int, ticks: int) -> int:
                 # Carry on with the same deceleration as a segment
                 v = m[sw.VELOCITY]
                 a = m[sw.DECEL]
-                if v < 0:
+                if v == 0 or held:
+                    done = 0  # it comes to rest in the next tick, or has to
+                elif v < 0:
                     done = (0 - v) // a
                 else:
                     done = v // a
@@ -114,7 +117,8 @@ def cut(m: ptr32, bits: int, ticks: int) -> int:
                 done = TOO_SOON
             else:
                 m[sw.WRITE_INDEX] = head
-                m[sw.DECEL] = 0  # from here on a stop holds up release()
+                if held == 0:
+                    m[sw.DECEL] = 0  # from here on a stop keeps release() from starting it
                 out[_TICKS] = left
                 if k < 0:
                     out[_WHOLE] = m[sw.POSITION]

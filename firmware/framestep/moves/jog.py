@@ -381,7 +381,7 @@ class JogAll(Operation):
         ticks = queued(block, bits, ALL_SPLICE_TICKS + _PASSING) - _PASSING
         if ticks >= _LEAST:
             irq = axes.hal.irq_off()
-            ticks = cut(block, bits, ticks)
+            ticks = cut(block, bits, ticks, state[stepper.HELD])
             tick = state[stepper.TICKS]
             axes.hal.irq_on(irq)
             if ticks < 0:

@@ -186,6 +186,8 @@ class OperationRunner:
 
         frame: report the frame reached last.
         """
+        if self.state != RUNNING:
+            self._note_arrival()  # before the sample: they may come to rest after it
         tick = self.axes.choose_sample()
         if self.state == RUNNING:
             self.reported_frame = -1
@@ -195,7 +197,6 @@ class OperationRunner:
                     self.store, self.operation.bits, self.reported_frame, self.axes.reported
                 )
             return time
-        self._note_arrival()
         return self.move_time
 
     def prepare(self, operation, begins, directions, frame):

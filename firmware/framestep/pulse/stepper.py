@@ -54,7 +54,9 @@ SPENT = const(19)
 PASSES = const(20)
 SHALLOWEST = const(21)
 ASKED = const(22)  # when that was, in milliseconds modulo 2^29; -1: not since the start
-HEADER_WORDS = const(23)
+# 1: the E-stop has been pressed. Until the main loop finds it released, no motor starts.
+HELD = const(23)
+HEADER_WORDS = const(24)
 
 UNSTRAINED = const(1000)
 
@@ -191,9 +193,8 @@ def halt(m: ptr32, bits: int, rate: int, factor: int):
 def release(m: ptr32, bits: int):
     """Let the motors of these bits start on their queues at the next tick.
 
-    m: the block of the motor of bit 0. To be called with interrupts off. If an interrupt has
-    stopped a motor since its plan began, its queue lacks the plan's beginning, and it stays at
-    rest.
+    m: the block of the motor of bit 0. To be called with interrupts off. A motor that has been
+    stopped since its plan began stays at rest: its queue may lack the plan's beginning.
     """
     while bits:
         if bits & 1 and m[MODE] & (RUN | STOP) == 0 and m[DECEL] == 0:
