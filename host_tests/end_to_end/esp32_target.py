@@ -48,6 +48,7 @@ SERVO = (
 )
 # File or test -> why
 EXCLUDED = {
+    "hosts/test_between_passes.py": INSIDE,
     "hosts/test_boards.py": BOARDS,
     "hosts/test_refusals.py": INSIDE,
     "hosts/test_stalled_frames.py": INSIDE,
@@ -59,6 +60,7 @@ EXCLUDED = {
     "io/test_led.py": INSIDE,
     "io/test_load.py::test_little_queued_is_a_warning": INSIDE,
     "io/test_stop_inputs.py::test_estop[1-moves]": E_STOP,
+    "io/test_stop_inputs.py::test_estop[4-moves]": E_STOP,
     "io/test_stop_inputs.py::test_a_pin_that_something_else_has_taken": INSIDE,
     "motors/test_drivers.py": BOARDS,
     "motors/test_homing.py": INSIDE,

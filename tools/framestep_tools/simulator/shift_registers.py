@@ -44,39 +44,26 @@ def buffers(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
     return found, at
 
 
-def latched(samples: bytes, before: int = 0) -> np.ndarray:
-    """Return the chain's outputs after the latch of each frame: bit n is output n, output 0 is the
-    first stage of the chip.
-
-    samples: 16-bit stereo, left and right, lowest byte first; before: the previous 17 bits, the
-    last of them lowest.
-    """
-    frames = np.frombuffer(samples, "<u2").astype(">u2")
-    sent = np.unpackbits(frames.view("u1"))
-    # the wire is one clock late: a latch sees the bits before the 16th of its frame
-    head = [before >> bit & 1 for bit in range(_HALF, -1, -1)]
-    wire = np.concatenate((np.array(head, "u1"), sent))
-    windows = np.lib.stride_tricks.sliding_window_view(wire, BITS)[::BITS]
-    weights = 1 << np.arange(BITS - 1, -1, -1, dtype=np.int64)
-    return windows.astype(np.int64) @ weights
-
-
 def outputs(
     buffers: list[tuple[int, bytes]], rate: int, before: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the outputs' words and their times in ns, one for each frame.
+    """Return the outputs' words after the latch of each frame, and the times of the latches in ns.
+    Bit n of a word is output n, output 0 is the first stage of the chip.
 
     buffers: from played(); rate: frames a second; before: last_bits() of the previous buffer.
     """
-    times, words = [], []
-    for start, samples in buffers:
-        frames = len(samples) // (BITS // 8)
-        times.append(start + (np.arange(frames) * 2 + 1) * 1_000_000_000 // (2 * rate))
-        words.append(latched(samples, before))
-        before = last_bits(samples)
-    if not times:
+    if not buffers:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    return np.concatenate(times), np.concatenate(words)
+    counts = np.array([len(samples) // (BITS // 8) for _, samples in buffers])
+    starts = np.array([start for start, _ in buffers])
+    place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    times = np.repeat(starts, counts) + (place * 2 + 1) * 1_000_000_000 // (2 * rate)
+    samples = np.frombuffer(b"".join(samples for _, samples in buffers), "<u2").astype(np.int64)
+    left, right = samples[::2], samples[1::2]
+    # The wire is one clock late. So a latch sees all of its frame's left sample but the last bit,
+    # and before that the 17 bits of the frame before.
+    earlier = np.concatenate(([before], (left & 1) << _HALF | right))[:-1]
+    return times, earlier << _HALF - 1 | left >> 1
 
 
 def last_bits(samples: bytes) -> int:
@@ -89,6 +76,8 @@ def records(times: np.ndarray, words: np.ndarray) -> np.ndarray:
     """Return the changes of each output in the emulator's form, for trace.PinDecoder and
     trace.Trace.from_records. The first record of each output is its level before."""
     found = []
+    changed = np.concatenate((np.arange(min(len(words), 1)), np.flatnonzero(np.diff(words)) + 1))
+    times, words = times[changed], words[changed]
     for output in range(BITS if len(words) else 0):
         levels = words >> output & 1
         changes = np.concatenate(([0], np.flatnonzero(np.diff(levels)) + 1))
