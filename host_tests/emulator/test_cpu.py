@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 RUNS = 100_000
+TRANSLATED_BLOCKS = 600
 
 
 def test_instructions_agree_with_rp2040js(paths):
@@ -17,6 +18,15 @@ def test_instructions_agree_with_rp2040js(paths):
     assert result.returncode == 0, result.stdout + result.stderr
     # the script leaves out a few cases in which rp2040js departs from the architecture
     assert int(result.stdout.split()[1]) > 0.9 * RUNS
+
+
+def test_translated_code_agrees_with_the_interpreter(paths):
+    """Registers, flags, memory, cycles, cache and edges."""
+    script = paths.root / "tools/framestep_emulator/board/test/translate.mjs"
+    command = ["node", script, str(TRANSLATED_BLOCKS), paths.rp2_firmware]
+    result = subprocess.run(command, capture_output=True, text=True)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert result.stdout.startswith("translate: ")
 
 
 FLOAT_CODE = """

@@ -63,16 +63,20 @@ export class Snapshot {
   constructor(...roots) {
     this.kept = []; // [object, kind, state]
     const seen = new Set();
+    const pieces = new Map(); // by their memory
     const left = roots;
     while (left.length) {
       const object = left.pop();
       if (object === null || typeof object !== 'object' || seen.has(object)) continue;
       seen.add(object);
       const kind = kindOf(object);
-      if (kind === BYTES && object.byteLength === object.buffer.byteLength) {
-        // one view of a memory is enough
-        if (seen.has(object.buffer)) continue;
-        seen.add(object.buffer);
+      if (kind === BYTES) {
+        // one view of a piece of memory is enough
+        const { buffer, byteOffset, byteLength } = object;
+        if (!pieces.has(buffer)) pieces.set(buffer, new Set());
+        const piece = `${byteOffset} ${byteLength}`;
+        if (pieces.get(buffer).has(piece)) continue;
+        pieces.get(buffer).add(piece);
       }
       const state = kind.keep(object);
       this.kept.push([object, kind, state]);
