@@ -66,6 +66,7 @@ EXCLUDED = {
     "motors/test_homing.py": INSIDE,
     "motors/test_jogs.py::test_jog_speed": GRID,
     "motors/test_jogs.py::test_soft_limits_hold_for_what_is_gentler_under_way[a jog with": QUEUE,
+    "motors/test_jogs.py::test_soft_limits_hold_for_what_is_gentler_under_way[a move with": QUEUE,
     "motors/test_jogs.py::test_a_soft_limit_set_as_it_comes_to_rest": QUEUE,
     "motors/test_motor_options.py::test_ramps_keep_the_jerk": GRID,
     "motors/test_motor_options.py::test_a_stop_keeps_the_jerk": GRID,
@@ -96,7 +97,10 @@ EXCLUDED = {
     "motors/test_servos.py::test_it_is_always_known": INSIDE,
     "motors/test_servos.py::test_fault_releases_it": INSIDE,
     "motors/test_servos_together.py": SERVO,
-    "runs/test_accuracy.py::test_every_rate[12-exact]": GRID,
+    **{
+        f"runs/test_accuracy.py::test_every_rate[{fps}-exact]": GRID
+        for fps in (1, 12, 23.976, 24, 25, 29.97, 30, 60)
+    },
     "runs/test_camera.py::test_all_at_once_at_extreme_rates": NO_TIME,
     "runs/test_check.py": INSIDE,
     "runs/test_lights_and_triggers.py::test_lights_and_triggers": LIGHTS,
