@@ -146,6 +146,7 @@ export class Native {
     if (!(index >= 0 && index < entries.length)) return; // such as the boot ROM
     const counted = --entries[index];
     if (counted === -this.hot) this.translate(pc);
+    else if (counted === -2 * this.hot) this.link(); // it waits for others for too long
     else if (counted < RETRY * -this.hot) entries[index] = 0; // it could not be, but the code may be another one now
   }
 
@@ -173,6 +174,7 @@ export class Native {
   /** Make a module of the regions that wait for it. */
   link() {
     const regions = this.waiting;
+    if (!regions.length) return;
     this.waiting = [];
     const { exports } = new WebAssembly.Instance(new WebAssembly.Module(moduleOf(regions)), { env: this.env });
     for (const [i, { leaders, source, first, inRam }] of regions.entries()) {
