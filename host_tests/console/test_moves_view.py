@@ -221,6 +221,99 @@ def test_stop_ends_a_loop(page):
     run.get_by_label("Loop", exact=True).uncheck()
 
 
+# An operation or a series with a fake device, which takes every request. `given` is what happens.
+OPERATION = """async (given) => {
+    const { Operation } = await import('/operation.js');
+    const { Series } = await import('/series.js');
+    const said = [];
+    const device = Object.assign(new EventTarget(), {
+        state: { moving: 0, playHead: 5000 },
+        connected: true, silent: false, knowsWhatMoves: true,
+        tell(text) { said.push(text); },
+        async ask(request) { return !(this.refuses ?? []).includes(request); },
+        async seeWhatMoves() {},
+    });
+    const happen = (name) => device.dispatchEvent(new Event(name));
+    const operation = new Operation(device);
+    const begin = async (options) => {
+        await operation.prepare('Run 1 to 9', 'RtRunMove', {}, options);
+        happen('change');
+        await operation.go();
+    };
+    const lose = () => {
+        device.connected = false;
+        happen('gone');
+    };
+    const shoot = async () => {
+        const series = new Series(device, operation);
+        const shots = series.shoot([4, 5, 6], 0, () => ({}));
+        const step = () => new Promise((done) => setTimeout(done));
+        for (let shot = 0; shot < 2; shot += 1) {
+            while (!operation.playing) {
+                happen('change');
+                await step();
+            }
+            if (shot === 0) happen('ended');
+        }
+        lose();
+        await shots;
+    };
+    await ({
+        ended: async () => { await begin({ last: 5 }); happen('ended'); },
+        early: async () => { await begin({ last: 9 }); happen('ended'); },
+        loop: async () => { await begin({ loops: true }); happen('ended'); },
+        ended_loop: async () => {
+            await begin({ loops: true });
+            await operation.endLoop();
+            happen('ended');
+        },
+        loop_that_goes_on: async () => {
+            await begin({ loops: true });
+            device.refuses = ['RtStopLoop'];
+            await operation.endLoop();
+            happen('ended');
+        },
+        lost: async () => { await begin({ last: 9 }); lose(); },
+        lost_with_go: async () => {
+            device.ask = async (request) => request !== 'RtGo' || (lose(), null);
+            await begin({ last: 9 });
+        },
+        ready: async () => { await operation.prepare('Run 1 to 9', 'RtRunMove', {}); lose(); },
+        silent: async () => { await begin({ last: 9 }); device.silent = true; },
+        series: shoot,
+    })[given]();
+    return [...said, operation.text];
+}"""
+NOTHING = "Nothing is prepared from this page."
+UNKNOWN = (
+    "Run 1 to 9: the link has ended since GO, so whether it goes on or has ended is not known."
+)
+STOPPED = "Run 1 to 9 was stopped at frame 5.000."
+
+
+def test_what_is_not_known_of_a_run_is_not_said(page):
+    shot = UNKNOWN.replace("Run 1 to 9", "The shot of frame 5")
+    for happens, said in {
+        "ended": ["Run 1 to 9 is over.", NOTHING],
+        "early": [STOPPED, NOTHING],
+        "loop": [STOPPED, NOTHING],
+        "ended_loop": ["Run 1 to 9 is over.", NOTHING],
+        "loop_that_goes_on": [STOPPED, NOTHING],
+        "lost": [UNKNOWN, UNKNOWN],
+        "lost_with_go": [UNKNOWN, UNKNOWN],
+        "ready": [NOTHING],
+        "silent": ["Run 1 to 9: the device does not answer, so whether it goes on is not known."],
+        "series": [
+            "The shot of frame 4 is over.",
+            shot,
+            "Whether frame 5 is shot is not known. Frames 4 to 4 are shot;"
+            " 1 are not, from frame 6 on.",
+            shot,
+        ],
+    }.items():
+        assert page.evaluate(OPERATION, happens) == said, happens
+
+
 def test_a_jog_along_the_move_lasts_as_long_as_it_is_held(page):
     upload(page)
     frames = card(page, "Frames")

@@ -4,6 +4,7 @@ const NONE = "none";
 const GOING = "going"; // the motors move to the start
 const READY = "ready";
 const PLAYING = "playing";
+const LOST = "lost"; // the link has ended since GO
 
 /** Events: "change", "stopped" when everything has been stopped. `name`: such as "Run 1 to 240". */
 export class Operation extends EventTarget {
@@ -13,6 +14,7 @@ export class Operation extends EventTarget {
   #device;
   #state = NONE;
   #last = null; // frame at which it ends by itself
+  #loops = false; // it does not end by itself
   #stopped = false; // a stop has been requested
   #asked = false; // GO has been sent and not answered, and nothing has ended since
 
@@ -24,7 +26,7 @@ export class Operation extends EventTarget {
       this.#stopped = true;
       this.#end();
     });
-    device.addEventListener("gone", () => this.#set(NONE));
+    device.addEventListener("gone", () => this.#lose());
     device.addEventListener("change", () => this.#state === GOING && !device.state.moving && this.#set(READY));
   }
 
@@ -36,20 +38,33 @@ export class Operation extends EventTarget {
     return this.#state === PLAYING;
   }
 
+  /** Whether the link has ended since GO, so how the operation has ended is not known. */
+  get lost() {
+    return this.#state === LOST;
+  }
+
   get text() {
+    if (this.#state !== NONE && this.#device.connected && this.#device.silent) {
+      return `${this.name}: the device does not answer, so whether it goes on is not known.`;
+    }
     return {
       [NONE]: "Nothing is prepared from this page.",
       [GOING]: `${this.name}: the motors go to where it begins.`,
       [READY]: `${this.name} is ready: GO starts it.`,
       [PLAYING]: `${this.name} plays.`,
+      [LOST]: `${this.name}: the link has ended since GO, so whether it goes on or has ended is not known.`,
     }[this.#state];
   }
 
-  /** Prepare the operation. False if the device refuses. last: the frame at which it ends by itself, or null. */
-  async prepare(name, request, values, last = null) {
+  /**
+   * Prepare the operation. False if the device refuses. last: the frame at which it ends by itself, or null if it is not known.
+   * loops: it does not end by itself.
+   */
+  async prepare(name, request, values, { last = null, loops = false } = {}) {
     if (!(await this.#device.ask(request, values))) return false;
     this.name = name;
     this.#last = last;
+    this.#loops = loops;
     this.#stopped = false;
     await this.#device.seeWhatMoves(); // the device reports motion from the answer on
     this.#set(GOING);
@@ -64,6 +79,11 @@ export class Operation extends EventTarget {
     this.#asked = false;
   }
 
+  /** Let the lap under way be the last one of a loop. */
+  async endLoop() {
+    if (await this.#device.ask("RtStopLoop")) this.#loops = false;
+  }
+
   /** Note that everything has been stopped. */
   stopped() {
     this.#stopped = true;
@@ -74,11 +94,18 @@ export class Operation extends EventTarget {
   #end() {
     if (this.#state === PLAYING || this.#asked) {
       const { playHead } = this.#device.state;
-      this.early = this.#stopped || (this.#last !== null && playHead !== this.#last * 1000);
+      this.early = this.#stopped || this.#loops || (this.#last !== null && playHead !== this.#last * 1000);
       this.#device.tell(this.early ? `${this.name} was stopped at frame ${(playHead / 1000).toFixed(3)}.` : `${this.name} is over.`, this.early);
     }
     this.#asked = false;
     this.#set(NONE);
+  }
+
+  #lose() {
+    const begun = this.#state === PLAYING || this.#asked;
+    this.#asked = false;
+    this.#set(begun ? LOST : NONE);
+    if (begun) this.#device.tell(this.text, true);
   }
 
   #set(state) {

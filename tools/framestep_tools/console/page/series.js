@@ -48,8 +48,11 @@ export class Series {
 
   #result(frames, shot, late) {
     if (shot.length < frames.length) {
-      const done = shot.length ? `Frames ${shot[0]} to ${shot.at(-1)} are shot` : "No frame is shot";
-      return [`${done}; ${frames.length - shot.length} are not, from frame ${frames[shot.length]} on.`, true];
+      const { lost } = this.#operation;
+      const doubt = lost ? `Whether frame ${frames[shot.length]} is shot is not known. ` : "";
+      const done = shot.length ? `Frames ${shot[0]} to ${shot.at(-1)} are shot` : `No ${lost ? "other " : ""}frame is shot`;
+      const left = frames.slice(shot.length + Number(lost));
+      return [`${doubt}${done}${left.length ? `; ${left.length} are not, from frame ${left[0]} on` : ""}.`, true];
     }
     const note = late ? ` ${late} of them later than the interval says: the rig and the exposure take longer.` : "";
     return [`All ${frames.length} frames are shot.${note}`, late > 0];

@@ -114,7 +114,7 @@ export class MovesView {
         this.#options.element,
         h("button", {}, "Get ready")),
       h("div", { class: "row" }, this.#go,
-        h("button", { type: "button", onclick: () => this.#device.ask("RtStopLoop") }, "End the loop")),
+        h("button", { type: "button", onclick: () => this.#operation.endLoop() }, "End the loop")),
       this.#state);
   }
 
@@ -190,7 +190,7 @@ export class MovesView {
       postroll_ms: postroll,
       sync_dmx: Number(this.#lights.checked),
       ...options,
-    }, this.#loop.checked ? null : end);
+    }, this.#loop.checked ? { loops: true } : { last: end });
   }
 
   async #position(event) {
