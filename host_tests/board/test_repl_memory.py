@@ -14,7 +14,6 @@ from framestep_tools.console.scripts import CHECK
 from framestep_tools.payloads import Hi
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_overlay import edited, ident_of, on_board
-from host_tests.covering import sweep
 
 HOME = {"limit": 1, "travel": 3000, "back_off": 400}
 START_MS = 3000  # from power-on until framestep runs, with a margin
@@ -59,11 +58,17 @@ held.clear()
 MOST = ("homing and drivers", "positions that are kept")  # they load the most modules
 
 
+def example(board):
+    """Return a board's example rig file."""
+    return json.loads((ROOT / "boards" / board / "rig.json").read_text())
+
+
 def rigs():
     for board in board_names():
         if board_data(board)["chip"] == "rp2040":
-            rig = json.loads((ROOT / "boards" / board / "rig.json").read_text())
-            yield pytest.param(board, rig, id=f"example of {board}", marks=pytest.mark.repeats)
+            yield pytest.param(
+                board, example(board), id=f"example of {board}", marks=pytest.mark.repeats
+            )
     for name, (board, rig) in FEATURES.items():
         marks = () if name in MOST else pytest.mark.repeats
         yield pytest.param(board, rig, id=name, marks=marks)
@@ -84,17 +89,23 @@ def test_every_command_works(name, rig):
         every_command_works(board.emulator.repl())
 
 
-@pytest.mark.parametrize(
-    "module",
-    sweep(["framestep/controller.mpy", "framestep/motion/reals.mpy"], "framestep/motion/reals.mpy"),
-)
-def test_every_command_works_beside_an_overlay(module):
-    """A module of the usual size, and one of the largest."""
-    rig = json.dumps(FEATURES["homing"][1]).encode()
-    files = {**on_board(ident_of("pico"), {module: edited(module)}), "/rig.json": rig}
-    with Emulator(images.frozen(), files=files) as emulator:
-        emulator.wait_usb(10_000, ports=2)
-        repl = emulator.repl()
+def overlays():
+    """Yield a module of the usual size and one of the largest, each with the rigs that leave the
+    least memory."""
+    large = "framestep/motion/reals.mpy"
+    with_drivers = ((board, example(board)) for board in ("skr_pico", "fysetc_erb"))
+    for board, rig in (FEATURES["homing"], *with_drivers):
+        for module in ("framestep/controller.mpy", large):
+            marks = () if (board, module) == ("pico", large) else pytest.mark.repeats
+            yield pytest.param(board, rig, module, id=f"{module} on {board}", marks=marks)
+
+
+@pytest.mark.parametrize(("name", "rig", "module"), list(overlays()))
+def test_every_command_works_beside_an_overlay(name, rig, module):
+    files = on_board(ident_of(name), {module: edited(module)})
+    with EmulatedBoard(rig, trace=False, board=name, files=files) as board:
+        board.wire_switches()
+        repl = board.emulator.repl()
         every_command_works(repl)
         assert "an overlay is in use" in repl.exec("status()")
 

@@ -364,6 +364,35 @@ def test_ctrl_c_lands_the_motors(rig):
     assert pace[-1] > 5 * pace.min(), "a ramp"
 
 
+def test_the_commands_of_the_repl():
+    """There is memory for all of them. Ctrl-C has ended framestep, so motors stay where they
+    are."""
+    stopped = "framestep has been stopped"
+    with Esp32Board(read(ROOT / "boards" / BOARD / "rig.json"), BOARD) as board:
+
+        def typed(line):
+            board.receive(f"{line}\r\n".encode())
+            board.run_until(board.now_ns + 1_000_000_000)
+            return board.transmit().decode(errors="replace")
+
+        assert typed("\x03").endswith(">>> ")
+        assert "status() move(1, 200)" in typed("import framestep.repl")
+        for command, expected in {
+            "status()": [stopped, "\r\nmotor 1: 0, "],
+            "timing()": [stopped],
+            "rig()": ["slider, pan and tilt", "motor_count"],
+            "io()": [stopped],
+            "move(1, 200)": [f"refused: {stopped}"],
+            "home(1)": [f"refused: {stopped}"],
+            "stop()": [stopped],
+        }.items():
+            said = typed(command)
+            assert "Error" not in said, command
+            assert "more memory" not in said, command
+            assert all(text in said for text in expected), said
+            assert said.endswith(">>> "), command
+
+
 def test_reading_the_upload_port_takes_no_step(rig):
     """An upload while a motor moves: 115 200 baud, without a lost byte or a late edge."""
     rig.accept(MotorMove(5, 20_000))
