@@ -239,14 +239,16 @@ def test_nothing_is_written_if_nothing_was_measured(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), report.ToolError("stumbled")])
-def test_the_first_error_is_reported_if_the_pins_cannot_be_given_back(error):
-    """A lost port raises another one while the enable pins are given back."""
+@pytest.mark.parametrize("second", [report.ToolError("the board has gone"), ValueError("''")])
+def test_the_first_error_is_reported_if_the_pins_cannot_be_given_back(error, second):
+    """A lost port, or an answer that Ctrl-C has cut short, raises another one while the enable
+    pins are given back."""
     writes = []
 
     def put(*words):
         writes.append(words)
         if len(writes) > 1:
-            raise report.ToolError("the board has gone")
+            raise second
 
     board = Board.__new__(Board)
     board.data, board.rig, board._chip = {"enable": 8}, {}, CHIPS["rp2040"]
