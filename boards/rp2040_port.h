@@ -10,6 +10,10 @@
 #define MICROPY_VFS_FAT (0) // SD cards
 #undef MICROPY_PY_MACHINE_I2C_TARGET
 #define MICROPY_PY_MACHINE_I2C_TARGET (0)
+#undef MICROPY_PY_RE
+#define MICROPY_PY_RE (0) // regular expressions
+#undef MICROPY_PY_HEAPQ
+#define MICROPY_PY_HEAPQ (0)
 #define MICROPY_PY_FRAMEBUF (0) // displays
 #define MICROPY_PY_MATH_SPECIAL_FUNCTIONS (0) // math.erf, gamma, sinh and so on
 #undef MICROPY_EMIT_INLINE_THUMB

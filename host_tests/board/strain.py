@@ -8,8 +8,8 @@ Every valid request gets one answer in time, whatever stops the motors gets an a
 end where their edges say, no tick in motion comes late, interrupts are not off for long, and the
 firmware runs at the end. HARD_STOP 100 may come if the REPL prevents passes for longer than queues
 last; the report says how often it came, and why. quiet: nobody works on the REPL, and HARD_STOP 100
-is a fault. overlay: these modules replace the image's, in RAM, as `framestep flash` does it
-with edited ones.
+is a fault; without an overlay there are lights as well. overlay: these modules replace the image's,
+in RAM, as `framestep flash` does it with edited ones.
 """
 
 import argparse
@@ -34,7 +34,7 @@ from host_tests.board.timing import LATE_US, MASKED_US, Timing
 RUNTIME = Path(__file__).parents[1] / "runtime"
 SCRIPTS = ("session_replay", "virtual_replay", "realtime_replay")
 ODD = (0, 1, -1, 2, 255, 10_000, 2**30 - 1, 2**30, -(2**30) - 1, 2**31 - 1, -(2**31))
-RIG = {"estop": "nc", "outputs": [{"pin": 22}], "motor_count": 4, "dmx": False}
+RIG = {"estop": "nc", "outputs": [{"pin": 22}], "motor_count": 4}
 ESTOP = 19
 ANSWER_S = 3  # a long C call, a collection and a frame that never ends may come together
 REST_S = 40
@@ -266,8 +266,13 @@ class Strain:
                 )
             self.work()
             self.pass_time(dice.choice((1, 5)))
+        lights = self.lights and dice.random() < 0.6
+        if lights:
+            for channel in (1, 2, 512):
+                levels = [dice.randrange(256) for _ in range(frames)]
+                self.send(p.RtUploadMoveDmx.TYPE, p.RtUploadMoveDmx(channel, 0, levels).pack())
         self.send(m.MSG_RT_UPLOAD_MOVE_END, b"")
-        flags = struct.pack("<BIHHH", 0, 0, 0, 0, dice.choice((0, 1, 2, 0x10, 0x20)))
+        flags = struct.pack("<BIHHH", lights, 0, 0, 0, dice.choice((0, 1, 2, 0x10, 0x20)))
         self.send(m.MSG_RT_RUN_MOVE, struct.pack("<IiiII", 24_000, 1, frames, 300, 300) + flags)
         self.wander(dice.choice((30, 500)))
         self.send(m.MSG_RT_GO, b"")
@@ -341,6 +346,9 @@ class Strain:
         elif self.turns % 150 == 75:
             self.leave()
         elif chance < 0.005 or self.estop:
+            if not self.estop:  # often in the middle of a pass that plans
+                self.send(kind, payload)
+                self.pass_time(dice.uniform(0, 10))
             self.estop = not self.estop
             self.press(self.estop)
         elif chance < 0.015:
@@ -454,6 +462,7 @@ class Strain:
         """Whether a fault may have lost steps since the last check."""
         return self.counts["HARD_STOP 100"] > self.faults
 
+    lights = False  # there are some
     faults = 0
     late_us = 0  # of the worst tick in motion
     masked_us = 0.0  # the longest time with interrupts off
@@ -510,9 +519,11 @@ class Strain:
 def strain(seed, requests, say=print, quiet=False, modules=()):
     names = [module.replace(".", "/") + ".mpy" for module in modules]
     files = on_board(ident_of("pico"), {name: edited(name) for name in names}) if names else {}
-    with EmulatedBoard(RIG, files=files) as board:
+    lights = quiet and not names
+    with EmulatedBoard(RIG | {"dmx": lights}, files=files) as board:
         board.wire_switches()
         found = Strain(board, seed, say, quiet)
+        found.lights = lights
         bits = struct.unpack_from("<I", found.ask(m.MSG_CONDITION))[0]
         if bool(names) != bool(bits & m.CONDITION_OVERLAY):
             raise found.broken(f"overlay of {names}, condition {bits:#x}")

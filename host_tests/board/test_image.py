@@ -10,6 +10,7 @@ import pytest
 
 from framestep_emulator import Emulator
 from framestep_tools.building.board_files import CACHE, ROOT, board_data, board_sources
+from framestep_tools.building.images import flash_left, frozen
 from framestep_tools.building.ram_functions import symbols
 from framestep_tools.client.client import Client
 from framestep_tools.payloads import Hi, MotorGetPosition, MotorMove
@@ -52,6 +53,12 @@ def firmware(tmp_path_factory):
     path = tmp_path_factory.mktemp("image") / "firmware.bin"
     path.write_bytes(image)
     return path
+
+
+def test_there_is_room_for_more():
+    """At least 40 kB between the image and the file system of each board that tests emulate."""
+    for board in ("pico", "skr_pico", "fysetc_erb"):
+        assert flash_left(frozen(board).read_bytes()) >= 40_000, board
 
 
 def test_it_boots(firmware):
