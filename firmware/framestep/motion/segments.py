@@ -26,6 +26,7 @@ LONGEST = const(32)  # ticks in a segment: limits rounding errors, and the time 
 
 _SLOW = const(0x2000000)  # Q22: eight steps per tick
 _STEEP = const(0x4000)  # Q16: a quarter of a step per tick²
+_NEAR = const(128)  # Q22: as _STEP_TOLERANCE of pulse/tick.py
 _SLOTS = const(sw.SEGMENTS - 1)
 _MASK = const(0x3FFFFFFF)
 
@@ -175,11 +176,15 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
         back = step - cubic[WHOLE]  # from the step back to the end of the tick, rounded up
         if back > 0:
             if back < 3 and state[OPEN_WHOLE] < step:
-                turns = share
+                # a place this close to the step counts as on it, and the step as made
+                if step - state[OPEN_WHOLE] - 1 or state[OPEN_FRACTION] < sw.ONE - _NEAR:
+                    turns = share
         elif back > -2:
             # below both ends
             if cubic[P] or cubic[P + 1] or back:
-                if state[OPEN_WHOLE] > step or (state[OPEN_WHOLE] == step and state[OPEN_FRACTION]):
+                if state[OPEN_WHOLE] > step or (
+                    state[OPEN_WHOLE] == step and state[OPEN_FRACTION] > _NEAR
+                ):
                     turns = share
     if turns == 0 and share >> 23 and (_MASK - share) >> 23:
         d = q[k + sw.SEG_VELOCITY]
