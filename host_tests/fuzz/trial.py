@@ -274,6 +274,8 @@ class Trial:
         passing = not player._off and not player._held
         if (player._held or player.full) and self.runs.going:
             self.runs.going["held"] = True  # more than a frame may pass until the next report
+        if player.full and self.ms <= self.stops.reason:
+            self.stops.reason = self.ms + 1500  # the report of a fault waits
         player.sent.clear()
         self.answers.clear()
         self.moving = 0
