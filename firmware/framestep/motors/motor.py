@@ -34,10 +34,10 @@ _RUNS = const(stepper.RUN | stepper.STOP)
 def kernel_rate(acceleration):
     """Return the kernel's deceleration, Q22 steps per tick², at least 1.
 
-    acceleration: steps/s², from 1 to ACCELERATION_LIMIT. Rounded up, so that a stop on the way to a
-    target does not end beyond it.
+    acceleration: steps/s², ACCELERATION_LIMIT at most.
     """
-    return acceleration * 4 + (acceleration * 199 + 1023) // 1024  # 2^22 / 10^6 = 4.194304
+    rate = acceleration * 4 + acceleration * 199 // 1024  # 2^22 / 10^6 = 4.194304
+    return rate if rate else 1
 
 
 class Motor:

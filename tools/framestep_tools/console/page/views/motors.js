@@ -240,7 +240,8 @@ class MotorSettings {
     [this.#lower, this.#upper] = [positionField(axis, 0), positionField(axis, 0)];
     this.#zero = positionField(axis, axis.steps(0));
     this.element = h("details", {}, h("summary", {}, "Zero, soft limits, speed"), this.#content());
-    this.element.addEventListener("toggle", () => this.element.open && this.#fill());
+    this.element.setAttribute("aria-busy", "true"); // while it is closed as well: the event of opening comes later
+    this.element.addEventListener("toggle", () => (this.element.open ? this.#fill() : this.element.setAttribute("aria-busy", "true")));
   }
 
   #content() {
@@ -274,7 +275,7 @@ class MotorSettings {
 
   /** Read the settings; only framestep reports them. */
   async #fill() {
-    this.element.setAttribute("aria-busy", "true"); // what is typed before the answer comes is overwritten
+    // what is typed before the answer comes is overwritten
     try {
       const reported = await this.#device.demand("GetExceeded", { motor: this.#motor });
       if (reported.velocity === undefined) return;
