@@ -203,8 +203,8 @@ def test_estop():
 
 @pytest.mark.repeats
 def test_estop_while_motors_set_off():
-    """Press it at many moments while a pass plans a jog, or eight motions. The host is told of the
-    E-stop and of nothing else, and motors whose pulses have not begun by then make none."""
+    """Press it at many moments while a pass plans a jog, or eight motions. The host hears of the
+    E-stop and of nothing else. Only motors that have begun by then make any pulses."""
     board_session, board = session({"estop": "nc", "dmx": False})
     with board:
         board.emulator.set_pin(ESTOP_PIN, 0)

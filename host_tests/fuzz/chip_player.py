@@ -92,8 +92,7 @@ class ChipPlayer:
             raise ValueError(f"this board cannot {verb}")
 
     def _drop_old(self) -> None:
-        """Drop what comes right after the port has been opened: perhaps bytes that the last host
-        has not read."""
+        """Drop the bytes that come as the port opens; the last host may have left them unread."""
         self.chip.run_until(self.chip.now_ns + _OPENS_NS)
         self.chip.protocol.transmit()
 

@@ -25,7 +25,7 @@ STEPS = (0, 16, 14, 3)  # bits of the motors' steps; the next is the direction's
 
 @dataclass
 class Painted:
-    """The levels that a session has painted. Those of tick n begin at words[n * WORDS]."""
+    """The levels that a session has painted; tick n begins at words[n * WORDS]."""
 
     words: np.ndarray
     lost: int

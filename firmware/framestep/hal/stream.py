@@ -255,8 +255,11 @@ class Stream:
             i += 1
 
     def fill(self, words, at):
-        """Do a tick, which fills WORDS words of the array, from words[at] on. The word before gets
-        its first early levels, and the last word lacks those of the next tick."""
+        """Do a tick and paint its WORDS words, from words[at] on.
+
+        Its early levels go one word further to the front: the first into words[at - 1], and the
+        last word's come with the next tick.
+        """
         self._tick(None)
         paint(at, 0, words, self._words)
 

@@ -1,4 +1,4 @@
-"""What comes in the middle of a pass: ticks, the E-stop's interrupt, answers to questions."""
+"""Ticks, the E-stop's interrupt and answers to questions in the middle of a pass."""
 
 import numpy as np
 import pytest

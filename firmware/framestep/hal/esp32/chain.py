@@ -42,8 +42,8 @@ _COUNT_WORDS = const(3)
 
 @micropython.viper
 def look(count: ptr32, now: int, filled: int) -> int:
-    """Count the buffers that have been played in the meantime, and those that have been `filled`
-    again. Return how many are left to be filled. now: ticks_us()."""
+    """Bring a count up to date and return its _LAG. now: ticks_us(). filled: buffers that have been
+    filled since the last call."""
     within = ((now - count[_SEEN]) & WIDE_WRAP) + count[_WITHIN]
     count[_SEEN] = now
     count[_WITHIN] = within & ((1 << _BUFFER_BITS) - 1)
@@ -117,8 +117,8 @@ class Chain:
         self._steps = 0
         for bit in steps:
             self._steps |= bit
-        # The last word handed over, then painted words. They are handed over in whole slots, and
-        # what is left moves to the front after the last slot.
+        # The last word handed over, then painted words. I2S gets one slot at a time. After the last
+        # slot the words that it has not got move to the front.
         self._words = array("i", [0] * (1 + _SLOTS * FRAMES + WORDS))
         self._slots = [
             memoryview(self._words)[1 + slot * FRAMES : 1 + (slot + 1) * FRAMES]
@@ -188,7 +188,7 @@ class Chain:
                 self._to_front()
 
     def _to_front(self):
-        """Move what has been painted to the first slot, behind the last word handed over."""
+        """Move the painted words that I2S has not got to the first slot."""
         by = self._slot * FRAMES
         self._slot = 0
         self._full = 1 + FRAMES
