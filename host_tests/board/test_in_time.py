@@ -155,24 +155,32 @@ def test_runs_moves_and_stops(session):
 
 
 def test_switches(session):
-    """The E-stop with all motors, then a limit switch with a coupled pair."""
+    """The E-stop with all motors, a limit switch with a coupled pair, and both at once, at any time
+    before a tick."""
     session.accept(p.VirtConfig.unpack(b"\0"))
-    speeds(session, VELOCITY, ACCELERATION)
+    speeds(session, VELOCITY, 4 * ACCELERATION)
     for motor in MOTORS:
         session.accept(p.MotorResetPosition(motor, 0), p.MotorSetLimits(motor, 0, 0, 0, 0, 1))
     session.accept(p.MotorConfigure(1, 1 | 0x20))
+    as_told = []
     with session.timing.judged(stops=True):
-        for pin in (ESTOP, LIMIT):
-            for motor in MOTORS:
-                if motor != 2:
-                    session.accept(p.MotorMove(motor, session.position(motor) + 8000))
-            session.run(0.25)
-            for level in (1, 0, 1):  # it bounces
-                session.board.emulator.set_pin(pin, level)
-                session.run(0.0013)
-            session.wait_idle()
-            session.board.emulator.set_pin(pin, 0)
-            session.run(0.1)
-        session.wait_idle()
-    assert [message.reason for _, message in session.timing.hard_stops][:2] == [0, 1]
+        for pins in ((ESTOP,), (LIMIT,), (ESTOP, LIMIT)):
+            for before_us in range(300, 0, -25):
+                for motor in MOTORS:
+                    if motor != 2:
+                        session.accept(p.MotorMove(motor, session.position(motor) + 8000))
+                session.run(0.15)
+                session.timing.wait_for_tick(before_us)
+                for level in (1, 0, 1):  # they bounce
+                    for pin in pins:
+                        session.board.emulator.set_pin(pin, level)
+                    session.run(0.0013)
+                session.wait_idle()
+                reason = session.events(p.HardStop)[0][1].reason
+                as_told.append(reason == (0 if ESTOP in pins else 1))
+                session.forget()
+                for pin in pins:
+                    session.board.emulator.set_pin(pin, 0)
+                session.run(0.1)
+    assert all(as_told)
     session.accept(p.MotorConfigure(1, 1))

@@ -33,6 +33,12 @@ class Timing:
         """Return the worst lateness of a tick in motion since begin(), microseconds."""
         return self._words(self.address, stepper.HEADER_WORDS)[stepper.WORST_LATE]
 
+    def wait_for_tick(self, before_us):
+        """Let time pass until so many microseconds before a tick is due."""
+        header = self._words(self.address, stepper.HEADER_WORDS)
+        wait = (header[stepper.DUE] - self._words(header[stepper.CLOCK], 1)[0] - before_us) % 1000
+        self.session.board.run_until(self.emulator.ns + 1000 * wait)
+
     def queued(self):
         """Return the fewest ticks queued of a motor in motion with more planned, or None."""
         address = self._words(self.address, stepper.HEADER_WORDS)[stepper.FIRST]

@@ -49,8 +49,12 @@ _SINCE = const(4)  # time of the last change of _SEEN
 CAUGHT = const(5)  # switches that an interrupt has found active
 _AT_LIMIT = const(6)  # motors that it has stopped at a limit, as returned by _approaching()
 _MOVED = const(7)  # motors that moved when it found the E-stop pressed
-_COUNT = const(8)  # number of motors; for each of them three words follow:
-_MOTORS = const(9)
+_ESTOP = const(8)  # bit of the E-stop, or 0
+_EVERYONE = const(9)  # one bit per motor
+_STEEPEST = const(10)  # the steepest ramp of a stop, and the factor: see stepper.halt()
+_FACTOR = const(11)
+_COUNT = const(12)  # number of motors; for each of them three words follow:
+_MOTORS = const(13)
 _BLOCK = const(0)  # address of its state block
 _UPPER_PIN = const(1)  # of the limit switch at its upper end, or 0
 _LOWER_PIN = const(2)
@@ -84,24 +88,26 @@ def _approaching(w: ptr32, active: int) -> int:
     Upper limits have the bits from 0 on, lower limits from LOWER on.
     """
     bits = 0
-    i = 0
+    bit = 1
     at = _MOTORS
-    while i < w[_COUNT]:
-        if (w[at + _UPPER_PIN] | w[at + _LOWER_PIN]) & active:
-            block = ptr32(w[at + _BLOCK])
-            if block[MODE] & _MOVES:
-                # Check velocity and pulses: the end of a motion away may tremble within a step.
-                v = block[VELOCITY]
-                if block[SPAN] - block[WHOLE_SPAN]:
-                    v = 0  # at rest within this tick; see stepper.halt()
-                if v > _STANDSTILL:
-                    if w[at + _UPPER_PIN] & active and block[DOWN] == 0:
-                        bits |= 1 << i
-                elif v < 0 - _STANDSTILL:
-                    if w[at + _LOWER_PIN] & active and block[DOWN]:
-                        bits |= 1 << (i + LOWER)
+    n = w[_COUNT]
+    while n:
+        block = ptr32(w[at + _BLOCK])
+        pins = w[at + _UPPER_PIN]
+        v = block[VELOCITY]
+        end = bit
+        if block[DOWN]:
+            pins = w[at + _LOWER_PIN]
+            v = 0 - v
+            end <<= LOWER
+        # Check velocity and pulses: the end of a motion away may tremble within a step. With a
+        # SPAN of its own the motor comes to rest within this tick; see stepper.halt().
+        if pins & active and v > _STANDSTILL and block[MODE] & _MOVES:
+            if block[SPAN] == block[WHOLE_SPAN]:
+                bits |= end
+        bit <<= 1
         at += _MOTOR_WORDS
-        i += 1
+        n -= 1
     return bits
 
 
@@ -134,9 +140,12 @@ class Safety:
     def __init__(self, hal, rig, axes):
         self.hal = hal
         self.axes = axes
-        self.factor = rig.hard_stop_factor
+        self._levels = hal.levels
         self.words = words = array("i", [0] * (_MOTORS + _MOTOR_WORDS * axes.count))
         words[_COUNT] = axes.count
+        words[_EVERYONE] = (1 << axes.count) - 1
+        words[_STEEPEST] = kernel_rate(ACCELERATION_LIMIT)
+        words[_FACTOR] = rig.hard_stop_factor
         for i in range(axes.count):
             words[_MOTORS + i * _MOTOR_WORDS] = as_word(addressof(axes[i].block))
         self.block = axes[0].block  # it leads to the others
@@ -148,11 +157,8 @@ class Safety:
             )
             for limit in rig.limits
         ]
-        self._estop = 0
         if rig.estop != "none":
-            self._estop = self._switch(hal.board["estop"], rig.estop)
-        self._everyone = (1 << axes.count) - 1
-        self._steepest = kernel_rate(ACCELERATION_LIMIT)
+            words[_ESTOP] = self._switch(hal.board["estop"], rig.estop)
         self._here = array("i", [0])
         self.tripped = False  # the E-stop is held
         self.at_limit = 0  # motors being stopped at a limit, as returned by _approaching()
@@ -255,22 +261,22 @@ class Safety:
     def on_switch_change(self, _source):
         """Stop the motors that a changed switch concerns.
 
-        Called in a hard interrupt. No tick comes meanwhile.
+        Called in a hard interrupt. No tick comes meanwhile, so it looks up few attributes, and does
+        nothing for a contact that bounces, or is one of several at once, if it has been dealt with.
         """
         words = self.words
         w = ptr32(words)
-        hal = self.hal
+        levels = self._levels
         active = w[SWITCHES]
         n = 0
         while active and n <= _READINGS:
-            active &= int(hal.levels()) ^ w[REST]
+            active &= int(levels()) ^ w[REST]
             n += 1
-        if active == 0:
+        if active & (w[CAUGHT] ^ -1) == 0:
             return
         w[CAUGHT] = w[CAUGHT] | active
-        block = self.block
-        bits = int(self._everyone)
-        if active & int(self._estop):
+        bits = w[_EVERYONE]
+        if active & w[_ESTOP]:
             header = self.header
             w[_MOVED] = w[_MOVED] | int(moving(header))
             h = ptr32(header)
@@ -280,8 +286,8 @@ class Safety:
             if bits == 0:
                 return
             w[_AT_LIMIT] = w[_AT_LIMIT] | bits
-            bits = int(coupled(block, (bits | bits >> LOWER) & (1 << LOWER) - 1))
-        halt(block, bits, self._steepest, self.factor)
+            bits = int(coupled(self.block, (bits | bits >> LOWER) & (1 << LOWER) - 1))
+        halt(self.block, bits, w[_STEEPEST], w[_FACTOR])
 
     def poll(self, now, levels):
         """Read the switches. Needed only while one is active, or has been until now.
@@ -293,7 +299,7 @@ class Safety:
         levels = self._steady(levels)
         irq = self.hal.irq_off()
         bits = _update(words, levels, now)
-        if words[ACTIVE] & self._estop == 0:
+        if words[ACTIVE] & words[_ESTOP] == 0:
             self.header[HELD] = words[_MOVED] = 0
         self.hal.irq_on(irq)
         return self._judge(words, bits)
@@ -301,7 +307,7 @@ class Safety:
     def _judge(self, words, bits):
         """Update `tripped` and `at_limit`. bits: of _AT_LIMIT. Return as in poll()."""
         news = False
-        held = words[ACTIVE] & self._estop != 0
+        held = words[ACTIVE] & words[_ESTOP] != 0
         if held != self.tripped:
             self.tripped = held
             self._report_estop = held
@@ -317,7 +323,7 @@ class Safety:
     @property
     def estop_held(self):
         """Return whether the E-stop is held, even if no pass has seen it yet."""
-        return self.tripped or self.words[CAUGHT] & self._estop != 0
+        return self.tripped or self.words[CAUGHT] & self.words[_ESTOP] != 0
 
     def motors_at_estop(self):
         """Return the motors that moved when the E-stop was pressed, a bit each."""

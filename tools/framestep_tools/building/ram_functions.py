@@ -19,6 +19,7 @@ RAM_FUNCTIONS = (
     ("framestep/pulse/tick.py", "Header", "tick"),
     ("framestep/pulse/stepper.py", "", "poll_flags"),
     ("framestep/pulse/stepper.py", "", "moving"),
+    ("framestep/pulse/stepper.py", "", "halt"),
     ("framestep/motors/feeder.py", "", "emptiest_queue"),
 )
 
