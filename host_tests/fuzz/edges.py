@@ -69,11 +69,12 @@ class Edges(Part):
 
     def _where(self, motor, name, places, cycles):
         low, high = int(places.min()), int(places.max())
-        slack = 1
+        times = cycles // (16 * MS)
+        fast = 62.5 * float(np.unique(times, return_counts=True)[1].max())
+        # a stop's deceleration is rounded down to a multiple of 0.24 steps/s²
+        slack = 1 + int(fast * fast / 2 / motor.least / (4 * motor.least))
         if motor.jerk and motor.sent > 1:
             # without a soft limit nearby a plan may need more room than the one before it
-            times = cycles // (16 * MS)
-            fast = 62.5 * float(np.unique(times, return_counts=True)[1].max())
             slack += int(
                 fast * fast / motor.least
                 + 4 * fast * min((fast / motor.jerk) ** 0.5, motor.steep[-1][1] / motor.jerk)

@@ -17,8 +17,9 @@ FASTEST = 400_000
 class Motion:
     """A motor under way, with a bound ahead of it."""
 
-    def __init__(self, velocity, part=0.0, backlash=0):
+    def __init__(self, velocity, part=0.0, backlash=0, on_path=True):
         """velocity: steps/s, with a sign. part: of a step that it is beyond its position."""
+        self.on_path = on_path
         self.block = array("i", [0] * stepper.BLOCK_WORDS)
         self.block[stepper.VELOCITY] = round(velocity / 1000 * ONE)
         self.block[stepper.FRACTION] = round(part * ONE)
@@ -37,11 +38,12 @@ class Motion:
     def rate(self, acceleration):
         """Return the deceleration as a multiple of the set one."""
         rate = kernel_rate(acceleration)
-        return bounds.stop_rate(self.block, self.bounds, rate) / rate
+        return bounds.stop_rate(self.block, self.bounds, rate, self.on_path) / rate
 
     def way(self, acceleration):
         """Return how many steps from its position the stop ends, by the kernel's arithmetic."""
-        rate = bounds.stop_rate(self.block, self.bounds, kernel_rate(acceleration))
+        rate = kernel_rate(acceleration)
+        rate = bounds.stop_rate(self.block, self.bounds, rate, self.on_path)
         velocity = abs(self.block[stepper.VELOCITY])
         part = self.block[stepper.FRACTION]
         ticks = velocity // rate
@@ -104,3 +106,22 @@ def test_a_slow_motor_stops_at_once(velocity, sign, room):
     motion = Motion(sign * velocity)
     motion.bound(room)
     assert motion.way(10) < 1
+
+
+@given(st.floats(1, 20_000), st.integers(1, 4_000_000), st.sampled_from([1, -1]))
+def test_a_slowing_down_to_the_bound_ends_there(velocity, acceleration, sign):
+    """Away from a path, and at any velocity."""
+    room = int(velocity**2 / 2 / acceleration)
+    assume(0 < room < 2**24 and velocity / acceleration < 60)
+    motion = Motion(sign * velocity, on_path=False)
+    motion.bound(room)
+    assert room * 0.9 - 3 < motion.way(acceleration) < room + 1
+
+
+@given(st.floats(1, FASTEST), st.integers(1, 4_000_000))
+def test_no_steeper_for_a_bound_set_in_motion(velocity, acceleration):
+    motion = Motion(velocity, on_path=False)
+    motion.bound(0)
+    motion.bounds[bounds.IN_MOTION] = 1
+    rate = kernel_rate(acceleration)
+    assert motion.rate(acceleration) <= (rate + 1) / rate

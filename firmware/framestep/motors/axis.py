@@ -332,9 +332,9 @@ class Axis(Motor):
         """Ramp down from the next tick on, with `factor` times the set acceleration.
 
         smooth: within the jerk limit, if the motor has one. Such a stop is planned, begins some
-        ticks from now and has to be fed. on_path: the motor follows an uploaded path, so the ramp
-        may have to be steeper (bounds.stop_rate()). Coupled motors stop together, whichever is
-        named.
+        ticks from now and has to be fed. on_path: the motor follows an uploaded path. Within its
+        bounds the ramp may have to be steeper, see bounds.stop_rate(). Coupled motors stop
+        together, whichever is named.
         """
         if self.leader:
             self.leader.stop(hal, factor, smooth, on_path)
@@ -350,8 +350,7 @@ class Axis(Motor):
         rate = kernel_rate(min(self.acceleration * factor, ACCELERATION_LIMIT))
         bits = 3 if self.partner else 1
         irq = hal.irq_off()
-        if on_path:
-            rate = bounds.stop_rate(self.block, self.bounds, rate)
+        rate = bounds.stop_rate(self.block, self.bounds, rate, on_path)
         stepper.halt(self.block, bits, rate, 0)
         hal.irq_on(irq)
 

@@ -27,16 +27,20 @@ _SLOW = const(sw.ONE // 10)  # Q22 steps per tick, 100 steps/s
 
 
 @micropython.viper
-def stop_rate(m: ptr32, bounds: ptr32, rate: int) -> int:
-    """Return the deceleration at which a motor that follows a path stops within its bounds: `rate`,
-    or more. Q22 steps per tick². m: the motor's block.
+def stop_rate(m: ptr32, bounds: ptr32, rate: int, on_path: int) -> int:
+    """Return the deceleration at which a motor stops within its bounds: `rate`, or more. Q22 steps
+    per tick². m: the motor's block.
 
-    An uploaded path may end on a soft limit. Its frames are rounded to whole steps, so between them
-    it may be faster than the original move by about a step per frame, and a stop at `rate` would
-    overrun the limit. The path itself turns back before a limit, at least as steeply as needed
-    here. Only a limit that has been set in motion may be too close: then the result is at most four
-    times `rate`. Below 100 steps/s, where each step starts and stops the motor, a stop ends within
-    the step; else it could go far past a path that makes a step now and then.
+    `rate` is rounded down, and may have been lowered in motion. Either can take a motor that slows
+    down to a soft limit beyond it. A limit that was set in motion may be too close: then the result
+    is at most `rate` + 1.
+
+    on_path: the motor follows an uploaded path, which may end on a soft limit. Its frames are
+    rounded to whole steps, so between them it may be faster than the original move by about a step
+    per frame, and a stop at `rate` would overrun the limit. The path itself turns back before a
+    limit, at least as steeply as needed here. If the limit was set in motion, the result is at most
+    four times `rate`. Below 100 steps/s, where each step starts and stops the motor, a stop ends
+    within the step; else it could go far past a path that makes a step now and then.
     """
     v = m[sw.VELOCITY] - ((m[sw.ACCEL] - m[sw.JERK]) >> 5)  # see stepper.halt()
     part = m[sw.FRACTION]
@@ -46,7 +50,7 @@ def stop_rate(m: ptr32, bounds: ptr32, rate: int) -> int:
         room = m[sw.POSITION] - bounds[LOWER] + ptr32(m[sw.BACKLASH])[BACKLASH]  # wraps
     else:
         room = bounds[UPPER] - m[sw.POSITION]  # wraps
-    if v <= _SLOW:
+    if v <= _SLOW and on_path:
         room = 0
     if room < 0 or room >= 1 << 24:
         return rate
@@ -84,8 +88,11 @@ def stop_rate(m: ptr32, bounds: ptr32, rate: int) -> int:
     d = ((speed // n) << 8) + ((speed % n) << 8) // n
     d += (d >> 10) + 1
     most = v
-    if v > _SLOW and bounds[IN_MOTION]:
-        most = rate << 2
+    if bounds[IN_MOTION]:
+        if on_path == 0:
+            most = rate + 1
+        elif v > _SLOW:
+            most = rate << 2
     if d > most:
         d = most
     return d if d > rate else rate

@@ -164,6 +164,15 @@ def test_a_turning_point_on_a_limit_is_a_halt():
     assert slope([0, 100, 160, 140, 0], 2, (0, 160)) == 0
 
 
+def test_a_motion_from_rest_needs_twice_the_room_at_a_turning_point():
+    """Its first frame takes twice as long, so the slope counts twice."""
+    frames = [0, 100, 160, 140, 0]  # with the slope 20
+    for room, made in ((3, 20), (2, 0)):
+        assert slope(frames, 2, (0, 160 + room)) == made
+    for room, made in ((6, 20), (5, 0)):
+        assert slope(frames, 2, (0, 160 + room), path.FROM_REST) == made
+
+
 @pytest.mark.parametrize(
     "frames", [(LOWEST, 0, HIGHEST), (HIGHEST, LOWEST, HIGHEST), (0, LOWEST, 0)]
 )

@@ -116,12 +116,15 @@ def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
         if s < most * back:
             return most * back
         return s
-    # A turning point: the curve overshoots it by at most 4/27 of the slope.
+    # A turning point: the curve overshoots it by at most 4/27 of the slope, or of twice the slope
+    # if a frame may take twice as long.
     s = 6 * (back + ahead)
     past = s
     if past < 0:
         past = 0 - past
     past = (past * 4 + 323) // 324
+    if most < MONOTONE:
+        past += past
     # Halve both first, since a distance between two words may need 33 bits.
     if back > 0:
         room = (bounds[UPPER] >> 1) - (here >> 1)
