@@ -344,7 +344,7 @@ def falls_short(monkeypatch):
         (steeper, moves, "acceleration"),
         (jerkier, moves, "jerk"),
         (harder_stop, stopped, "acceleration"),
-        (past_the_limit, limited, "limits"),
+        (past_the_limit, limited, "limits|acceleration"),
         (reported_wrong, moves, "positions"),
         (reported_ahead, moves, "pins"),
         (rests_too_soon, moves, "goal|quiet"),
