@@ -56,12 +56,17 @@ class Runtime:
         self._scratch = scratch
         self._core = compiled_tree(self._processor.march, engine)  # once: it takes long
 
+    @property
+    def emulated(self) -> bool:
+        """Whether QEMU runs it."""
+        return bool(self._processor.emulator)
+
     def share(self, cases: Sequence[T]) -> Sequence[T]:
         """Return the cases, of many, that run on this processor."""
         return cases[:: self._processor.share]
 
     def _command(self, script: Path, args, heap: str, search: str) -> list[str]:
-        if not self._processor.emulator:
+        if not self.emulated:
             return [str(self._executable), "-X", f"heapsize={heap}", str(script), *map(str, args)]
         kilobytes = int(heap[:-1]) * _BYTES[heap[-1].lower()] >> 10
         words = (*self._processor.emulator, self._executable, kilobytes, search, script, *args)
