@@ -2,6 +2,7 @@
 with the reason."""
 
 import contextlib
+import gc
 import os
 import tempfile
 from dataclasses import dataclass
@@ -93,6 +94,7 @@ _FIRST = (
     "fuzz/",
     "emulator/",
     "console/",
+    "esp32/",
 )
 
 
@@ -115,6 +117,12 @@ def pytest_collection_modifyitems(config, items):
         config.hook.pytest_deselected(items=repeating)
         items[:] = [item for item in items if not item.get_closest_marker("repeats")]
     items.sort(key=turn)
+
+
+def pytest_collection_finish():
+    """Keep what is there by now, thousands of tests and modules, out of each collection of garbage.
+    `_memory` makes one after every file."""
+    gc.freeze()
 
 
 @pytest.hookimpl(wrapper=True)
