@@ -13,6 +13,7 @@ from collections import Counter
 from pathlib import Path
 from random import Random
 
+from framestep.base import native_cpython
 from host_tests.script import Script, parse
 
 SCRIPTS = Path(__file__).parent / "scripts"
@@ -229,6 +230,7 @@ def main() -> int:
         now = time.monotonic()
         if now - reported > 10:
             reported = now
+            native_cpython.forget()  # the controllers of these sessions
             print(
                 f"{counts['requests']} requests in {played} sessions, "
                 f"{counts['requests'] / (now - began):.0f}/s, "
