@@ -13,7 +13,6 @@ from collections import Counter
 from pathlib import Path
 from random import Random
 
-from framestep.base import native_cpython
 from host_tests.script import Script, parse
 
 SCRIPTS = Path(__file__).parent / "scripts"
@@ -188,6 +187,8 @@ def main() -> int:
         from host_tests import machine_code
 
         machine_code.install()
+    from framestep.base import native_cpython
+
     again = None
     if options.replay:
         from .again import Again
