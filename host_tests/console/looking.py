@@ -5,9 +5,14 @@ import re
 import pytest
 from playwright.sync_api import expect
 
+from framestep_tools.building.board_files import ROOT
 from host_tests.console.conftest import PATIENCE_MS
 
 LOOK_MS = 20
+AXE = ROOT / "tools/framestep_emulator/board/node_modules/axe-core/axe.min.js"
+# What it finds in a page: names, contrast, the order of headings, roles
+FINDINGS = """async () => (await axe.run({resultTypes: ['violations']})).violations.map(
+    found => `${found.id}: ${found.nodes.map(node => node.target.join(' ')).join(', ')}`)"""
 # The tab is hidden, or seen again
 HIDE = """hidden => {
     Object.defineProperty(document, 'hidden', {value: hidden, configurable: true});

@@ -13,6 +13,8 @@ from framestep_tools.errors import ToolError
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.console.conftest import Device
 from host_tests.console.looking import (
+    AXE,
+    FINDINGS,
     go_to,
     log,
     steps,
@@ -22,7 +24,6 @@ from host_tests.console.looking import (
     wait_rest,
 )
 from host_tests.console.serial_ports import SavedPage
-from host_tests.console.test_accessible import AXE, FINDINGS
 
 # The page's check of a rig file on a board that has no memory for it
 SCARCE = """async () => {

@@ -15,10 +15,10 @@ from framestep_tools.simulator.esp32_board import PROCESSOR, Esp32Board, install
 from framestep_tools.site import install_page
 from host_tests.console.conftest import Device
 from host_tests.console.file_server import FileServer
-from host_tests.console.looking import go_to, wait_rest
+from host_tests.console.looking import AXE, FINDINGS, go_to, wait_rest
 from host_tests.console.pictures import LOOKS
 from host_tests.console.serial_ports import SavedPage
-from host_tests.console.test_accessible import AXE, FINDINGS
+from host_tests.covering import sweep
 
 PACKAGES = ["atob-lite", "esptool-js", "pako"]  # what the page is made of
 IMAGE = bytes(range(256)) * 800  # several pieces
@@ -116,7 +116,7 @@ def test_a_drive_that_is_not_the_boards_is_refused(stage, url):
     assert page.errors == []
 
 
-@pytest.mark.parametrize("look", ["wide", pytest.param("dark", marks=pytest.mark.repeats), "phone"])
+@pytest.mark.parametrize("look", sweep(["wide", "dark", "phone"], "phone"))
 def test_every_board_without_access_to_drives(stage, url, look):
     """A browser of a phone, or Firefox: a download and pictures."""
     page = stage.page("about:blank", **LOOKS[look])
@@ -414,6 +414,7 @@ def test_files_onto_an_esp32(stage, esp_site):
     assert page.errors == []
 
 
+@pytest.mark.repeats  # the form as on an RP2040; rates and restarts as in esp32/test_install.py
 def test_the_rig_file_of_an_esp32(stage, esp_site):
     """Read and put back through its one port, at the rate that each file sets. It restarts each
     time."""

@@ -1,4 +1,5 @@
-"""The page as a whole: a phone's width, names for screen readers, light and dark, no server."""
+"""The page as a whole: a phone's width, names for screen readers, contrast, light and dark, no
+server."""
 
 from urllib.parse import urlsplit
 
@@ -7,6 +8,8 @@ from playwright.sync_api import expect
 
 from framestep_tools.payloads import MotorGetPosition
 from host_tests.console.looking import (
+    AXE,
+    FINDINGS,
     go_to,
     log,
     position,
@@ -27,6 +30,7 @@ from host_tests.console.pictures import (
     prepare,
 )
 from host_tests.console.serial_ports import SavedPage
+from host_tests.covering import sweep
 
 LARGEST_PICTURE = 150_000  # bytes
 # Elements without a name for a screen reader: fields without a label, buttons and pictures without
@@ -35,6 +39,7 @@ NAMELESS = """() => [...document.querySelectorAll('button, input, select, textar
     .filter((each) => !each.labels?.length && !each.getAttribute('aria-label'))
     .filter((each) => !each.textContent.trim())
     .map((each) => each.outerHTML)"""
+UNFOLD = "view => view.querySelectorAll('details').forEach(fold => { fold.open = true; })"
 
 
 @pytest.fixture(scope="module")
@@ -42,28 +47,38 @@ def served(shared_stage):
     return crane(shared_stage)
 
 
-@pytest.mark.parametrize("look", ["phone", "dark"])
-def test_every_view_fits_and_everything_in_it_has_a_name(served, stage, look):
-    page = stage.page(served.url, **LOOKS[look])
+@pytest.mark.parametrize("looks", sweep(["wide", "dark", "phone", "dark phone"], "dark", "phone"))
+def test_every_view_fits_and_everything_in_it_has_a_name(served, stage, looks):
+    """axe-core also finds mistakes in contrast, in the order of headings, and in roles."""
+    options = {}
+    for look in looks.split():
+        options |= LOOKS[look]
+    page = stage.page(served.url, **options)
     prepare(page)
-    width = LOOKS[look]["viewport"]["width"]
+    page.evaluate(AXE.read_text())
+    width, height = (options["viewport"][side] for side in ("width", "height"))
     for view in VIEWS:
         go_to(page, view)
         assert page.evaluate("document.documentElement.scrollWidth") <= width, view
         stop = page.locator("#stop").bounding_box()
         assert stop["y"] >= 0, view
-        assert stop["y"] + stop["height"] <= LOOKS[look]["viewport"]["height"], view
+        assert stop["y"] + stop["height"] <= height, view
         assert page.evaluate(NAMELESS) == [], view
-        if (view, look) in PICTURES:
-            drawn = draw(page, view, look)
-            stored = path(view, look).read_text()
+        if (view, looks) in PICTURES:
+            drawn = draw(page, view, looks)
+            stored = path(view, looks).read_text()
             assert parts(drawn) == parts(stored), f"{view} has changed: make console-pictures"
+        page.locator("section.view:visible").evaluate(UNFOLD)
+        assert page.evaluate(FINDINGS) == [], view
     assert {urlsplit(url).netloc for url in page.asked} == {urlsplit(served.url).netloc}
     back = page.evaluate("getComputedStyle(document.body).backgroundColor")
-    assert (back == "rgb(21, 24, 27)") == (look == "dark")
-    if look == "dark":
+    assert (back == "rgb(21, 24, 27)") == ("dark" in looks)
+    if "dark" in looks:
         page.get_by_label("Theme").select_option("light")
         assert page.evaluate("getComputedStyle(document.body).backgroundColor") != back
+    page.evaluate("document.querySelector('main').innerHTML += '<h5>too low</h5><input>'")
+    mistakes = [name.partition(":")[0] for name in page.evaluate(FINDINGS)]
+    assert mistakes == ["heading-order", "label"]
     assert page.errors == []
 
 
