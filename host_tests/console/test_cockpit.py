@@ -10,6 +10,7 @@ from host_tests.console.looking import (
     go_to,
     log,
     position,
+    steps,
     wait_connected,
     wait_far,
     wait_rest,
@@ -23,11 +24,12 @@ RIG = {
 }
 
 
-@pytest.fixture
-def opened(stage):
-    device = stage.simulated(RIG, motors=2)
+@pytest.fixture(scope="module")
+def opened(shared_stage):
+    """Return a page for all tests, which leave everything at rest, and its device."""
+    device = shared_stage.simulated(RIG, motors=2)
     device.at_board(lambda board: board.wire_switches())
-    page = stage.page(stage.console(device.url).url)
+    page = shared_stage.page(shared_stage.console(device.url).url)
     wait_connected(page)
     return page, device
 
@@ -80,11 +82,12 @@ def test_homing_reports_how_it_has_ended(opened):
 
 def test_step_buttons_add_up_while_the_motor_moves(opened):
     page, _ = opened
+    before = steps(page, 2)
     by = page.get_by_role("button", name="Move motor 2 by +100 steps", exact=True)
     by.evaluate("button => { for (let i = 0; i < 3; i += 1) button.click(); }")  # before any answer
-    expect(position(page, 2)).to_have_text("300")
+    expect(position(page, 2)).to_have_text(str(before + 300))
     page.get_by_role("button", name="Move motor 2 by −1 steps", exact=True).click()
-    expect(position(page, 2)).to_have_text("299")
+    expect(position(page, 2)).to_have_text(str(before + 299))
     wait_rest(page)
 
 
@@ -142,9 +145,10 @@ def test_the_cross_is_next_to_the_drawing(stage):
 
 def test_a_jog_ends_when_the_device_becomes_silent(opened):
     page, device = opened
+    before = steps(page, 2)
     page.get_by_role("button", name="Jog motor 2 up").focus()
     page.keyboard.down(" ")
-    wait_far(page, 2, 0, 50)
+    wait_far(page, 2, before, 50)
     with device.held():
         expect(page.get_by_role("alert")).to_contain_text("The device does not answer.")
     wait_rest(page)
@@ -153,8 +157,9 @@ def test_a_jog_ends_when_the_device_becomes_silent(opened):
 
 def test_a_second_page_takes_the_device_over(opened, stage):
     page, _ = opened
+    before = steps(page)
     page.keyboard.down("ArrowRight")
-    wait_far(page, 1, 0, 50)
+    wait_far(page, 1, before, 50)
     second = stage.page(page.url)
     take = second.get_by_role("button", name="Take the device over")
     take.click()

@@ -53,14 +53,21 @@ class Pad:
         )
 
 
-@pytest.fixture
-def page(stage):
-    device = stage.simulated({"jog_timeout_ms": 0}, motors=2)
-    page = stage.page(stage.console(device.url).url)
+@pytest.fixture(scope="module")
+def opened(shared_stage):
+    device = shared_stage.simulated({"jog_timeout_ms": 0}, motors=2)
+    page = shared_stage.page(shared_stage.console(device.url).url)
     wait_connected(page)
-    yield page
-    wait_rest(page)
-    assert page.errors == []
+    return page
+
+
+@pytest.fixture
+def page(opened):
+    """Yield the page, with everything at rest; each test leaves it so."""
+    opened.sent.clear()
+    yield opened
+    wait_rest(opened)
+    assert opened.errors == []
 
 
 ENDS = {
@@ -108,10 +115,11 @@ def test_without_the_dead_mans_button_nothing_moves(page):
 
 
 def test_after_a_stop_the_stick_is_let_go_first(page):
+    before = steps(page)
     pad = Pad(page)
     pad.button(L1, True)
     pad.stick(1)
-    wait_far(page, 1, 0, 50)
+    wait_far(page, 1, before, 50)
     page.keyboard.press("Escape")
     wait_rest(page)
     stood = steps(page)
@@ -127,6 +135,7 @@ def test_after_a_stop_the_stick_is_let_go_first(page):
 
 
 def test_the_cross_chooses_the_motor(page):
+    before = steps(page)
     pad = Pad(page)
     for button in (DOWN, DOWN):  # the second press finds no further motor
         pad.button(button, True)
@@ -136,7 +145,7 @@ def test_the_cross_chooses_the_motor(page):
     wait_far(page, 2, 0, 50)
     pad.stick(0)
     wait_rest(page)
-    assert steps(page, 1) == 0
+    assert steps(page, 1) == before
     pad.button(UP, True)
     expect(page.get_by_role("button", name="Motor 1", exact=True)).to_have_attribute(
         "aria-pressed", "true"
