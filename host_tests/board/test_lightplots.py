@@ -3,6 +3,7 @@ and in time."""
 
 from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
@@ -43,6 +44,7 @@ def board_files(**more):
     return {**board_modules(MODULES), **more}
 
 
+@pytest.mark.repeats  # as runtime/test_lightplots.py, on another processor
 @given(st.lists(lightplots.plots(), min_size=12, max_size=12))
 @settings(
     max_examples=3,

@@ -62,6 +62,7 @@ def session():
         ]
 
 
+@pytest.mark.repeats  # test_snapshots, and what every test of a board that was wound back sees
 def test_a_board_that_is_wound_back_is_as_new(pool):
     """In a process that other boards used before, and once more in it without a boot."""
     Emulator.pool = None
