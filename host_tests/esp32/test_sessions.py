@@ -9,7 +9,7 @@ import pytest
 from framestep_tools.building.board_files import ROOT
 
 SESSIONS = ROOT / "host_tests" / "end_to_end"
-FILES = ["hosts/test_sessions.py", "hosts/test_command_line.py", "io/test_io.py"]
+FILES = ["hosts/test_sessions.py", "io/test_io.py"]
 
 
 @pytest.mark.repeats
