@@ -5,11 +5,11 @@ from framestep.base.native import const
 
 PASS = const(0)  # index in Hal.inside
 
-# Bytes of the stack. MicroPython's own limit is STACK. A program on the REPL has REPL_STACK, so
-# that interrupts, which take up to 1500 bytes, always fit beyond it. A pass begins only if no more
-# than DEEPEST is in use: the largest pass takes 5200, including the interrupts in it. Questions are
-# answered between two passes only if no more than SHALLOW is in use: that takes up to 5600, as the
-# host's USB packets come at its deepest points.
+# Bytes of the stack, which has 8192. MicroPython's own limit is STACK. A program on the REPL has
+# REPL_STACK, so that interrupts, which take up to 1500 bytes, always fit beyond it. A pass begins
+# only if no more than DEEPEST is in use: the largest pass takes 5400, including the interrupts in
+# it. Questions are answered between two passes only if no more than SHALLOW is in use: that takes
+# up to 5600, as the host's USB packets come at its deepest points.
 STACK = const(7936)
 REPL_STACK = const(6400)
 DEEPEST = const(2560)

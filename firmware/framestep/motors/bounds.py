@@ -31,9 +31,8 @@ def stop_rate(m: ptr32, bounds: ptr32, rate: int, on_path: int) -> int:
     """Return the deceleration at which a motor stops within its bounds: `rate`, or more. Q22 steps
     per tick². m: the motor's block.
 
-    `rate` is rounded down, and may have been lowered in motion. Either can take a motor that slows
-    down to a soft limit beyond it. A limit that was set in motion may be too close: then the result
-    is at most `rate` + 1.
+    `rate` is rounded down, so on its own it may take a motor that slows down to a soft limit beyond
+    it. `rate` + 1 cannot, and more is never needed away from a path.
 
     on_path: the motor follows an uploaded path, which may end on a soft limit. Its frames are
     rounded to whole steps, so between them it may be faster than the original move by about a step
@@ -88,11 +87,10 @@ def stop_rate(m: ptr32, bounds: ptr32, rate: int, on_path: int) -> int:
     d = ((speed // n) << 8) + ((speed % n) << 8) // n
     d += (d >> 10) + 1
     most = v
-    if bounds[IN_MOTION]:
-        if on_path == 0:
-            most = rate + 1
-        elif v > _SLOW:
-            most = rate << 2
+    if on_path == 0:
+        most = rate + 1
+    elif v > _SLOW and bounds[IN_MOTION]:
+        most = rate << 2
     if d > most:
         d = most
     return d if d > rate else rate
