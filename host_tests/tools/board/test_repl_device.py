@@ -68,6 +68,29 @@ def test_scripts_can_be_run_after_ctrl_c():
     assert device.run("put back") == "run"
 
 
+class Deaf(HalfSent):
+    """A transport whose board drops a Ctrl-A so many times."""
+
+    def __init__(self, drops):
+        super().__init__()
+        self.drops = drops
+
+    def enter_raw_repl(self, **_):
+        self.drops -= 1
+        if self.drops >= 0:
+            raise TransportError("could not enter raw repl")
+
+
+def test_a_ctrl_a_that_a_board_drops_is_sent_again():
+    device = repl_device.Device("/dev/deaf")
+    device._transport = Deaf(drops=1)
+    device._enter()
+    assert device._transport.serial.timeout == repl_device._READ_S
+    device._transport = Deaf(drops=2)
+    with pytest.raises(DeviceError, match="does not answer"):
+        device._enter()
+
+
 def test_a_board_that_does_not_come_up(monkeypatch):
     monkeypatch.setattr(restart, "_START_S", 0.0)
     monkeypatch.setattr(restart, "_LOOK_S", 0.0)

@@ -258,18 +258,24 @@ class Device:
             raise DeviceError(f"{self.path} does not take anything: {error}") from None
 
     def _enter(self, seconds: float = _REPL_S) -> None:
-        port = self._transport.serial
-        chatter = io.StringIO()
         try:
-            port.timeout = seconds  # on a pseudo-terminal mpremote waits this long for each byte
-            with contextlib.redirect_stdout(chatter):
-                self._transport.enter_raw_repl(soft_reset=False, timeout_overall=seconds)
-            port.timeout = _READ_S
+            try:
+                self._ask_raw_repl(seconds / 4)
+            except TransportError:
+                # a board that takes the Ctrl-C as an interrupt drops what comes right behind it
+                self._ask_raw_repl(seconds * 3 / 4)
         except (OSError, TransportError) as error:
             raise DeviceError(
                 f"the REPL on {self.path} does not answer ({error}): close other programs "
                 "that use the port, or press the board's reset button and try again"
             ) from None
+
+    def _ask_raw_repl(self, seconds: float) -> None:
+        port = self._transport.serial
+        port.timeout = seconds  # on a pseudo-terminal mpremote waits this long for each byte
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._transport.enter_raw_repl(soft_reset=False, timeout_overall=seconds)
+        port.timeout = _READ_S
 
     def run(self, script: str) -> str:
         """Run a script on the REPL and return its output. Raises DeviceError with the traceback if
