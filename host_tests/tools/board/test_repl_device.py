@@ -69,7 +69,7 @@ def test_scripts_can_be_run_after_ctrl_c():
 
 
 class Deaf(HalfSent):
-    """A transport whose board drops a Ctrl-A so many times."""
+    """A transport whose board does not react so many times."""
 
     def __init__(self, drops):
         super().__init__()
@@ -81,7 +81,7 @@ class Deaf(HalfSent):
             raise TransportError("could not enter raw repl")
 
 
-def test_a_ctrl_a_that_a_board_drops_is_sent_again():
+def test_a_board_that_does_not_react_is_asked_again():
     device = repl_device.Device("/dev/deaf")
     device._transport = Deaf(drops=1)
     device._enter()

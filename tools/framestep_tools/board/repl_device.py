@@ -262,7 +262,7 @@ class Device:
             try:
                 self._ask_raw_repl(seconds / 4)
             except TransportError:
-                # a board that takes the Ctrl-C as an interrupt drops what comes right behind it
+                # seen a few times on very busy computers; the cause is not known
                 self._ask_raw_repl(seconds * 3 / 4)
         except (OSError, TransportError) as error:
             raise DeviceError(
