@@ -51,8 +51,10 @@ class Edges(Part):
             if self.trial.virtual:
                 # within 16 ms its path may get a step ahead of its line (field note 9.5)
                 fastest = max(fastest, fastest / 2 + 1.5 / 0.016)
-            # where a ramp ends within a tick, steps are up to 0.2 % of their distance too early
-            least = 125e6 / fastest * (0.5 if brief else 0.997) - 1000
+            # Where a ramp ends within a tick, steps are up to 0.2 % of their distance too early.
+            # With a step in a tick or fewer: by an eighth of what the ramp changes in a tick.
+            early = 0.003 + (min(motor.steep[-1][1], STEEPEST) / 8e6 if fastest < 2000 else 0)
+            least = 125e6 / fastest * (0.5 if brief else max(0.5, 1 - early)) - 1000
             if apart.min() < least:
                 self.fail(
                     "velocity",
