@@ -470,6 +470,26 @@ def test_phases_appended_on_the_way(period):
         assert best <= (1 if ticks > 1 else 2), f"frame {frame}"
 
 
+def test_a_frame_of_minutes_stays_on_its_path():
+    """From rest to rest by three steps in five minutes, as in a time lapse."""
+    rig = Rig(jitter_us=0)
+    axis = rig[0]
+    ticks = 300_000
+    numbers = array("i", [0] * 4)
+    reals.put(numbers, 0, ticks, 0)
+    axis.begin_plan(rig.bench)
+    axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
+    axis.append_phase(0, 2, 2, numbers, word(3), 1)
+    axis.feed()
+    axis.start(rig.bench)
+    rig.run(ticks + 500)
+    rises = np.array(rig.bench.engines[0].rises, dtype=float) / PER_TICK
+    assert list(rig.bench.engines[0].ways) == [1, 1, 1]
+    path = np.array([1, 2, 3]) / 3
+    x = (rises - LEAD) / ticks
+    assert 3 * x**2 - 2 * x**3 == pytest.approx(path, abs=0.005)
+
+
 def test_an_axis_whose_feed_stops_faults():
     rig = Rig()
     rig[0].set_speed(10_000, 100_000)

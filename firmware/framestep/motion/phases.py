@@ -35,6 +35,7 @@ ONWARD = const(2)
 
 RING_MASK = const(15)
 _PIECE = const(256)  # ticks; rounding errs by less than a ten-thousandth of a step within them
+_LONGEST = const(2048)  # of a long phase at a time, as the error grows with the cube of the ticks
 
 # Words of a duration
 WHOLE_TICKS = const(0)
@@ -170,6 +171,8 @@ def load(words, at: int, cubic, whole, knot, r) -> int:
     if out[WHOLE_TICKS] <= _PIECE:
         return _TOOK_AIM
     out[WHOLE_TICKS] = out[WHOLE_TICKS] >> 1
+    if out[WHOLE_TICKS] > _LONGEST:
+        out[WHOLE_TICKS] = _LONGEST
     out[REST] = 0
     put(r, _X, out[WHOLE_TICKS], 0)
     combine(r, _T, _T, _X, 1)
