@@ -75,6 +75,8 @@ class Edges(Part):
         fast = 62.5 * float(np.unique(times, return_counts=True)[1].max())
         # a stop's deceleration is rounded down to a multiple of 0.24 steps/s²
         slack = 1 + int(fast * fast / 2 / motor.least / (4 * motor.least))
+        if motor.loose:
+            slack += int(fast / 1000) + 1  # a queue that has run dry is noticed a tick later
         if motor.jerk and motor.sent > 1:
             # without a soft limit nearby a plan may need more room than the one before it
             slack += int(
