@@ -16,6 +16,7 @@ RIG = {
 }
 BIT_NS = 1e9 / chip.BAUD
 SLICE_NS = 500_000
+QUIET_BITS = 12  # without an edge: no telegram is under way
 WRITES = 12  # registers to set
 SET_UP_S = 2.0  # the longest time for it
 
@@ -80,13 +81,16 @@ class DrivenBoard(EmulatedBoard):
                 return
 
     def _serve(self):
-        """Receive the bytes of this slice, to the end of the telegram, and answer."""
+        """Receive the bytes of this slice, until all telegrams have ended, and answer."""
         records = self._records()
         talks = [pin for pin in PINS if (records["pin"] == pin).any()]
         if not talks:
             return
-        super().run_until(self.now_ns + round(90 * BIT_NS))
-        records = np.concatenate([records, self._records()])
+        latest = self.now_ns
+        while self.now_ns < latest + QUIET_BITS * BIT_NS:
+            super().run_until(self.now_ns + round(10 * BIT_NS))
+            records = np.concatenate([records, self._records()])
+            latest = max(latest, int(records["t"][np.isin(records["pin"], PINS)].max()))
         for motor, pin in enumerate(PINS):
             mine = records[records["pin"] == pin]
             times, levels = mine["t"].astype(np.int64), mine["level"]

@@ -34,7 +34,7 @@ class Timing:
         return self._words(self.address, stepper.HEADER_WORDS)[stepper.WORST_LATE]
 
     def wait_for_tick(self, before_us):
-        """Let time pass until so many microseconds before a tick is due."""
+        """Let time pass until `before_us` microseconds before the next tick."""
         header = self._words(self.address, stepper.HEADER_WORDS)
         wait = (header[stepper.DUE] - self._words(header[stepper.CLOCK], 1)[0] - before_us) % 1000
         self.session.board.run_until(self.emulator.ns + 1000 * wait)

@@ -69,7 +69,7 @@ def test_scripts_can_be_run_after_ctrl_c():
 
 
 class Deaf(HalfSent):
-    """A transport whose board does not react so many times."""
+    """A transport whose board ignores the first `drops` attempts."""
 
     def __init__(self, drops):
         super().__init__()
