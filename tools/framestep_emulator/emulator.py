@@ -196,7 +196,8 @@ class Emulator:
 
     @property
     def ns(self):
-        return self.cmd("time")["ns"]
+        now = self._node and self._node.now
+        return now["ns"] if now else self.cmd("time")["ns"]
 
     def advance(self, ms, **until):
         """Let virtual time pass; stop early with until_rx=port or until_event=type."""
@@ -304,6 +305,9 @@ class Emulator:
 
     def uart_read(self, n):
         """Return bytes ([ns, value], ...) and breaks ([start, end], ...) since the last call."""
+        now = self._node and self._node.now
+        if now and not now["logged"][n]:
+            return [], []
         answer = self.cmd(f"uart{n}")
         return answer["bytes"], answer["breaks"]
 
@@ -329,6 +333,13 @@ class Emulator:
         result["exceptions"] = after["exceptions"]
 
     # ------------------------------------------------------------ serial ports
+
+    def read(self, port):
+        """Return the bytes that have come out of a serial port since the last call."""
+        now = self._node and self._node.now
+        if now and not now["unread"][port]:
+            return b""
+        return base64.b64decode(self.cmd("read", port=port)["data"])
 
     def serial(self, port=0, timeout=1.0):
         """Return a pyserial-like object on the control connection; works in lockstep."""

@@ -25,6 +25,7 @@ class Node:
         )
         self.kept = set()  # names of its kept states
         self.in_step = True  # each command has been answered
+        self.now = None  # in lockstep: the time, and how much there is to read
         self._ctl = None
         self._lock = threading.Lock()
         atexit.register(self.close)
@@ -54,6 +55,7 @@ class Node:
                 raise EmulatorError("the emulator has ended")
             self.in_step = True
         answer = json.loads(line)
+        self.now = answer.pop("now", None)
         if not answer.pop("ok"):
             raise EmulatorError(f"{name}: {answer['error']}")
         return answer

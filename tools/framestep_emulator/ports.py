@@ -57,7 +57,7 @@ class Serial:
         return self.emu.ns * 1e-9
 
     def _fetch(self):
-        self._buffer += base64.b64decode(self.emu.cmd("read", port=self.port)["data"])
+        self._buffer += self.emu.read(self.port)
 
     @property
     def in_waiting(self):

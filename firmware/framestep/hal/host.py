@@ -70,16 +70,16 @@ class PulseModel:
         self.lost = 0
 
     def __setitem__(self, index, command):
-        command &= 0xFFFFFFFF
         now = self.clock()
-        while self.waiting and self.waiting[0] <= now:
-            self.waiting.pop(0)
-        if len(self.waiting) >= engine.COMMANDS:
+        waiting = self.waiting
+        while waiting and waiting[0] <= now:
+            del waiting[0]
+        if len(waiting) >= engine.COMMANDS:
             self.lost += 1
             return
-        start = max(now, self.free_at)
-        self.waiting.append(start)
-        level = int(command & engine.DIRECTION != 0)
+        start = self.free_at if self.free_at > now else now
+        waiting.append(start)
+        level = command & engine.DIRECTION
         pulses = (command >> engine.PULSES) & 0x1FF
         gap = (command >> engine.GAP) & 0x3FFFF
         if level != self.level:
@@ -89,9 +89,10 @@ class PulseModel:
             self.free_at = start + gap + engine.WAIT_CYCLES
             return
         period = gap + self.period
+        on_step = self.on_step
         first = start + gap + 8
-        for i in range(pulses):
-            self.on_step(first + i * period, level)
+        for cycle in range(first, first + pulses * period, period):
+            on_step(cycle, level)
         self.free_at = start + engine.COMMAND_CYCLES + pulses * period
 
 
@@ -270,8 +271,9 @@ class HostHal:
         signal = "m%d" % (motor + 1)
 
         def step(cycle, level):
-            if self.on_edge:
-                self.on_edge(cycle * NS_PER_CYCLE, signal, 1 if level == up else -1)
+            on_edge = self.on_edge
+            if on_edge:
+                on_edge(cycle * NS_PER_CYCLE, signal, 1 if level == up else -1)
 
         return step
 

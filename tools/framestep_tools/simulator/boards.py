@@ -186,7 +186,7 @@ class _EmulatedPort:
         self._queued = answer["queued"]
 
     def transmit(self) -> bytes:
-        return base64.b64decode(self.emulator.cmd("read", port=self.number)["data"])
+        return self.emulator.read(self.number)
 
     def open_port(self, on: bool) -> None:
         self.emulator.cmd("open", port=self.number, on=on)
