@@ -164,8 +164,8 @@ def test_switches(session):
     session.accept(p.MotorConfigure(1, 1 | 0x20))
     as_told = []
     with session.timing.judged(stops=True):
-        for pins in ((ESTOP,), (LIMIT,), (ESTOP, LIMIT)):
-            for before_us in range(300, 0, -25):
+        for pins, apart_us in (((ESTOP,), 50), ((LIMIT,), 50), ((ESTOP, LIMIT), 25)):
+            for before_us in range(300, 0, -apart_us):
                 for motor in MOTORS:
                     if motor != 2:
                         session.accept(p.MotorMove(motor, session.position(motor) + 8000))

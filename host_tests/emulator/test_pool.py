@@ -1,8 +1,10 @@
 """Boards one after another in one process: edges and bytes are as if each had its own."""
 
 import subprocess
+import time
 
 import pytest
+import serial
 
 from framestep_emulator import Emulator, EmulatorError
 from framestep_emulator.node import Pool
@@ -77,7 +79,7 @@ def test_a_board_that_is_wound_back_is_as_new(pool):
 
 
 def test_what_a_pool_takes_back(pool):
-    """Boards in lockstep, with the arguments of their start, and no more than it may."""
+    """Processes with the arguments of their start, and no more than it may."""
     kinds = [["--chip", "B1"], [], ["--seed", "2"], ["--xip-miss", "0"]]
     for args in kinds:
         Emulator(args=args, boot=False).start().close()
@@ -86,9 +88,11 @@ def test_what_a_pool_takes_back(pool):
         assert len(pool.idle) == pool.LARGEST - 1
         with Emulator(args=kinds[-1], boot=False) as second:
             assert len(pool.idle) == pool.LARGEST - 1, "a second process for a second board"
-            with second.free_running():
-                pass
-    assert len(pool.idle) == pool.LARGEST, "not the one whose time ran by itself"
+            second.set_lockstep(False)
+    assert len(pool.idle) == pool.LARGEST
+    begun = [node.cmd("time")["ns"] for _, node in pool.idle]
+    time.sleep(0.01)
+    assert [node.cmd("time")["ns"] for _, node in pool.idle] == begun, "nothing runs unused"
 
 
 def test_what_has_gone_wrong_stays_with_its_board(pool):
@@ -143,6 +147,20 @@ def test_a_port_on_tcp(pool):
     with Emulator() as emu, emu.free_running(), emu.tcp_serial(timeout=100) as tcp:
         tcp.write(b"6 * 7\r")
         assert b"42" in tcp.read_until(b"42")
+
+
+def test_clients_of_the_last_board_are_gone(pool):
+    """Even those that have not closed their connection."""
+    with Emulator(lockstep=False, speed=1) as emu:
+        left = emu.tcp_serial(timeout=100)
+        left.write(b"6 * 7\r")
+        assert b"42" in left.read_until(b"42")
+    with Emulator(lockstep=False, speed=1) as emu:
+        assert left.port == f"socket://127.0.0.1:{emu.tcp_ports[0]}", "the same process"
+        with pytest.raises(serial.SerialException, match="disconnected"):
+            while left.read():  # what was under way
+                pass
+        assert not emu.cmd("ports")["ports"][0]["open"]
 
 
 def test_a_usb_device_that_is_being_enumerated_is_not_kept(pool):

@@ -49,15 +49,16 @@ class Emulator:
     put         {host path: device path} of further files and directories for it
     fs_image    a complete littlefs image instead of files
     flash       file that keeps the whole flash from one run to the next
-    lockstep    time passes only in advance() and in reads that wait
-    boot        run until the USB serial port is there (in lockstep)
+    lockstep    time passes only in advance() and in reads that wait; otherwise it runs freely
+                after the start
+    boot        run until the USB serial port is there
     speed       when running freely: at most this many times real time
     tcp         TCP ports on 127.0.0.1 for the USB serial ports; 0 takes a free one, shown in
                 tcp_ports after the start
     args        further arguments for emu.mjs, e.g. ["--xip-miss", "0"]
     """
 
-    pool = None  # a Pool, for many boards in lockstep one after the other
+    pool = None  # a Pool, for many boards one after the other
 
     def __init__(
         self,
@@ -110,14 +111,11 @@ class Emulator:
 
     def start(self):
         firmware = self.firmware or images.emulator_ready()
-        arguments = [*self.args]
-        if self.lockstep:
-            arguments.append("--lockstep")
-        if self.speed is not None:
-            arguments += ["--speed", str(self.speed)]
+        free, self.lockstep = not self.lockstep, True  # it starts in lockstep
+        arguments = [*self.args, "--lockstep"]
         if self.flash:
             arguments += ["--flash", self.flash]
-        elif self.lockstep and self.tcp_ports == (0, 0):
+        elif self.tcp_ports == (0, 0):
             self._pool = Emulator.pool
             self._failures = self._pool.failures if self._pool else 0
         arguments += ["--tcp", str(self.tcp_ports[0]), "--tcp2", str(self.tcp_ports[1])]
@@ -128,12 +126,14 @@ class Emulator:
         try:
             if not (self._node and self._node.rewind(self._state)):
                 self._load(firmware)
-                if self.boot and self.lockstep:
+                if self.boot:
                     self.wait_usb()
                     if self._pool:
                         self._node.keep(self._state)
             self.tcp_ports = self._node.tcp_ports
             self._as_kept = True
+            if free:
+                self.set_lockstep(False, self.speed)
         except BaseException:
             self._pool = None
             self.close()
@@ -243,8 +243,6 @@ class Emulator:
     def set_lockstep(self, on, speed=None):
         """Switch between lockstep and free running."""
         self.lockstep = on
-        if not on:
-            self._pool = None  # a client may stay connected
         self.cmd("mode", lockstep=on, **({} if speed is None else {"speed": speed}))
 
     @contextlib.contextmanager

@@ -114,6 +114,7 @@ class Pool:
         if failures != self.failures or not node.in_step:
             node.close()
             return
+        node.cmd("mode", lockstep=True)  # an unused board runs no further
         self.idle.append((arguments, node))
         if len(self.idle) > self.LARGEST:
             self.idle.pop(0)[1].close()

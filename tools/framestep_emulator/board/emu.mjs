@@ -137,6 +137,11 @@ function serveSerial(port, tcpPort, runner) {
     client?.write(data);
     return client !== null;
   };
+  port.leave = () => {
+    const socket = client;
+    client = null;
+    socket?.destroy();
+  };
   port.mayReceive = () => !client || client.writableLength < HIGH_WATER;
   server.listen(tcpPort, '127.0.0.1');
   return server;
