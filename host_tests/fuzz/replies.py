@@ -256,6 +256,7 @@ class Replies(Part):
             if asked and motor.flags & m.MOTOR_ENABLED and motor.leader is None:
                 if motor.edges:
                     self.trial.edges.judge(motor)
+                motor.let_go_by = None
                 motor.at_rest(self.ms)
                 motor.homes(self.rig.hard_stop_factor)
                 self.led(motor)

@@ -203,10 +203,13 @@ class Trial:
     def _closed(self):
         self.anything_may_stop()
         for request in self.open.values():
-            if request.kind == m.MSG_MOTOR_RESET_POSITION:
-                for motor in self.motors:
-                    # perhaps: its answer is lost
-                    motor.renumbered |= request.payload[:1] == bytes((motor.index + 1,))
+            for motor in self.motors:  # perhaps they have been carried out: their answers are lost
+                if request.payload[:1] != bytes((motor.index + 1,)):
+                    continue
+                if request.kind == m.MSG_MOTOR_RESET_POSITION:
+                    motor.renumbered = True
+                elif request.kind == m.MSG_MOTOR_SET_LIMITS:
+                    motor.soft, motor.limits = None, (None, None)
         self.open.clear()
         self.link.reply.clear()
         self.runs.prepared = False

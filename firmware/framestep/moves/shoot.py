@@ -73,15 +73,15 @@ _RAMPS_WITHIN = formula(
     """,
 )
 # From A to B are X steps. BLUR leaves out Y thousandths of them, half at either end. Half a step is
-# added so that floor() rounds.
-_LEFT_OUT = formula(registers, "X = X * Y / 2000 + 0.5")
+# added so that floor() rounds, in both directions alike.
+_LEFT_OUT = formula(registers, "X = max(X, -X) * Y / 2000 + 0.5")
 # The length of a ramp: half of the distance that the window covers in the same time.
-_RAMP_LENGTH = formula(registers, "X = X / (WINDOW + RAMP) * RAMP / 2 + 0.5")
-# X steps in the window exceed the top velocity Y, apart from rounding. X becomes the velocity.
+_RAMP_LENGTH = formula(registers, "X = max(X, -X) / (WINDOW + RAMP) * RAMP / 2 + 0.5")
+# X steps in T ticks exceed the top velocity Y, apart from rounding. X becomes the velocity.
 _TOO_FAST = formula(
     registers,
     """
-    X = X / WINDOW
+    X = X / T
     assert max(X, -X) > Y + Y / 2 ** 20
     """,
 )
@@ -272,6 +272,8 @@ class ShootFrame(Operation):
                 reals.copy_word(shot.ends, motor, shot.b, motor)
                 compute(0, 0, r, _RAMP_LENGTH)
             cut = reals.floor(r, X, _FARTHEST)
+            if shot.directions[motor] < 0:
+                cut = -cut
             reals.add_word(shot.a, motor, shot.a, motor, cut)
             reals.add_word(shot.b, motor, shot.b, motor, -cut)
             if self._too_fast(shot, motor):
@@ -307,11 +309,18 @@ class ShootFrame(Operation):
         return self.player.blame_roll(what, motor, shot.index, code, SPEEDS + 2 * motor, RAMP)
 
     def _too_fast(self, shot, motor):
-        """Find a motor's velocity in the window. Return whether it exceeds its top velocity."""
+        """Find a motor's velocity in the window. Return whether it exceeds its top velocity, or
+        would do so without the rounding of its ramps."""
         player = self.player
         r = player.numbers
-        reals.put_difference(r, X, shot.b, motor, shot.a, motor)
         reals.fetch(r, Y, player.axes[motor].numbers, MAX_VELOCITY)
+        if not shot.blurs:
+            reals.put_difference(r, X, shot.ends, motor, shot.starts, motor)
+            reals.add(r, T, WINDOW, RAMP)
+            if compute(0, 0, r, _TOO_FAST):
+                return True
+        reals.put_difference(r, X, shot.b, motor, shot.a, motor)
+        reals.copy(r, T, WINDOW)
         too_fast = compute(0, 0, r, _TOO_FAST)
         reals.copy(r, SPEEDS + 2 * motor, X)
         return too_fast

@@ -255,6 +255,25 @@ def test_angles(ready, angles, exposure):
     assert times[-1] - went < (360 + max(-opens, 0)) * degree + 0.007
 
 
+@pytest.mark.parametrize(("a", "b"), [(-16, -9), (9, 2)])
+def test_the_top_velocity_of_a_few_steps(ready, a, b):
+    """Ramps of whole steps, here of 1 instead of 0.5, take some of the window's way over. What is
+    left is slow enough, the steps of the ramps are not."""
+    request = p.RtShootFrame2(FRAME, 250, -30, 400, [p.BlurMotor(1, a, b)])
+    eighth = 0.25 * 360 / 430 / 8
+    steps_per_s = 7 / (7 * eighth)
+    ready.accept(p.MotorSetSpeed(1, int(steps_per_s), 3214))
+    ready.refuse(p.Ack.ERR_RANGE, request)
+    ready.accept(p.MotorSetSpeed(1, int(steps_per_s) + 1, 3214))
+    shoot(ready, request)
+    times, _ = ready.steps(1)
+    assert len(times) == 7
+    assert np.diff(times).min() > 1 / (int(steps_per_s) + 1)
+    ready.ready(request)
+    ready.accept(p.MotorSetSpeed(1, int(steps_per_s), 3214))
+    ready.refuse(p.Ack.ERR_RANGE, p.RtGo())
+
+
 def test_the_end_of_angles(ready):
     """RT_END comes after the shutter is closed and the motors rest on B."""
     for opens, closes in ((0, 90), (0, 720), (-360, -180), (500, 600)):
