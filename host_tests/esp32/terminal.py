@@ -10,7 +10,7 @@ from framestep_tools.client.pty_port import PtyLink
 from framestep_tools.simulator.esp32_board import Esp32Board
 
 _SLICE_NS = 2_000_000
-_REST_S = 0.002  # while both sides are silent: a waiting REPL needs no processor
+_REST_S = 0.0005  # while both sides are silent: a waiting REPL needs no processor
 _RATES = {getattr(termios, f"B{baud}"): baud for baud in (115200, 230400, 460800, 921600)}
 _MOST = 4096  # bytes for the board at once, as its UART takes its time
 
