@@ -59,6 +59,13 @@ class Motor:
         self.low = min(self.low, min(places) - self.backlash)
         self.high = max(self.high, *places)
 
+    def may_come_back(self):
+        """Allow the way back to the present place of the load, with its backlash taken up: a limit
+        has been set that is passed already (field note 4.3)."""
+        pins = self.at + 2 * sum(edge & 1 for edge in self.edges) - len(self.edges)
+        self.low = min(self.low, pins - self.backlash)
+        self.high = max(self.high, pins + self.backlash)
+
     def at_rest(self, ms):
         """Begin new bounds: it is known to rest at the end of the edges so far."""
         self.top = [(ms, self.velocity)]

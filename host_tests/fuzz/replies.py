@@ -287,6 +287,7 @@ class Replies(Part):
             motor.bound()
         else:
             motor.soft = None
+            motor.may_come_back()
 
     def _configured(self, request, payload):
         i, flags = request.words("BB")
