@@ -38,8 +38,9 @@ class Surroundings(Actions):
                     do("pin", (name, dice.randint(0, 1)))
                     self.tick(dice.choice((1, 3, 30)))
         elif x < 0.7 and self.host.links:
-            # else nobody knows from then on which motors are coupled
-            while any(r.kind == m.MSG_MOTOR_CONFIGURE for r in self.trial.open.values()):
+            # else nobody knows from then on which motors are coupled, and how fast they may be
+            settings = m.MSG_MOTOR_CONFIGURE, m.MSG_MOTOR_SET_SPEED
+            while any(r.kind in settings for r in self.trial.open.values()):
                 self.tick()
             do("full")
             self.tick(dice.choice((5, 100, 400)) if dice.random() < 0.95 else 3500)
