@@ -307,21 +307,3 @@ def test_mirror():
             mirrored, *_ = added_up(others[:8])
             assert mirrored - base[0] == (-end if turned else end)
             assert 0 <= others[2] < ONE
-
-
-@pytest.mark.parametrize(
-    "turned, whole, part, stays",
-    [(0, -1, 0xFFFF, True), (0, 0, 1, False), (1, 0, 1, True), (1, -1, 0xFFFF, False)],
-)
-def test_a_mirrored_motor_does_not_leave_the_range(turned, whole, part, stays):
-    """The leading motor is a hair from its place, due to rounding, and this one at the lower end.
-
-    part: of a step, Q16. stays: else it would be beyond the end.
-    """
-    cubic = array("i", [0] * segments.CUBIC_WORDS)
-    cubic[segments.WHOLE], cubic[segments.P] = whole, part
-    (block, _), (other, others) = new_block(), new_block()
-    segments.cut(cubic, block, 8)
-    segments.mirror(block, other, array("i", [-(2**31)]), turned)
-    assert others[stepper.SEG_WHOLE] == -(2**31)
-    assert (others[stepper.SEG_FRACTION] == 0) == stays

@@ -232,17 +232,6 @@ def mirror(block: ptr32, other: ptr32, base: ptr32, opposite: int):
     v = q[k + sw.SEG_VELOCITY]
     a = q[k + sw.SEG_ACCEL]
     jerk = q[k + sw.SEG_JERK]
-    room = base[0]
-    if room < 0:
-        # At the lower end of the range it may be a hair beyond it, due to rounding.
-        room = room + 0x3FFFFFFF + 0x3FFFFFFF + 2
-        if opposite:
-            if whole > room or (whole == room and part):
-                whole = room
-                part = 0
-        elif whole < 0 - room:
-            whole = 0 - room
-            part = 0
     if opposite:
         whole = base[0] - whole
         if part:

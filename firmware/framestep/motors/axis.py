@@ -292,9 +292,10 @@ class Axis(Motor):
 
         Both must be at rest. Their present positions then belong together. The stricter settings
         and limits of the two apply, whenever they are set. Return False, and change nothing, if the
-        positions differ by more than an int32 holds.
+        positions differ by more than an int32 holds, or the next motor is at the lower end of the
+        range of positions: the path of this one may be half a step beside the motor.
         """
-        if not add_words(
+        if not order_words(partner.block, stepper.POSITION, bounds.ENDS, 0) or not add_words(
             self.word,
             0,
             partner.block,

@@ -243,7 +243,7 @@ class Motor:
 
         Return False, and change nothing, if the motor's own position, which differs by the offset,
         would lie outside the range of positions, or differ from the coupled motor's by more than an
-        int32 holds. A servo's position cannot be changed: the servo would have to move.
+        int32 holds, or if it follows another one and would be at the lower end. A servo's position cannot be changed: the servo would have to move.
         """
         self.backlash.refresh()
         if self.ends is not bounds.ENDS:
@@ -255,6 +255,8 @@ class Motor:
         word[2] = self.backlash.offset()
         add_words(word, 1, source, i, word, 2, 0)
         leader = self.leader or self
+        if self.leader and not order_words(word, 1, bounds.ENDS, 0):
+            return False
         if leader.partner:
             other = leader.block if self.leader else leader.partner.block
             if leader.reversed:

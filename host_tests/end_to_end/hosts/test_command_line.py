@@ -236,7 +236,7 @@ def refused(client, request):
         (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(2, 0, 5001)]),
          "motor 2 at frame 12 would need 5001 steps/s, its velocity is 5000 steps/s (set in"),
         (RtShootFrame2(12, 700, 0, 360, [BlurMotor(2, 0, 4000)]),
-         "motor 2 at frame 12 would need 6530 steps/s, its velocity is 5000 steps/s (set in"),
+         "motor 2 at frame 12 would need 6531 steps/s, its velocity is 5000 steps/s (set in"),
         (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(2, 9000, 9500)]),
          "in the second before the exposure of frame 12 motor 2 would need 500 steps/s², "
          "its acceleration is 400 steps/s² (set in Dragonframe's"),

@@ -220,15 +220,16 @@ def test_coupled_at_the_ends_of_the_range():
     session = simulated()
     session.accept(p.MotorResetPosition(1, 2**31 - 1), p.MotorResetPosition(2, -(2**31)))
     session.refuse(p.Ack.ERR_RANGE, p.MotorConfigure(1, 1 | COUPLE))
-    session.accept(p.MotorConfigure(1, 1 | REVERSED))
-    session.refuse(p.Ack.ERR_RANGE, p.MotorResetPosition(2, 1))
+    session.refuse(p.Ack.ERR_RANGE, p.MotorConfigure(1, 1 | REVERSED))  # no room for half a step
+    session.accept(p.MotorResetPosition(2, -(2**31) + 1), p.MotorConfigure(1, 1 | REVERSED))
+    session.refuse(p.Ack.ERR_RANGE, p.MotorResetPosition(2, 1), p.MotorResetPosition(2, -(2**31)))
     session.ask(p.MotorMove(1, 2**31 - 500))
     session.wait_idle()
     assert session.positions[1] == 2**31 - 500
-    assert session.positions[2] == -(2**31) + 499
+    assert session.positions[2] == -(2**31) + 500
     for _ in range(5):
         session.accept(p.MotorJog(1, 10_000, 2**31 - 1))
         session.run(0.1)
     session.wait_idle()
-    assert session.positions[1] + session.positions[2] == -1
+    assert session.positions[1] + session.positions[2] == 0
     assert_together(session, -1)
