@@ -48,6 +48,10 @@ class Pad:
 
     def _set(self, what, value):
         self._page.evaluate(f"value => {{ window.pad.{what} = value; }}", value)
+        self.be_seen()
+
+    def be_seen(self):
+        """Wait until the page has looked at it."""
         self._page.evaluate(
             "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
         )
@@ -93,6 +97,10 @@ def test_a_jog_ends(page):
         ends(page, pad)
         wait_rest(page)
         go_to(page, "Motors")
+        asked = jogs(page)
+        pad.be_seen()
+        pad.be_seen()
+        assert jogs(page) == asked, f"{name}: the stick has not been let go"
         assert steps(page) > before + 50, name
 
 

@@ -11,7 +11,7 @@ const ENDS = 0.3;
 export class Gamepads {
   #calls;
   #direction = 0; // of the jog: -1, 0, 1
-  #blocked = false; // the stick has turned, and has to go through its middle first
+  #blocked = false; // the stick has to go through its middle first: it has turned, or no jog was possible
   #pressed = new Set();
   #looking = false;
 
@@ -49,14 +49,15 @@ export class Gamepads {
     const enabled = ENABLE.some((button) => pad?.buttons[button]?.pressed);
     const way = pad?.axes[STICK] ?? 0;
     const enough = Math.abs(way) >= (this.#direction ? ENDS : BEGINS);
-    const direction = enabled && enough && this.#calls.active() ? Math.sign(way) : 0;
+    const direction = enabled && enough ? Math.sign(way) : 0;
+    const active = this.#calls.active();
     if (this.#blocked) {
       this.#blocked = direction !== 0;
       return;
     }
-    if (direction === this.#direction) return; // a jog that something else has ended begins again only after a release
+    if (active && direction === this.#direction) return; // a jog that something else has ended begins again only after a release
     if (this.#direction) this.#calls.end();
-    this.#blocked = this.#direction !== 0 && direction !== 0;
+    this.#blocked = direction !== 0 && (!active || this.#direction !== 0);
     this.#direction = this.#blocked ? 0 : direction;
     if (this.#direction) this.#calls.begin(direction > 0);
   }
