@@ -2,7 +2,8 @@
 SHELL := /bin/bash
 CACHE := $(abspath $(or $(FRAMESTEP_CACHE),.cache))
 PYTHON_VENV := $(CACHE)/venv/bin/python
-PYTEST := PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n auto --dist loadfile --no-loadscope-reorder
+PROCESSES := $(shell echo $$(($$(nproc) + 1))) # one more than processors: some tests wait for a page or a port
+PYTEST := PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n $(PROCESSES) --dist loadfile --no-loadscope-reorder
 LAYERS := runtime esp32 board emulator console
 IMAGES := pico skr_pico fysetc_erb # boards that tests emulate
 ARGS ?=
@@ -73,7 +74,7 @@ test-all: lint types node images chromium ## make test, and the same tests with 
 	@$(PYTEST) --all $(ARGS)
 
 check: lint types ## while you work: style, types, and the tests nearest to your changes since main, in a minute
-	@PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n auto --near=main $(ARGS)
+	@PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n $(PROCESSES) --near=main $(ARGS)
 
 test-core: setup ## the core on CPython
 	@$(PYTEST) $(LAYERS:%=--ignore=host_tests/%) $(ARGS)
