@@ -243,7 +243,8 @@ class Motor:
 
         Return False, and change nothing, if the motor's own position, which differs by the offset,
         would lie outside the range of positions, or differ from the coupled motor's by more than an
-        int32 holds, or if it follows another one and would be at the lower end. A servo's position cannot be changed: the servo would have to move.
+        int32 holds, or if it follows another motor and would be at the lower end. A servo's
+        position cannot be changed: the servo would have to move.
         """
         self.backlash.refresh()
         if self.ends is not bounds.ENDS:
