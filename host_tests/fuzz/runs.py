@@ -154,7 +154,7 @@ class Runs(Part):
         self.going["order"] = request.order if request else self.trial.counts["requests"]
         if run is None:
             return
-        for motor in run["motors"] if run["shot"] else self._takers():
+        for motor in self.motors if run["shot"] else self._takers():
             motor.let_go_by = None
         if run["shot"]:
             self.going["whole"] = False
