@@ -150,7 +150,7 @@ def test_a_port_on_tcp(pool):
 
 
 def test_clients_of_the_last_board_are_gone(pool):
-    """Even those that have not closed their connection."""
+    """A client that is still connected loses its connection."""
     with Emulator(lockstep=False, speed=1) as emu:
         left = emu.tcp_serial(timeout=100)
         left.write(b"6 * 7\r")

@@ -192,11 +192,17 @@ class Emulator:
         self._as_kept = False
         return self._node.cmd(name, **arguments)
 
+    @property
+    def _now(self):
+        """The time, and how much there is to read, as of the last answer; None while time runs
+        freely."""
+        return self._node and self._node.now
+
     # ------------------------------------------------------------ time
 
     @property
     def ns(self):
-        now = self._node and self._node.now
+        now = self._now
         return now["ns"] if now else self.cmd("time")["ns"]
 
     def advance(self, ms, **until):
@@ -303,7 +309,7 @@ class Emulator:
 
     def uart_read(self, n):
         """Return bytes ([ns, value], ...) and breaks ([start, end], ...) since the last call."""
-        now = self._node and self._node.now
+        now = self._now
         if now and not now["logged"][n]:
             return [], []
         answer = self.cmd(f"uart{n}")
@@ -334,7 +340,7 @@ class Emulator:
 
     def read(self, port):
         """Return the bytes that have come out of a serial port since the last call."""
-        now = self._node and self._node.now
+        now = self._now
         if now and not now["unread"][port]:
             return b""
         return base64.b64decode(self.cmd("read", port=port)["data"])
