@@ -99,7 +99,9 @@ class Axis(Motor):
         """After set_limits(): end a motion of move_to() at the new limit if it goes beyond."""
         if not self.outside(self.backlash, TARGET):
             return
-        if self.at_rest or self.stopping or self.stopping_smoothly:
+        if not self.has_room:
+            self.stop(hal, smooth=True)
+        elif self.at_rest or self.stopping or self.stopping_smoothly:
             self.clamp(self.backlash, TARGET)  # for resume_target(), which may follow
         else:
             self.move_to(hal, self.backlash, TARGET, self.speed, self.direction)
@@ -148,8 +150,12 @@ class Axis(Motor):
         A moving motor bends to the new target, and stops first if it must turn (field note 4.8). A
         target out of bounds is clamped, see clamp(): the bounds may have become narrower since the
         target was checked. resumed: it is TARGET, clamped already; a motor that came from outside
-        may have overshot it, and be inside now.
+        may have overshot it, and be inside now. Where the bounds leave no room, a moving motor only
+        stops: on its way back it could take up its backlash and so move a coupled motor.
         """
+        if not resumed and not self.at_rest and not self.has_room:
+            self.stop(hal, smooth=True)
+            return self.moving
         r = self.numbers
         if speed != self.speed or self.rates_outdated:
             self.speed = speed

@@ -180,7 +180,7 @@ class Motor:
 
         A motor that is outside already may move toward the allowed range (field note 4.3).
         """
-        # Check both ends, since limits of coupled motors may leave no room at all.
+        # Check both ends, since there may be no room between them.
         side = 1
         while side >= -1:
             end = 1 if side > 0 else 0
@@ -193,6 +193,11 @@ class Motor:
                     return side
             side -= 2
         return 0
+
+    @property
+    def has_room(self):
+        """Whether `bounds` hold a position. Those of coupled motors may hold none."""
+        return order_words(self.bounds, bounds.LOWER, self.bounds, bounds.UPPER) <= 0
 
     def _find_place(self, side):
         """Set word[0] to where the load is; of coupled motors to where it would be if it moved
