@@ -38,7 +38,7 @@ PROCESSORS = {
     "rv32": Processor("rv32", "rv32imc", ("qemu-riscv32",), 2),
 }
 # Processors with the peripherals of a chip, in virtual time
-CHIPS = {"esp32": Processor("esp32", "rv32imc", ("qemu-riscv32",))}
+CHIPS = {"esp32": Processor("esp32", "x86")}
 
 
 class Runtime:
@@ -66,7 +66,7 @@ class Runtime:
         return cases[:: self._processor.share]
 
     def _command(self, script: Path, args, heap: str, search: str) -> list[str]:
-        if not self.emulated:
+        if self._processor.target == "unix32f":
             return [str(self._executable), "-X", f"heapsize={heap}", str(script), *map(str, args)]
         kilobytes = int(heap[:-1]) * _BYTES[heap[-1].lower()] >> 10
         words = (*self._processor.emulator, self._executable, kilobytes, search, script, *args)

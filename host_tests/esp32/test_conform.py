@@ -8,7 +8,7 @@ from framestep_tools.conform.bench import Bench
 from framestep_tools.conform.checks import every_check
 from framestep_tools.conform.link import Link
 from framestep_tools.simulator.boards import LockstepPort
-from framestep_tools.simulator.esp32_board import Esp32Board
+from framestep_tools.simulator.esp32_board import PROCESSOR, RISC_V, Esp32Board
 
 RIG = {
     "estop": "nc",
@@ -57,9 +57,9 @@ class Hands:
         self.board.set_pin(pin, int(on != low))
 
 
-def judged(subjects, short):
+def judged(subjects, short, processor):
     """Return {verdict: [result]} of these subjects, or of all others."""
-    with Esp32Board(RIG) as board:
+    with Esp32Board(RIG, processor=processor) as board:
         hands = Hands(board)
         link = Link(LockstepPort(board))
         link.pump(0.3)
@@ -72,10 +72,15 @@ def judged(subjects, short):
 
 
 @pytest.mark.parametrize(
-    "short", [True, pytest.param(False, marks=pytest.mark.repeats)], ids=["short", "long"]
+    ("short", "processor"),
+    [
+        pytest.param(True, PROCESSOR, id="short"),
+        pytest.param(False, PROCESSOR, marks=pytest.mark.repeats, id="long"),
+        pytest.param(True, RISC_V, marks=pytest.mark.repeats, id="on a RISC-V"),
+    ],
 )
-def test_it_conforms(short):
-    found = judged(SHORT, short)
+def test_it_conforms(short, processor):
+    found = judged(SHORT, short, processor)
     wrong = [
         f"{result.check.subject}: {result.check.name}: {result.text}"
         for verdict in found.keys() - {"passed", "left out", "reading"}

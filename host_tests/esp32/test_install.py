@@ -32,7 +32,7 @@ def changed():
 
 @pytest.fixture
 def packaged(monkeypatch):
-    """Replace the installed modules by modules for QEMU's processor."""
+    """Replace the installed modules by modules for the simulated chip's processor."""
 
     def use(changes=None, chip="ESP32", processor=PROCESSOR):
         found = Package(BOARD, modules() | (changes or {}), main_py(), chip, processor)

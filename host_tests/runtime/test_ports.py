@@ -1,6 +1,9 @@
 """The protocol ports on a board with less than an RP2040."""
 
+import pytest
 
+
+@pytest.mark.parametrize("runtime", ["x86", "xtensa"], indirect=True)  # rv32's has an ESP32's
 def test_no_usb_device(runtime):
     """Without machine.USBDevice in MicroPython, the error says what to do."""
     said = runtime.run(

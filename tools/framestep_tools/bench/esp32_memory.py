@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from ..errors import ToolError
-from ..simulator.esp32_board import Esp32Board
+from ..simulator.esp32_board import RISC_V, Esp32Board
 
 HEAP_KB = 2048  # the smallest PSRAM that modules have
 _START_NS = 200_000_000
@@ -28,7 +28,7 @@ class Memory(NamedTuple):
 
 def memory(rig: Mapping[str, Any], heap_kb: int = HEAP_KB) -> Memory:
     """Measure a board with this rig file. Raises ToolError if it does not start."""
-    with Esp32Board(rig, heap_kb=heap_kb) as board:
+    with Esp32Board(rig, heap_kb=heap_kb, processor=RISC_V) as board:
         said = b""
         for data in (b"", b"\r\x03", _ASK.encode()):
             board.receive(data)

@@ -1,6 +1,6 @@
 """A simulated ESP32 (tools/micropython/esp32), with the interface of boards.Board.
 
-Real MicroPython runs in QEMU with the port's own I2S, timers, pins and file system, in virtual
+Real MicroPython runs with the port's own I2S, timers, pins and file system, in virtual
 time, from power-up on. The pins are the outputs of a chain of 74HC595.
 """
 
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 BOARD = "esp32_595"
 RATE = 250_000
 CHAIN = 64  # pin number of the chain's output 0
-PROCESSOR = "rv32imc"  # as mpy-cross calls it
+PROCESSOR, RISC_V = "x86", "rv32imc"  # as mpy-cross calls them
 _HEAP_KB = 1024
 _FLASH_BYTES = 2 << 20  # of the file system
 _ERASED = b"\xff" * _FLASH_BYTES
 _PROG_SIZE = 32  # as MicroPython's port for ESP32 formats it
-_QEMU = "qemu-riscv32"
+_PROGRAMS = {PROCESSOR: ("esp32", ()), RISC_V: ("rv32", ("qemu-riscv32",))}
 _END_S = 5
 _START_NS = 10_000_000_000  # until the protocol's own port is there
 _RUNS, _RESET, _NO_POWER, _WATCHDOG = range(4)  # states in an answer: chip.h
@@ -55,14 +55,14 @@ _MOST_PLAYED = 16 << 20  # bytes of the record that are decoded at once
 _MOST_LINE_BYTES = 2_000_000  # of the other UARTs; when there are more, the older half goes
 
 
-def modules(board: str = BOARD) -> dict[str, bytes]:
-    """Return a board's modules, {"framestep/motors/axis.mpy": content}, for this processor."""
-    return compiled_modules(board_sources(board), PROCESSOR)
+def modules(board: str = BOARD, processor: str = PROCESSOR) -> dict[str, bytes]:
+    """Return a board's modules, {"framestep/motors/axis.mpy": content}."""
+    return compiled_modules(board_sources(board), processor)
 
 
-def installed(board: str = BOARD) -> dict[str, bytes]:
+def installed(board: str = BOARD, processor: str = PROCESSOR) -> dict[str, bytes]:
     """Return the files of a board with framestep, {path: content}."""
-    found = modules(board)
+    found = modules(board, processor)
     files = {f"/{name}": content for name, content in found.items()}
     return files | {LIST: listing(board, found), MAIN: main_py()}
 
@@ -74,7 +74,8 @@ class Esp32Error(ToolError):
 class Esp32Board:
     """A simulated board. rig: settings of a rig file; board: its name in boards/; files: the
     content of its file system (None: framestep and the rig file; {}: erased flash); heap_kb: size
-    of MicroPython's heap, without the machine code of modules; baud: the host's rate."""
+    of MicroPython's heap, without the machine code of modules; baud: the host's rate; processor:
+    RISC_V runs in QEMU and takes ten times as long."""
 
     slice_ns = 10_000_000
 
@@ -85,6 +86,7 @@ class Esp32Board:
         files: Mapping[str, bytes] | None = None,
         heap_kb: int = _HEAP_KB,
         baud: int = BAUD,
+        processor: str = PROCESSOR,
     ):
         data = board_data(board)
         self.rig = Rig(dict(rig or {}), data)
@@ -95,12 +97,13 @@ class Esp32Board:
         self._record = folder / "played"
         self._flash = folder / "flash"
         if files is None:
-            files = installed(board) | {"/rig.json": json.dumps(rig or {}).encode()}
+            files = installed(board, processor) | {"/rig.json": json.dumps(rig or {}).encode()}
         blocks = _FLASH_BYTES // littlefs_image.BLOCK_SIZE
         image = littlefs_image.make_image(files, blocks, _PROG_SIZE) if files else _ERASED
         self._flash.write_bytes(image)
         self._errors = (folder / "errors").open("w+b")
         self._heap_kb = heap_kb
+        self._target, self._emulator = _PROGRAMS[processor]
         self._now = 0
         self.host = UsbHost(self) if data["ports"] == 2 else None
         self._cause = _CAUSES[_NO_POWER]
@@ -126,8 +129,8 @@ class Esp32Board:
         """Start the chip, and wait until its program waits for something."""
         commands, self._commands = os.pipe()
         self._answers, answers = os.pipe()
-        words = [_QEMU, images.micropython("esp32"), self._heap_kb, "board", self._flash]
-        words += [self._record, f"/dev/fd/{commands}", f"/dev/fd/{answers}", self._now]
+        words = [*self._emulator, images.micropython(self._target), self._heap_kb, "board"]
+        words += [self._flash, self._record, f"/dev/fd/{commands}", f"/dev/fd/{answers}", self._now]
         words += [self._cause, self._baud, int(self.host is not None)]
         self._process = subprocess.Popen(
             [str(word) for word in words],

@@ -1,4 +1,4 @@
-// The emulator's services for the program: files of the computer, the command line, the exit.
+// The host's services for the program: files of the computer, the command line, the exit.
 #include <stdint.h>
 
 enum { HOST_READ, HOST_WRITE, HOST_APPEND, HOST_UPDATE };
@@ -13,3 +13,6 @@ int host_seek(int handle, int place);  // from the beginning; negative if that f
 int host_command_line(char *buffer, int size);  // its words, each followed by a blank; negative if they do not fit
 void host_exit(int status) __attribute__((noreturn));
 uint64_t host_time_ns(void);  // a monotonic clock
+
+#define CODE_BYTES (1 << 20)
+extern uint32_t machine_code[CODE_BYTES / sizeof(uint32_t)];  // of .mpy files

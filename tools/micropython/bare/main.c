@@ -16,7 +16,6 @@
 
 #define LARGEST_HEAP (8 << 20)
 #define STACK_BYTES (192 << 10)
-#define CODE_BYTES (1 << 20)
 
 enum { STATUS_UNCAUGHT = 3, STATUS_ABORTED = 5, STATUS_USAGE = 9 };
 
@@ -81,15 +80,26 @@ static void collect_stack(void) {
     gc_helper_collect_regs_and_stack();
 }
 
+#else // Linux provides one
+
+static char *stack_top;
+#define STACK_TOP stack_top
+
+#if defined(__i386__)
+
+static void collect_stack(void) {
+    gc_helper_collect_regs_and_stack();
+}
+
 #else
 
 void collect_windows(char *top);
-static char *stack_top; // Linux provides one
-#define STACK_TOP stack_top
 
 static void collect_stack(void) {
     collect_windows(stack_top);
 }
+
+#endif
 
 #endif
 
@@ -104,14 +114,14 @@ void gc_collect(void) {
 
 // The machine code of .mpy files; as on an ESP32 it is freed by a soft reset only.
 static size_t code_used;
+uint32_t machine_code[CODE_BYTES / sizeof(uint32_t)] __attribute__((aligned(4096)));
 
 void allocate_code(size_t bytes, void **place, size_t *taken) {
-    static uint32_t memory[CODE_BYTES / sizeof(uint32_t)];
     *taken = (bytes + 3) & ~3;
-    if (*taken > sizeof memory - code_used) {
+    if (*taken > CODE_BYTES - code_used) {
         m_malloc_fail(bytes);
     }
-    *place = (char *)memory + code_used;
+    *place = (char *)machine_code + code_used;
     code_used += *taken;
 }
 
@@ -131,9 +141,11 @@ void nlr_jump_fail(void *value) {
     host_exit(STATUS_UNCAUGHT);
 }
 
+#if !defined(__i386__) // there a C library has one
 void abort(void) {
     host_exit(STATUS_ABORTED);
 }
+#endif
 
 // Returns the next word up to a separator, or NULL; cuts the text up. (strtok keeps its place in the thread's own
 // memory, and there are no threads.)

@@ -1,4 +1,4 @@
-// Numbers, heap and machine code as on an ESP32; files and time from the emulator's host calls.
+// Numbers, heap and machine code as on an ESP32; files and time from the host's calls.
 #include <stddef.h>
 #include <stdint.h>
 #include <alloca.h>
@@ -8,6 +8,9 @@
 #if defined(__riscv)
 #define MICROPY_EMIT_RV32                   (1)
 #define MICROPY_HW_MCU_NAME                 "rv32imc"
+#elif defined(__i386__)
+#define MICROPY_EMIT_X86                    (1)
+#define MICROPY_HW_MCU_NAME                 "x86"
 #else
 #define MICROPY_EMIT_XTENSAWIN              (1)
 #define MICROPY_NLR_SETJMP                  (1)

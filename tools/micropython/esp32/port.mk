@@ -3,7 +3,7 @@ PORT_INC += -I../esp32/idf -idirafter $(TOP)/ports/esp32
 PORT_INC += -I$(TOP)/lib/tinyusb/src -I$(TOP)/shared/tinyusb
 CFLAGS += -DCHIP_ESP32=1 -DCONFIG_IDF_TARGET_ESP32=1 -DCFG_TUSB_MCU=OPT_MCU_NONE -DTUP_DCD_ENDPOINT_MAX=7
 # where an S3 has its PSRAM: addresses are small integers
-LINK += -Wl,--defsym=memory_base=0x3c000000
+MEMORY_BASE = 0x3c000000
 CHIP_SRC_C = chip.c i2s.c timers.c pins.c uart.c lines.c pwm.c watchdog.c board.c flash.c boot.c usb.c
 USB_SRC_C = $(addprefix shared/tinyusb/, mp_usbd.c mp_usbd_cdc.c mp_usbd_descriptor.c mp_usbd_runtime.c) \
 	$(addprefix lib/tinyusb/src/, tusb.c common/tusb_fifo.c device/usbd.c device/usbd_control.c class/cdc/cdc_device.c)

@@ -4,4 +4,5 @@ CC = $(PYTHON) $(abspath xtensa/compile.py)
 PORT_INC = -Ixtensa/include
 PORT_CFLAGS = -Wno-error
 PORT_SRC_C = xtensa/arithmetic.c shared/libc/string0.c
-LINK = xtensa-lx106-elf-ld --gc-sections --no-relax --no-warn-rwx-segments
+PORT_SRC_O = xtensa/start.o
+LINK = xtensa-lx106-elf-ld --gc-sections --no-relax --no-warn-rwx-segments -T xtensa/link.ld
