@@ -2,7 +2,6 @@
 
 import re
 
-import pytest
 from playwright.sync_api import expect
 
 from framestep_tools.building.board_files import ROOT
@@ -13,6 +12,9 @@ AXE = ROOT / "tools/framestep_emulator/board/node_modules/axe-core/axe.min.js"
 # What it finds in a page: names, contrast, the order of headings, roles
 FINDINGS = """async () => (await axe.run({resultTypes: ['violations']})).violations.map(
     found => `${found.id}: ${found.nodes.map(node => node.target.join(' ')).join(', ')}`)"""
+# In the page, as each look from outside takes some milliseconds of three processes
+FAR = """([label, begin, distance]) => Math.abs(
+    Number(document.querySelector(`[aria-label="${label}"]`)?.textContent) - begin) > distance"""
 # The tab is hidden, or seen again
 HIDE = """hidden => {
     Object.defineProperty(document, 'hidden', {value: hidden, configurable: true});
@@ -22,8 +24,12 @@ HIDE = """hidden => {
 expect.set_options(timeout=PATIENCE_MS)
 
 
+def _position_label(motor):
+    return f"Position of motor {motor} in steps"
+
+
 def position(page, motor=1):
-    return page.get_by_label(f"Position of motor {motor} in steps")
+    return page.get_by_label(_position_label(motor))
 
 
 def steps(page, motor=1):
@@ -33,11 +39,7 @@ def steps(page, motor=1):
 
 def wait_far(page, motor, begin, distance):
     """Wait until a motor is farther than that from its start."""
-    for _ in range(PATIENCE_MS // LOOK_MS):
-        if abs(steps(page, motor) - begin) > distance:
-            return
-        page.wait_for_timeout(LOOK_MS)
-    pytest.fail(f"motor {motor} is still at {steps(page, motor)}")
+    page.wait_for_function(FAR, arg=[_position_label(motor), begin, distance], polling=LOOK_MS)
 
 
 def wait_moving(page):

@@ -15,7 +15,7 @@ from framestep_tools.simulator.esp32_board import PROCESSOR, Esp32Board, install
 from framestep_tools.site import install_page
 from host_tests.console.conftest import Device
 from host_tests.console.file_server import FileServer
-from host_tests.console.looking import AXE, FINDINGS, go_to, wait_rest
+from host_tests.console.looking import AXE, FINDINGS, LOOK_MS, go_to, wait_rest
 from host_tests.console.pictures import LOOKS
 from host_tests.console.serial_ports import SavedPage
 from host_tests.covering import sweep
@@ -278,7 +278,17 @@ def test_from_the_ports_to_the_first_move(stage, board, tmp_path):
     connect = card(page, "Connect")
     expect(connect).to_contain_text("before answers: firmware")
     expect(connect).to_contain_text("as on this page, 8 motors")
+    asked = []  # by the step that is shown, then to show the board's file
+    page.route("**/rig.schema.json", lambda route: asked.append(route))
     press(page, "Choose the REPL's port…")
+    go_to(page, "3. Rig file")
+    while len(asked) < 2:
+        page.wait_for_timeout(LOOK_MS)
+    for route in reversed(asked):
+        with page.expect_response("**/rig.schema.json"):
+            route.continue_()
+    page.unroute("**/rig.schema.json")
+    go_to(page, "2. Connect")
     expect(connect).to_contain_text("The REPL's port is chosen.")
     sound(page)
     set_up(page)

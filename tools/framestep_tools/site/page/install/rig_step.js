@@ -55,7 +55,11 @@ export class RigStep {
   }
 
   async shown() {
-    if (!this.#form) await this.#do(() => this.#fill({}));
+    if (this.#form) return;
+    await this.#do(async () => {
+      const schema = await this.#load();
+      if (!this.#form) this.#fill(schema, {}); // the board's file may have come meanwhile
+    });
   }
 
   connected() {
@@ -87,7 +91,7 @@ export class RigStep {
     const settings = value.motors[motor - 1];
     if (settings.invert) delete settings.invert;
     else settings.invert = true;
-    await this.#fill(value);
+    this.#fill(this.#schema, value);
     setText(this.#said, `Motor ${motor}'s direction is swapped in the form: check it, and put it onto the board.`);
   }
 
@@ -99,7 +103,7 @@ export class RigStep {
   async #fillSound(value, said) {
     const schema = await this.#load();
     const wrong = mistake(value, schema);
-    await this.#fill(wrong ? {} : value);
+    this.#fill(schema, wrong ? {} : value);
     setText(this.#said, wrong ? `The board's ${NAME} has a mistake (${wrong}): the form begins empty.` : said);
   }
 
@@ -108,9 +112,9 @@ export class RigStep {
     return this.#schema;
   }
 
-  async #fill(value) {
+  #fill(schema, value) {
     if (!this.#form) {
-      this.#form = new RigForm(await this.#load(), RIG_TASKS, () => this.#forget());
+      this.#form = new RigForm(schema, RIG_TASKS, () => this.#forget());
       this.#place.append(this.#form.element);
     }
     this.#form.show(value, this.#board().motors);
