@@ -60,6 +60,7 @@ export class TerminalCard {
     } catch {
       throw new Error("this installation has no terminal, as it was built without xterm.js: take a release's package, or run make node in a clone");
     }
+    if (this.#terminal) return; // asked for twice
     document.head.append(h("link", { rel: "stylesheet", href: STYLE }));
     const [{ Terminal }, { FitAddon }] = parts;
     this.#terminal = new Terminal({ rows: ROWS, fontSize: 13, screenReaderMode: true });

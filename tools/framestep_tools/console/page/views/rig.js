@@ -116,7 +116,7 @@ export class RigView {
   async #showHelp() {
     if (this.#help.hasChildNodes()) return;
     const schema = await (await fetch("rig.schema.json")).json();
-    this.#help.append(h("table", {},
+    this.#help.replaceChildren(h("table", {},
       h("thead", {}, h("tr", {}, ...["Setting", "Meaning", "Allowed", "Default"].map((text) => h("th", { scope: "col" }, text)))),
       h("tbody", {}, ...rows(schema, ""))));
   }
