@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 CACHE := $(abspath $(or $(FRAMESTEP_CACHE),.cache))
 PYTHON_VENV := $(CACHE)/venv/bin/python
-PROCESSES := $(shell echo $$(($$(nproc) + 1))) # one more than processors: some tests wait for a page or a port
+PROCESSES := $(shell echo $$(($$(nproc) + 2))) # more than processors: some tests wait for a page or a port
 PYTEST := PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n $(PROCESSES) --dist loadfile --no-loadscope-reorder
 LAYERS := runtime esp32 board emulator console
 IMAGES := pico skr_pico fysetc_erb # boards that tests emulate

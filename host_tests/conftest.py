@@ -85,7 +85,7 @@ def pytest_configure(config):
 
 
 # Long tests begin first, so that no processor waits for another one at the end. Other files are
-# ordered by name.
+# ordered by name. Those of the console wait for real time, so they are spread among the long ones.
 _FIRST = (
     "board/test_flash.py",
     "board/test_image.py",
@@ -93,21 +93,31 @@ _FIRST = (
     "runtime/",
     "fuzz/",
     "emulator/",
-    "console/",
     "esp32/",
 )
+_WAITS = "console/"
+
+
+def _turns(items):
+    """Return {path: its turn}."""
+    folder = Path(__file__).parent
+    names = {item.path.relative_to(folder).as_posix(): item.path for item in items}
+
+    def first(name):
+        return next((i for i, begin in enumerate(_FIRST) if name.startswith(begin)), len(_FIRST))
+
+    waiting = [name for name in names if name.startswith(_WAITS)]
+    others = sorted((name for name in names if name not in waiting), key=first)
+    long = sum(first(name) < len(_FIRST) for name in others)
+    turns = {names[name]: float(i) for i, name in enumerate(others)}
+    for i, name in enumerate(waiting):
+        turns[names[name]] = (i + 0.5) * long / len(waiting)
+    return turns
 
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config, items):
     """Order the files for the processors; within a file tests stay in order."""
-
-    def turn(item):
-        path = item.path.relative_to(Path(__file__).parent).as_posix()
-        return next(
-            (i for i, beginning in enumerate(_FIRST) if path.startswith(beginning)), len(_FIRST)
-        )
-
     if not config.getoption("--all"):
         fewer_examples(items)
         for cases in by_test(items).values():
@@ -116,7 +126,8 @@ def pytest_collection_modifyitems(config, items):
         repeating = [item for item in items if item.get_closest_marker("repeats")]
         config.hook.pytest_deselected(items=repeating)
         items[:] = [item for item in items if not item.get_closest_marker("repeats")]
-    items.sort(key=turn)
+    turns = _turns(items)
+    items.sort(key=lambda item: turns[item.path])
 
 
 def pytest_collection_finish():
