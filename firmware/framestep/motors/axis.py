@@ -99,10 +99,10 @@ class Axis(Motor):
         """After set_limits(): end a motion of move_to() at the new limit if it goes beyond."""
         if not self.outside(self.backlash, TARGET):
             return
-        if not self.has_room:
-            self.stop(hal, smooth=True)
-        elif self.at_rest or self.stopping or self.stopping_smoothly:
-            self.clamp(self.backlash, TARGET)  # for resume_target(), which may follow
+        if self.at_rest or self.stopping or self.stopping_smoothly:
+            # for resume_target(), which may follow
+            if self.clamp(self.backlash, TARGET) and self.partner:
+                self.block[stepper.PLANNED] &= stepper.PLAN_SEGMENTS
         else:
             self.move_to(hal, self.backlash, TARGET, self.speed, self.direction)
 
@@ -150,12 +150,9 @@ class Axis(Motor):
         A moving motor bends to the new target, and stops first if it must turn (field note 4.8). A
         target out of bounds is clamped, see clamp(): the bounds may have become narrower since the
         target was checked. resumed: it is TARGET, clamped already; a motor that came from outside
-        may have overshot it, and be inside now. Where the bounds leave no room, a moving motor only
-        stops: on its way back it could take up its backlash and so move a coupled motor.
+        may have overshot it, and be inside now. Coupled motors out of bounds only stop: the way
+        back would take up backlash, which moves the other motor.
         """
-        if not resumed and not self.at_rest and not self.has_room:
-            self.stop(hal, smooth=True)
-            return self.moving
         r = self.numbers
         if speed != self.speed or self.rates_outdated:
             self.speed = speed
@@ -172,8 +169,9 @@ class Axis(Motor):
                 reals.copy(r, MOTION_ACCELERATION, _Y)
         backlash = self.backlash
         reals.copy_word(backlash, TARGET, target, i)
-        if not resumed:
-            self.clamp(backlash, TARGET)
+        if not resumed and self.clamp(backlash, TARGET) and self.partner and not self.at_rest:
+            self.stop(hal, smooth=True)
+            return self.moving
         self.direction = direction
         # The kernel's stops have no jerk limit, so a plan with one cannot begin within a stop.
         smooth = reals.sign(r, MAX_JERK) > 0

@@ -161,19 +161,21 @@ class Motor:
     # ---------------------------------------------------------------- limits
 
     def clamp(self, target, i):
-        """Bring target[i] within `bounds`, or for a motor outside, at most to where it is."""
+        """Bring target[i] within `bounds`. If the motor itself is outside, or there is no room,
+        make it where the load is, and return True."""
         side = self.outside(target, i)
-        if side:
-            end = 1 if side > 0 else 0
-            reals.copy_word(target, i, self.bounds, end)
-            if self.outside(target, i):
-                reals.copy_word(target, i, self.backlash, LOAD)
-            else:
-                self._find_place(side)
-                if self.at_rest and order_words(self.backlash, LOAD, self.bounds, end) == side:
-                    reals.copy_word(target, i, self.backlash, LOAD)
-                elif order_words(self.word, 0, self.bounds, end) == side:
-                    reals.copy_word(target, i, self.word, 0)
+        if not side:
+            return False
+        end = 1 if side > 0 else 0
+        reals.copy_word(target, i, self.bounds, end)
+        if not self.outside(target, i):
+            self._find_place(side)
+            if order_words(self.word, 0, self.bounds, end) != side and not (
+                self.at_rest and order_words(self.backlash, LOAD, self.bounds, end) == side
+            ):
+                return False
+        reals.copy_word(target, i, self.backlash, LOAD)
+        return True
 
     def outside(self, target, i):
         """Return whether target[i] is out of bounds: 1 above, -1 below, 0 not.
@@ -193,11 +195,6 @@ class Motor:
                     return side
             side -= 2
         return 0
-
-    @property
-    def has_room(self):
-        """Whether `bounds` hold a position. Those of coupled motors may hold none."""
-        return order_words(self.bounds, bounds.LOWER, self.bounds, bounds.UPPER) <= 0
 
     def _find_place(self, side):
         """Set word[0] to where the load is; of coupled motors to where it would be if it moved
