@@ -366,7 +366,7 @@ bare_port() {
     printf '%s\n' "$recipe" >"$dir/.recipe"
 }
 
-# The peripherals of the first ESP32, on this computer's processor, and on a C3's, which takes ten times as long.
+# The peripherals of the first ESP32, on this computer's processor, and on a C3's, which takes six times as long.
 esp32() { bare_port esp32 x86 gcc-multilib CHIP=esp32; }
 rv32() { bare_port rv32 rv32 'qemu-user gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf' CHIP=esp32; }
 

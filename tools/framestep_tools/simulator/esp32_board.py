@@ -75,7 +75,7 @@ class Esp32Board:
     """A simulated board. rig: settings of a rig file; board: its name in boards/; files: the
     content of its file system (None: framestep and the rig file; {}: erased flash); heap_kb: size
     of MicroPython's heap, without the machine code of modules; baud: the host's rate; processor:
-    RISC_V runs in QEMU and takes ten times as long."""
+    RISC_V runs in QEMU and takes six times as long."""
 
     slice_ns = 10_000_000
 
