@@ -62,15 +62,17 @@ _LEAVE_CELL = formula(
     ENTRY_V2 = min(EXIT_V2 + 2 * (CELL_A * CELL_LENGTH), CELL_V * CELL_V)
     """,
 )
-# A cell in which the next knot, at most a span of 32 ticks ahead, may be.
+# A cell in which the next knot, at most a span of 32 ticks ahead, may be. LEFT is half the square
+# of the velocity with which the point may be here, so that it can leave that cell.
 _LIMIT = formula(
     registers,
     """
     MAX_V = min(MAX_V, CELL_V)
     MAX_A = min(MAX_A, CELL_A)
-    LEFT = min(LEFT, EXIT_V2 / MAX_A / 2 + CELL_END - S)
+    LEFT = min(LEFT, EXIT_V2 / 2 + CELL_A * (CELL_END - S))
     """,
 )
+_LEFT = formula(registers, "LEFT = LEFT / MAX_A")
 # Like that in survey.py.
 _NO_LIMIT = formula(
     registers,
@@ -291,5 +293,6 @@ class LookAhead:
                 compute(0, 0, r, _REACH)
             if reals.compare(r, registers.CELL_END, registers.REACH_S) > 0:
                 break
+        compute(0, 0, r, _LEFT)
         self.survey.span = span
         return True
