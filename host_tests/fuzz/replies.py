@@ -103,6 +103,9 @@ class Replies(Part):
         elif kind == m.MSG_RT_GO:
             if not self.rig.go_input or not self.trial.runs.prepared:
                 self.fail("go", "RT_GO without an input that gives it, or nothing prepared")
+            self.trial.idle_since = None  # a status from before its input was debounced says 0
+            for motor in self.motors:
+                motor.wake(self.ms - 1)
             self.trial.runs.go(None, payload)
         elif kind == m.MSG_MOTOR_GET_POSITION:
             self._form(kind, payload)
