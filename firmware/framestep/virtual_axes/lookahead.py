@@ -72,6 +72,7 @@ _LIMIT = formula(
     LEFT = min(LEFT, EXIT_V2 / 2 + CELL_A * (CELL_END - S))
     """,
 )
+# In the end it is the distance in which MAX_A brings that velocity to 0.
 _LEFT = formula(registers, "LEFT = LEFT / MAX_A")
 # Like that in survey.py.
 _NO_LIMIT = formula(
