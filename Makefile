@@ -113,9 +113,10 @@ else
 endif
 
 lint: setup ## style (ruff)
+	@"$(PYTHON_VENV)" -m ruff check --show-files | grep -q '[.]py$$' || { echo "ruff finds no Python file to check"; exit 1; }
 	@"$(PYTHON_VENV)" -m ruff check --quiet && "$(PYTHON_VENV)" -m ruff format --check --quiet
 
-types: setup ## types of the host tools, and of the board's code against MicroPython's stubs (mypy)
+types: setup ## types of the host tools, and of all code of the board against MicroPython's stubs (mypy)
 	@"$(PYTHON_VENV)" tools/check_types.py
 
 format: setup ## bring the source into ruff's form

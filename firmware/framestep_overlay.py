@@ -53,7 +53,8 @@ def _import(name, globals=None, locals=None, names=None, level=0):
     path = parent.__path__
     if name in _names:
         parent.__path__ = _FOLDER + "/" + package.replace(".", "/")
-    elif path.startswith(_FOLDER):  # a module of the overlay imports one of the image
+    # a module of the overlay imports one of the image
+    elif path.startswith(_FOLDER):  # type: ignore[attr-defined]
         parent.__path__ = ".frozen/" + package.replace(".", "/")
     try:
         return _frozen_import(name, globals, locals, names, level)
@@ -120,8 +121,8 @@ def start(again=False):
         if mem32[_SCRATCH0] != _STARTING:  # the start was over
             raise
         failure = error
-        _give_up(lambda file: sys.print_exception(failure, file))
-        sys.print_exception(error)
+        _give_up(lambda file: sys.print_exception(failure, file))  # type: ignore[attr-defined]
+        sys.print_exception(error)  # type: ignore[attr-defined]
         print("framestep: restarting without the overlay")
         started()
         import machine

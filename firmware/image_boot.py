@@ -27,7 +27,7 @@ except OSError:
     pass
 else:
     micropython.kbd_intr(3)
-    execfile("/boot.py")  # noqa: F821 -- MicroPython has it
+    execfile("/boot.py")  # type: ignore[name-defined]  # noqa: F821 -- MicroPython has it
 
 if framestep.leftovers.usb_alive():
     micropython.kbd_intr(-1)

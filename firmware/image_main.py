@@ -19,4 +19,4 @@ except OSError:
 
         framestep.boot.start()
 else:
-    execfile("/main.py")  # noqa: F821 -- MicroPython has it
+    execfile("/main.py")  # type: ignore[name-defined]  # noqa: F821 -- MicroPython has it

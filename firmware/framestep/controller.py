@@ -106,7 +106,7 @@ class Controller:
         self.heard_at = 0  # time of the last bytes
         self.begun_at = 0  # time of the first bytes of an incomplete frame
         self.beat = 0
-        parts = [self.moves, self.io]
+        parts = [self.moves, self.io]  # type: list
         if rig.virtuals:
             from framestep.virtual_axes.requests import Virtuals
 
@@ -123,7 +123,7 @@ class Controller:
         else:
             from framestep.virtual_axes.absent import NoVirtuals
 
-            self.virtuals = NoVirtuals()
+            self.virtuals = NoVirtuals()  # type: ignore[assignment]
         parts.append(self.virtuals)
         self.homing = None
         if rig.homing:

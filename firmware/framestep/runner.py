@@ -211,7 +211,7 @@ class Runner:
         task = self.task
         self.task = None
         try:
-            task()  # type: ignore[misc]
+            task()
         except KeyboardInterrupt:
             self._struck = self._failing = True
         except Exception as error:
@@ -245,14 +245,14 @@ class Runner:
         Not on the protocol's port, and not while motors move, as the REPL's host may keep the board
         waiting.
         """
-        faults = self._controller.faults  # type: ignore[union-attr]
+        faults = self._controller.faults
         unreported = faults.unreported
         faults.unreported = 0
         for bit, text in FAULTS:
             if unreported & bit:
                 print("framestep: ", text, outcome(bit), sep="")
         self._news = False
-        exceeded = self._controller.operations.exceeded  # type: ignore[union-attr]
+        exceeded = self._controller.operations.exceeded
         if unreported & UNREPORTED and exceeded[WHAT] == EXCEEDED_MEMORY:
             print(
                 "framestep: the upload does not fit into memory; bytes needed and free:",

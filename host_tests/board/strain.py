@@ -539,6 +539,8 @@ def main():
         "--overlay", nargs="+", default=(), metavar="MODULE", help="modules to run from RAM"
     )
     args = parser.parse_args()
+    if args.requests < 1:
+        parser.error("--requests has to be 1 or more")
     strain(args.seed, args.requests, quiet=args.quiet, modules=args.overlay).report()
 
 

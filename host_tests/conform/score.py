@@ -37,9 +37,13 @@ def found(fault: Fault) -> bool:
 
 def main() -> None:
     """Print both scores."""
+    if not VARIANTS or not FAULTS:
+        raise SystemExit("no correct device, or no seeded fault, to try the kit on")
     false = 0
     for variant in VARIANTS:
         reported = judge(variant)
+        if not reported:
+            raise SystemExit(f"{variant.name}: no check has run")
         print(f"{variant.name}: {len(reported)} checks: {report.counts(reported)}")
         for line in alarms(reported):
             false += 1

@@ -59,6 +59,14 @@ def test_there_are_enough_faults_and_most_are_of_behaviour():
     assert len(score.motion_faults.FAULTS) > len(names) / 2
 
 
+@pytest.mark.parametrize("empty", ["VARIANTS", "FAULTS", "judge"])
+def test_a_score_of_nothing_has_failed(monkeypatch, empty):
+    monkeypatch.setattr(score, empty, (lambda variant: []) if empty == "judge" else ())
+    with pytest.raises(SystemExit) as ended:
+        score.main()
+    assert "no " in str(ended.value)
+
+
 def test_each_check_is_named_once_and_rests_on_something():
     checks = every_check()
     names = [(check.subject, check.name) for check in checks]

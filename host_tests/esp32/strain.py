@@ -67,6 +67,8 @@ def main():
     parser.add_argument("--requests", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
+    if args.requests < 1:
+        parser.error("--requests has to be 1 or more")
     strain(args.seed, args.requests).report()
 
 

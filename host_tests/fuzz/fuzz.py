@@ -213,7 +213,7 @@ def main() -> int:
             flush=True,
         )
     for number in range(options.first, options.first + options.sessions):
-        if time.monotonic() - began > options.seconds:
+        if played and time.monotonic() - began > options.seconds:
             break
         name = f"{seed}/{number}"
         trial, finding = session(name, requests, options.minutes, again, options.board)
@@ -240,6 +240,9 @@ def main() -> int:
             )
     took = time.monotonic() - began
     found = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "nothing found"
+    if not counts["requests"]:
+        print("no request was played")
+        worst = 1
     print(
         f"seed {seed}: {counts['requests']} requests in {played} sessions, "
         f"{virtual_ms / 1000:.0f} s of virtual time, {counts['edges']} edges, "

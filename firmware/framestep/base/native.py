@@ -29,7 +29,7 @@ try:
         return address - 0x1_0000_0000 if address & 0x8000_0000 else address
 
 except ImportError:
-    from framestep.base.native_cpython import (
+    from framestep.base.native_cpython import (  # type: ignore[assignment, no-redef]
         addressof,
         as_word,
         const,

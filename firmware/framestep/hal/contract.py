@@ -118,7 +118,7 @@ class Start:
     SPENT   modules that are no longer needed then, itself included
     """
 
-    def clear():
+    def clear():  # type: ignore[misc]
         """Stop what a soft reset leaves running. Called first."""
         raise NotImplementedError
 

@@ -80,7 +80,7 @@ class Servos(array):
 
     def enable(self, motor, on):
         """Begin or end the pulses of a motor. Return False if it has no servo."""
-        at = self.places.get(motor)
+        at = self.places.get(motor)  # type: ignore[attr-defined]
         if at is None:
             return False
         self[at + _ON] = 1 if on else 0
@@ -95,17 +95,18 @@ def make_servos(kernel, settings, fifos, cycles_per_us):
     """
     motors = [i for i in range(kernel.motors) if settings[i]["servo"]]
     servos = Servos("i", [0] * (_SERVO + _WORDS * len(motors)))
-    servos.places = {}
-    servos.nowhere = array("i", [0])  # takes the commands of the tick
+    servos.places = {}  # type: ignore[attr-defined]
+    # takes the commands of the tick
+    servos.nowhere = array("i", [0])  # type: ignore[attr-defined]
     servos[0] = len(motors)
     at = _SERVO
     for i in motors:
         servo = settings[i]["servo"]
-        kernel.configure(i, addressof(servos.nowhere), 0, 0, False)
+        kernel.configure(i, addressof(servos.nowhere), 0, 0, False)  # type: ignore[attr-defined]
         back = settings[i]["invert"]
         shortest = int(servo["low_us"] * cycles_per_us)
         longest = int(servo["high_us"] * cycles_per_us)
-        servos.places[i] = at
+        servos.places[i] = at  # type: ignore[attr-defined]
         servos[at + _BLOCK] = as_word(addressof(kernel.blocks[i]))
         servos[at + _FIFO] = as_word(fifos[i])
         servos[at + _EVERY] = 1000 // servo["rate_hz"]

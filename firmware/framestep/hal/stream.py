@@ -19,7 +19,7 @@ from array import array
 
 from framestep.base.clock import WIDE_WRAP
 from framestep.base.native import addressof, as_word, const, micropython, ptr32
-from framestep.pulse.engine import (
+from framestep.pulse.engine import (  # type: ignore[attr-defined]
     COMMANDS,
     CYCLES,
     DIRECTION,

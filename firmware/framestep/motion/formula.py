@@ -204,7 +204,7 @@ class _Formula:
                 raise FormulaError(
                     node.lineno, f"a register's number has to be a literal: {ast.unparse(node)}"
                 )
-            index = 2 * node.slice.value
+            index = 2 * node.slice.value  # type: ignore[assignment, operator]
         register = self.names.get(base.id) if base.id.isupper() else None
         if register is not None:
             if not isinstance(register, int) or not 0 <= register + index <= 254:

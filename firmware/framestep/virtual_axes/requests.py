@@ -29,8 +29,8 @@ _TILT = const(4)
 
 def _geometries(mask, r):
     """Return the types in a mask of capabilities, in a list by number."""
-    found = [None] * _TYPES
-    rig = None
+    found = [None] * _TYPES  # type: list
+    rig = None  # type: object
     if mask & m.CAP_BOOM_SWING_TRACK:
         from framestep.virtual_axes.kinematics import boom_swing_track
 

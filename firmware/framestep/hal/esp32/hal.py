@@ -22,7 +22,7 @@ from framestep.hal import PASS
 from framestep.hal.absent import NoDmx, NoWatchdog
 from framestep.hal.esp32.chain import Chain
 from framestep.hal.stream import Stream
-from framestep.pulse.engine import CYCLES, HIGH_CYCLES, WIDTH_CYCLES, WIDTHS
+from framestep.pulse.engine import CYCLES, HIGH_CYCLES, WIDTH_CYCLES, WIDTHS  # type: ignore[attr-defined]
 from framestep.pulse.kernel import StepKernel
 from framestep.pulse.stepper import RUNNING
 
@@ -218,7 +218,7 @@ class Esp32Hal:
         if self._servos:
             self._servos.serve()
         if self._sends_dmx:
-            self.dmx.serve()
+            self.dmx.serve()  # type: ignore[union-attr]
         self.irq_on(before)
 
     def land(self):
@@ -294,7 +294,7 @@ class Esp32Hal:
             return
         self._held = 1
         self._struck = False
-        self._handler(None)  # type: ignore[misc]
+        self._handler(None)
         if self._pressed() and not self._cut:
             self._end_pulses()
         self._held = 0

@@ -34,14 +34,14 @@ class OwnPort(UsbPort):
         self._land = hal.land
         self._input = select.poll()
         self._byte = bytearray(1)
-        self._readinto = sys.stdin.buffer.readinto
+        self._readinto = sys.stdin.buffer.readinto  # type: ignore[union-attr]
 
     def start(self):
         """Add the port to the built-in one; returns at once. The host sees the board disappear and
         come back with two ports."""
         usb = self._usb
         usb.active(False)
-        usb.builtin_driver = self._builtin
+        usb.builtin_driver = self._builtin  # type: ignore[attr-defined]
         usb.config(
             self._builtin.desc_dev,
             descriptor(self._builtin),

@@ -21,10 +21,10 @@ class Watchdog:
         self._timer = machine.Timer(1, period=_DAY_MS, callback=self._daily)
 
     def arm(self, ms):
-        self._wdt = machine.WDT(0, ms)
+        self._wdt = machine.WDT(0, ms)  # type: ignore[call-arg]
 
     def feed(self):
-        self._wdt.feed()  # type: ignore[union-attr]
+        self._wdt.feed()
 
     def disarm(self):
         if self._wdt:

@@ -147,10 +147,10 @@ class StdinPort:
         view = memoryview(self._out)
         self._packets = [view[:n] for n in range(_PACKET + 1)]
         self._state = array("i", [0] * _WORDS)
-        self._readinto = sys.stdin.buffer.readinto
+        self._readinto = sys.stdin.buffer.readinto  # type: ignore[union-attr]
         self._write = sys.stdout.buffer.write
         self._ticks = time.ticks_ms
-        self._dupterm = os.dupterm
+        self._dupterm = os.dupterm  # type: ignore[attr-defined]
         self._input = select.poll()
         self._output = select.poll()
         self._timer = None
@@ -167,7 +167,7 @@ class StdinPort:
         self._output.ipoll(0)
         micropython.kbd_intr(-1)
         if chip:
-            self._timer = Timer(period=_WAKE_MS, mode=Timer.PERIODIC, callback=_nothing, hard=True)
+            self._timer = Timer(period=_WAKE_MS, mode=Timer.PERIODIC, callback=_nothing, hard=True)  # type: ignore[call-overload]
 
     def stop(self):
         """Give the port back to the REPL."""

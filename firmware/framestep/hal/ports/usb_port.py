@@ -165,7 +165,7 @@ class UsbPort:
         going_on = chip and chip.enabled(self._state[EP_OUT]) and restore(self._state, id(usb))
         if not going_on:
             usb.active(False)
-        usb.builtin_driver = self._builtin
+        usb.builtin_driver = self._builtin  # type: ignore[attr-defined]
         usb.config(
             self._builtin.desc_dev,
             descriptor(self._builtin),

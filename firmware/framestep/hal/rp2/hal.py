@@ -137,7 +137,7 @@ class Rp2Hal:
                 hard=True,
             )
         if self._watched:
-            self.watchdog.guard(self.kernel.state)  # type: ignore[union-attr]
+            self.watchdog.guard(self.kernel.state)
         self.port.start()
 
     irq_off = staticmethod(machine.disable_irq)

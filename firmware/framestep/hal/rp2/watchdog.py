@@ -90,7 +90,7 @@ class Watchdog:
         self.words[_LOAD] = ms * 1000 * _COUNTS
 
     def feed(self):
-        self._wdt.feed()  # type: ignore[union-attr]
+        self._wdt.feed()
 
     def disarm(self):
         self.words[_LOAD] = 0

@@ -15,7 +15,7 @@ if CPYTHON:
 
         Return 0 if all codes are within -64 to 63.
         """
-        plane = ptr8(memory)
+        plane = ptr8(memory)  # type: ignore[misc]
         wide = 0
         for k in range(count):
             code = words[i + k] - words[i + k - 1] - words[i + k - 1] + words[i + k - 2]

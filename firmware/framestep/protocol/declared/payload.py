@@ -69,7 +69,7 @@ def layout(cls: type) -> list[tuple[str, Any, bool]]:
         return _layouts[cls]
     hints = get_type_hints(cls, include_extras=True)
     found = _layouts[cls] = []
-    for field in fields(cls):  # type: ignore[arg-type]
+    for field in fields(cls):
         hint, optional = hints[field.name], False
         if type(None) in get_args(hint):  # X | None
             hint, optional = next(a for a in get_args(hint) if a is not type(None)), True
@@ -99,7 +99,7 @@ class Payload:
         for name, code, optional in layout(cls):
             setattr(cls, name, cls.SIZE)  # an instance has its own value of that name
             if isinstance(code, type):
-                cls.ENTRY = code.SIZE
+                cls.ENTRY = code.SIZE  # type: ignore[attr-defined]
             elif code[0] == "*":
                 cls.ENTRY = struct.calcsize("<" + code[1])
             else:
