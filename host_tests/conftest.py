@@ -67,7 +67,7 @@ def pytest_addoption(parser):
         help="tests as well that repeat with other values what others show",
     )
     parser.addoption("--near", help="only tests that what has changed since this commit reaches")
-    parser.addoption("--seconds", type=float, default=45, help="with --near: begin none after that")
+    parser.addoption("--seconds", type=float, default=45, help="with --near: begin none later")
 
 
 def pytest_configure(config):

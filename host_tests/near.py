@@ -2,7 +2,8 @@
 
 Tests that are named after a file that has changed since `main` come first. Then nearness is the
 number of imports from a test's file to a changed one, or to a module that names a changed file of
-another kind. Tests are started in this order until the time is up.
+another kind. Tests are started in this order until the time is up, counted from the first one.
+Those of the nearest file always run. A run without any test has failed.
 """
 
 import ast
@@ -119,11 +120,14 @@ def nearest(files: set[str]) -> list[str]:
 
 
 class Near:
-    """Runs the tests nearest to the changes since `since`, for `seconds`."""
+    """Runs the nearest file of tests to the changes since `since`, then others for `seconds`."""
 
     def __init__(self, since: str, seconds: float):
+        self._since = since
         self._seconds = seconds
-        self._begun = time.monotonic()
+        self._begun = 0.0  # when the first test began; 0: none has
+        self._nearest = None  # the file that always runs
+        self._run = 0  # tests
         self._left = 0
         tests = nearest(changed(since))
         self._order = {ROOT / file: place for place, file in enumerate(tests[:_MOST_FILES])}
@@ -139,19 +143,29 @@ class Near:
     def pytest_collection_modifyitems(self, items):
         """Put the nearest first."""
         items.sort(key=lambda item: self._order[item.path])
+        self._nearest = items[0].path if items else None
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_protocol(self, item):
         """Start no further test once the time is up."""
-        if time.monotonic() - self._begun < self._seconds:
+        now = time.monotonic()
+        self._begun = self._begun or now
+        if item.path == self._nearest or now - self._begun < self._seconds:
             return None
         self._left += 1
         return True
 
+    def pytest_runtest_logreport(self, report):
+        """Count the tests that have run, an xdist worker's as well."""
+        self._run += report.when == "setup"
+
+    @pytest.hookimpl(tryfirst=True)
     def pytest_sessionfinish(self, session):
-        """Report to the process that prints the summary."""
+        """Report to the process that prints the summary, and fail there if no test has run."""
         if hasattr(session.config, "workeroutput"):
             session.config.workeroutput["left"] = self._left
+        elif not self._run and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.NO_TESTS_COLLECTED
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node):
@@ -160,6 +174,11 @@ class Near:
 
     def pytest_terminal_summary(self, terminalreporter):
         """Print the tests that were not run."""
+        if not self._run:
+            terminalreporter.write_line(
+                f"no test has run: none is near to what has changed since {self._since} "
+                "(make test runs them all)"
+            )
         if self._left or self._other_files:
             terminalreporter.write_line(
                 f"left out, farther from the change: {self._left} tests after {self._seconds:g} s, "
