@@ -153,6 +153,7 @@ def start(again=False):
         gc.threshold(-1)
         print("framestep: not started,", held)
         return
+    gc.collect()  # so that what start() makes fills holes, not the room for moves
     hal.start()
     release = chip.release
     forget("framestep.io.restore", *chip.SPENT)

@@ -5,7 +5,7 @@ import pytest
 
 from framestep_emulator import Emulator
 from framestep_tools.building import images
-from framestep_tools.payloads import Dmx
+from framestep_tools.payloads import Dmx, MotorMove
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_io import Wire, check_timing
 from host_tests.covering import sweep
@@ -35,6 +35,32 @@ def test_runs_and_lights_at_each_clock(mhz):
         check_timing(frames)
         for frame in frames:
             assert frame[3] == b"\0" + levels
+
+
+@pytest.mark.parametrize("mhz", sweep([125, 150, 200], 200))
+def test_pulses_and_pauses_are_no_shorter_than_asked(mhz):
+    """A driver may miss a shorter one, and nothing would show that."""
+    pulses = (0.25, 0.5, 0.66, 1.0, 1.4, 1.9, 2.5, 4.0)
+    motors = [{"pulse_us": us, "setup_us": 3 * us} for us in pulses]
+    with EmulatedBoard({"clock_mhz": mhz, "motors": motors}, trace=False) as board:
+        emulator = board.emulator
+        session = Session(board)
+        emulator.trace_start(board.pins.pins)
+        for target in (50, 0):
+            session.accept(*(MotorMove(motor, target) for motor in range(1, 9)))
+            session.run(0.03)  # it turns in motion
+        session.wait_idle()
+        edges = emulator.trace_read()
+        for motor, us in enumerate(pulses):
+            step = edges[edges["pin"] == board.pins.step[motor]][1:]
+            high = step["t"][step["level"] == 0] - step["t"][step["level"] == 1]
+            assert len(high) > 50
+            assert us * 1000 - 1 <= high.min() <= high.max() < us * 1000 + 450, us
+            turns = edges[edges["pin"] == board.pins.dir[motor]]["t"][1:]
+            rises = step["t"][step["level"] == 1]
+            pauses = [rises[rises > turn].min() - turn for turn in turns if turn < rises.max()]
+            assert pauses
+            assert min(pauses) >= 3 * us * 1000 - 1, us
 
 
 def test_voltage_is_raised():

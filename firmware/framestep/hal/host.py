@@ -14,6 +14,7 @@ from framestep.hal.absent import NoDmx, NoWatchdog
 from framestep.hal.servos import make_servos
 from framestep.pulse import engine
 from framestep.pulse.kernel import StepKernel
+from framestep.pulse.shape import pulse_shape
 
 CLOCK_HZ = 125_000_000
 CYCLES = CLOCK_HZ // 1000
@@ -251,11 +252,9 @@ class HostHal:
         self._lost = [0] * motors  # commands, until the last call of take_lost_commands()
         for i in range(motors):
             settings = rig.motor(i)
-            cycles = settings["pulse_us"] * CLOCK_HZ / 1e6 - engine.HIGH_CYCLES
-            width = max(0, min(engine.WIDTHS - 1, round(cycles / engine.WIDTH_CYCLES)))
+            width, setup = pulse_shape(settings, CLOCK_HZ // 1000000)
             up = 0 if settings["invert"] else 1
             model = PulseModel(self.cycle, width, self._step(i, up), self._direction(i, rig.servos))
-            setup = int(settings["setup_us"] * CLOCK_HZ / 1e6)
             self.kernel.configure(i, map_device(model), width, setup, settings["invert"])
             self.engines.append(model)
         self._servos = None

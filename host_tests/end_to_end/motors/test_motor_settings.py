@@ -50,7 +50,8 @@ def test_set_speed_refused(both):
 
 
 @pytest.mark.parametrize(
-    ("pulse_us", "fastest"), [(0.25, 500_000), (0.8, 500_000), (2.0, 242_248), (4.0, 121_595)]
+    ("pulse_us", "fastest"),
+    [(0.25, 500_000), (0.78, 500_000), (0.8, 480_769), (2.0, 242_248), (4.0, 121_595)],
 )
 def test_fastest_speed_depends_on_the_pulse(pulse_us, fastest):
     rig = simulated({"motors": [{"pulse_us": pulse_us}]})

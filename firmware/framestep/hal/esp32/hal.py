@@ -22,14 +22,13 @@ from framestep.hal import PASS
 from framestep.hal.absent import NoDmx, NoWatchdog
 from framestep.hal.esp32.chain import Chain
 from framestep.hal.stream import Stream
-from framestep.pulse.engine import CYCLES, HIGH_CYCLES, WIDTH_CYCLES, WIDTHS  # type: ignore[attr-defined]
+from framestep.pulse.engine import CYCLES  # type: ignore[attr-defined]
 from framestep.pulse.kernel import StepKernel
 from framestep.pulse.stepper import RUNNING
 
 LAST_PIN = const(39)
 CHAIN = const(64)
 _OUTPUTS = const(30)  # of the chain: as many as fit a small integer
-_CYCLES_PER_US = const(CYCLES // 1000)
 _LEAST = const(512)
 _CLOSE = const(32)
 _READINGS = const(4)  # of the E-stop, as in io/safety.py
@@ -72,6 +71,8 @@ class Esp32Hal:
     framestep.rig.Rig. Raises ValueError for an output that is not a pin of the chain."""
 
     def __init__(self, board, rig):
+        from framestep.pulse.shape import pulse_shape
+
         self.board = board
         self.motors = len(board["step"])
         steps = [bit_of(pin) for pin in board["step"]]
@@ -79,9 +80,7 @@ class Esp32Hal:
         self.kernel = StepKernel(self.motors, CYCLES, stream.clock)
         for i in range(self.motors):
             settings = rig.motor(i)
-            wider = int(settings["pulse_us"] * _CYCLES_PER_US) - HIGH_CYCLES + WIDTH_CYCLES - 1
-            width = min(max(wider // WIDTH_CYCLES, 0), WIDTHS - 1)
-            setup = int(settings["setup_us"] * _CYCLES_PER_US)
+            width, setup = pulse_shape(settings, CYCLES // 1000)
             self.kernel.configure(i, stream.fifo(i), width, setup, settings["invert"])
         self.drive = stream.drive
         self._make_drivers(board, rig)

@@ -22,7 +22,7 @@ from framestep.hal.rp2.pins import (
 from framestep.hal.rp2.pulses import PulseEngine, lost_commands
 from framestep.hal.rp2.stack import NOWHERE, WholeStack, set_limit, unchecked
 from framestep.hal.rp2.usb import addressed
-from framestep.pulse.engine import FASTEST_HZ, HIGH_CYCLES, WIDTH_CYCLES, WIDTHS
+from framestep.pulse.engine import FASTEST_HZ
 from framestep.pulse.kernel import StepKernel
 from framestep.pulse.stepper import halt
 
@@ -51,6 +51,7 @@ class Rp2Hal:
 
     def __init__(self, board, rig):
         from framestep.hal.rp2 import parts
+        from framestep.pulse.shape import pulse_shape
 
         self.board = board
         self._stack = set_limit(REPL_STACK)
@@ -65,11 +66,7 @@ class Rp2Hal:
         self.kernel.outputs(SET_REGISTER, CLEAR_REGISTER)
         for i in range(self.motors):
             settings = rig.motor(i)
-            width = (
-                int(settings["pulse_us"] * cycles_per_us) - HIGH_CYCLES + WIDTH_CYCLES // 2
-            ) // WIDTH_CYCLES
-            setup = int(settings["setup_us"] * cycles_per_us)
-            width = 0 if width < 0 else WIDTHS - 1 if width >= WIDTHS else width
+            width, setup = pulse_shape(settings, cycles_per_us)
             self.kernel.configure(i, self.engine.fifo(i), width, setup, settings["invert"])
         self._servos = parts.servos(self, rig, cycles_per_us) if rig.servos else None
         # Drivers stay off until a motor has to move.

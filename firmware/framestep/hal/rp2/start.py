@@ -14,6 +14,7 @@ SPENT = (
     "framestep.hal.rp2.stack",
     "framestep.hal.ports.usb_descriptor",
     "framestep.hal.rp2.start",
+    "framestep.pulse.shape",
 )
 
 
