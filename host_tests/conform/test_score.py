@@ -8,7 +8,7 @@ from framestep_tools.building.board_files import ROOT
 from framestep_tools.conform import kit, report
 from framestep_tools.conform.checks import every_check
 from host_tests.conform import score
-from host_tests.conform.variants import VARIANTS
+from host_tests.conform.variants import VARIANTS, Variant
 
 # The checks that these tests run on each variant; `make conform` runs all of them.
 _PARTS = {
@@ -18,7 +18,7 @@ _PARTS = {
     "lights that no trace shows": ("lights",),
     "answers after 20 ms": ("shoot",),
     "each step at its frame's time": ("runs",),
-    "S-curve ramps and play in the gears": ("edges", "couples"),
+    "S-curve ramps and play in the gears": ("edges", "couples", "virtuals"),
     "no inputs, outputs or switches": ("inputs", "lights"),
 }
 
@@ -42,6 +42,14 @@ def test_arms_on_as_many_motors_as_they_take():
 def test_devices_that_are_right_in_another_way_raise_no_alarm(name):
     (variant,) = [variant for variant in VARIANTS if variant.name == name]
     assert score.alarms(score.judge(variant, _PARTS[name])) == []
+
+
+def test_a_check_of_a_jog_or_a_stop_waits_for_backlash_to_be_taken_up():
+    """40 steps take a quarter of a second, in which the load does not move."""
+    slow = Variant("much play", 2, {"motors": [{"jerk": 100, "backlash": 40}]})
+    results = score.judge(slow, ("motors", "virtuals"))
+    assert len(results) >= 90
+    assert score.alarms(results) == []
 
 
 @pytest.mark.parametrize(

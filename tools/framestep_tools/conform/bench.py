@@ -14,6 +14,7 @@ from .spec import Request
 VELOCITY, ACCELERATION = 1000, 8000  # steps/s, steps/s²: slow for any rig
 _IDLE_S = 20.0
 _LOOK_S = 0.02
+_SET_OUT_S = 2.0
 FRAMES = 12
 
 
@@ -167,6 +168,15 @@ class Bench:
         while self.moving():
             if self.link.clock() > end:
                 raise Failed(f"motors still move after {limit_s:g} s")
+            self.link.pump(_LOOK_S)
+
+    def set_out(self, motor: int) -> None:
+        """Wait until a motor's position is another than at the start of the check: it takes up
+        backlash first, and a limited jerk makes that and the first step slow."""
+        end = self.link.clock() + _SET_OUT_S
+        while self.positions().steps[motor - 1] == self.home[motor - 1]:
+            if self.link.clock() > end:
+                raise Failed(f"motor {motor} has made no step in {_SET_OUT_S:g} s")
             self.link.pump(_LOOK_S)
 
     # ---- a known state

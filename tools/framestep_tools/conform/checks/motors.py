@@ -163,6 +163,7 @@ _put(
 def _stopped(request):
     def run(bench: Bench):
         bench.expect(spec.move(1, bench.home[0] + 900))
+        bench.set_out(1)
         bench.link.pump(0.2)
         bench.expect(request)
         bench.idle(2)
@@ -210,6 +211,7 @@ _put("a MOVE gets a new target while it runs", "note 4.8", _retarget, SHOULD)
 def _jogged(sign: int, speed: int):
     def run(bench: Bench):
         bench.expect(spec.jog(1, speed, bench.home[0] + sign * 5000))
+        bench.set_out(1)
         bench.link.pump(0.2)
         bench.expect(spec.stop(1))
         bench.idle()

@@ -130,13 +130,14 @@ def _halted(make):
     def check(bench: Bench):
         bench.expect(spec.speed(1, 500, 1000))
         bench.expect(_move(PAN, 40))
-        bench.link.pump(0.6)
+        bench.set_out(_MOTOR[PAN])
+        bench.link.pump(0.5)
         bench.expect(make())
         bench.idle()
         bench.prepare()
         found = bench.positions().steps[0] - bench.home[0]
         if not 60 < found < 700:
-            raise Failed(f"stopped after 0.6 s, the pan motor came to rest at {found} of 800 steps")
+            raise Failed(f"stopped after 0.5 s, the pan motor came to rest at {found} of 800 steps")
 
     return _configured(check)
 
@@ -179,12 +180,13 @@ _put("a virtual move keeps to soft limits", "MSG_MOTOR_SET_LIMITS", _configured(
 def _jogged(bench: Bench):
     request = struct.pack("<BHi", PAN, 10000, bench.home[0] + 400)
     bench.expect(Request(spec.VIRT_JOG, request))
-    bench.link.pump(0.2)
+    bench.set_out(_MOTOR[PAN])
+    bench.link.pump(0.1)
     bench.expect(Request(spec.VIRT_STOP, bytes((PAN,))))
     bench.idle()
     found = bench.positions().steps[0] - bench.home[0]
     if not 0 < found < 400:
-        raise Failed(f"VIRT_JOG for 0.2 s took the pan motor {found} steps")
+        raise Failed(f"VIRT_JOG for 0.1 s took the pan motor {found} steps")
 
 
 _put("VIRT_JOG goes toward its destination", "MSG_VIRT_JOG; note 9.6", _configured(_jogged), SHOULD)
@@ -192,9 +194,10 @@ _put("VIRT_JOG goes toward its destination", "MSG_VIRT_JOG; note 9.6", _configur
 
 def _line(bench: Bench):
     bench.expect(Request(spec.VIRT_JOG_ON_LINE, struct.pack("<Bh", 3, 5000)))
-    bench.link.pump(0.3)
+    bench.set_out(_MOTOR[PAN])
+    bench.link.pump(0.2)
     if not bench.moving():
-        raise Failed("nothing moves after VIRT_JOG_ON_LINE")
+        raise Failed("VIRT_JOG_ON_LINE ended without VIRT_STOP")
     bench.expect(Request(spec.VIRT_STOP, bytes((PAN,))))
     bench.idle()
     if bench.positions().steps[0] == bench.home[0]:
