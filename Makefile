@@ -43,10 +43,10 @@ try: setup node ## static pages: framestep on an emulated board in the browser (
 site: setup node ## the documents as a web site, with the pages of make try in it (build/site); builds without network
 	@"$(PYTHON_VENV)" -m framestep_tools.site.documents
 
-demo: setup ## play a camera move on the emulated board, check every edge, plot it (build/demo)
-	@if tools/setup.sh node && "$(PYTHON_VENV)" -m framestep_tools.building.make_image; then board=emulator; \
-	else echo "The emulated board is not available here; the demo runs on the host simulation instead." >&2; board=host; fi; \
-	"$(PYTHON_VENV)" -m framestep_tools.judge.demo --board $$board $(ARGS)
+demo: setup ## play a camera move on the emulated board, check every edge, plot it (build/demo); BOARD=pico
+	@if tools/setup.sh node && "$(PYTHON_VENV)" -m framestep_tools.building.make_image --board $(BOARD); then where=; \
+	else echo "The emulated board is not available here; the demo runs on the host simulation instead." >&2; where=--host; fi; \
+	"$(PYTHON_VENV)" -m framestep_tools.judge.demo --board $(BOARD) $$where $(ARGS)
 
 sim: setup ## the controller on this computer, on a pseudo-terminal; ARGS="--tcp 127.0.0.1:7000 --trace FILE"
 	@"$(PYTHON_VENV)" -m framestep_tools.simulator.sim $(ARGS)

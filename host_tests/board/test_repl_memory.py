@@ -8,7 +8,7 @@ import pytest
 from framestep_emulator import Emulator
 from framestep_tools.board.repl_device import MISTAKE, Device
 from framestep_tools.building import images
-from framestep_tools.building.board_files import ROOT, board_data, board_names
+from framestep_tools.building.board_files import ROOT, emulated_boards
 from framestep_tools.client.client import Client
 from framestep_tools.console.scripts import CHECK
 from framestep_tools.payloads import Hi
@@ -64,11 +64,10 @@ def example(board):
 
 
 def rigs():
-    for board in board_names():
-        if board_data(board)["chip"] == "rp2040":
-            yield pytest.param(
-                board, example(board), id=f"example of {board}", marks=pytest.mark.repeats
-            )
+    for board in emulated_boards():
+        yield pytest.param(
+            board, example(board), id=f"example of {board}", marks=pytest.mark.repeats
+        )
     for name, (board, rig) in FEATURES.items():
         marks = () if name in MOST else pytest.mark.repeats
         yield pytest.param(board, rig, id=name, marks=marks)

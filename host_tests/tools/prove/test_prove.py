@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from framestep_tools.building.board_files import ROOT, board_data, board_names
+from framestep_tools.building.board_files import ROOT, board_data, emulated_boards
 from framestep_tools.cli import app
 from framestep_tools.client import port_finder
 from framestep_tools.client.client import BrokenOff, Client
@@ -124,7 +124,7 @@ def test_the_motors_of_a_run_begin_and_end_at_rest(fps_milli):
 def test_every_figure_is_known_of_the_emulated_boards_and_explained():
     """Except for DMX on a board without it."""
     boards = report.emulated_boards()
-    emulated = [name for name in board_names() if board_data(name)["chip"] == "rp2040"]
+    emulated = emulated_boards()
     assert sorted(boards) == emulated
     for name in emulated:
         dmx = "dmx" in board_data(name)

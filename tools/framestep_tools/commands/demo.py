@@ -23,8 +23,8 @@ def demo(
     with extra("the demo"):
         import matplotlib  # noqa: F401
 
-        from ..judge.demo import BoardKind, main
-    return main(BoardKind.HOST, fps, move or CAMERA_MOVE, out)
+        from ..judge.demo import main
+    return main(host=True, fps=fps, move_file=move or CAMERA_MOVE, out=out)
 
 
 def add(app: typer.Typer) -> None:

@@ -8,7 +8,7 @@ number of frames, the worst position error at a frame in steps, and the worst fr
 
 import sys
 import time
-from enum import Enum
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -16,7 +16,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from ..building.board_files import ROOT
+from ..building.board_files import ROOT, board_data, emulated_boards
 from ..client.client import Client
 from ..errors import Command, ToolError
 from ..move.move_display import MoveDisplay
@@ -34,13 +34,6 @@ ROLL_MS = 1000
 UPLOAD_WINDOW = 4
 SETTLE_S = 0.2  # board time after the run, so the trace contains its last edges
 _RESULT_FOLDER = ROOT / "build" / "demo"
-
-
-class BoardKind(str, Enum):
-    """Kinds of boards for the demo."""
-
-    EMULATOR = "emulator"
-    HOST = "host"
 
 
 class Recorder:
@@ -64,6 +57,15 @@ class Recorder:
         self.collect()
         self.writer.close()
         return Trace.from_edges(self.edges)
+
+
+def fitting(move: Move, motors: int) -> Move:
+    """Return the example move for a board with this many motors: without the others."""
+    return replace(
+        move,
+        names={motor: name for motor, name in move.names.items() if motor <= motors},
+        positions={motor: steps for motor, steps in move.positions.items() if motor <= motors},
+    )
 
 
 Standing = dict[int, int]  # motor -> position in steps
@@ -142,9 +144,10 @@ app = Command("demo")
 
 @app.command()
 def main(
-    board: Annotated[
-        BoardKind, typer.Option(help="the emulated board, or the simulation on this computer")
-    ] = (BoardKind.EMULATOR),
+    board: Annotated[str, typer.Option(help="a folder in boards/")] = "pico",
+    host: Annotated[
+        bool, typer.Option("--host", help="simulated on this computer instead of emulated")
+    ] = False,
     fps: Annotated[float, typer.Option(help="frames per second", min=0.1, max=120)] = 24,
     move_file: Annotated[
         Path, typer.Option("--move", help="the move as CSV", metavar="FILE")
@@ -155,16 +158,21 @@ def main(
 ) -> int:
     """Play a camera move and check every edge."""
     console = Console(highlight=False)
+    data = board_data(board)
+    if not host and board not in emulated_boards():
+        raise ToolError(
+            f"{data['name']} is not emulated, as its chip is {data['chip']}: add --host"
+        )
     move = read_move(move_file)
+    if move_file == CAMERA_MOVE:
+        move = fitting(move, len(data["step"]))
     fps_milli = round(fps * 1000)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ToolError(f"cannot write {out}: {error.strerror}") from None
-    console.print(
-        f"bringing up the {'emulated board' if board is BoardKind.EMULATOR else 'host simulation'}"
-    )
-    device: Board = EmulatedBoard() if board is BoardKind.EMULATOR else SimulatedBoard()
+    console.print(f"bringing up {'a simulated' if host else 'an emulated'} {data['name']}")
+    device: Board = SimulatedBoard(board=board) if host else EmulatedBoard(board=board)
     began = time.monotonic()
     try:
         recorder = Recorder(device, out / "trace.csv")

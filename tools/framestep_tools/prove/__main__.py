@@ -6,10 +6,10 @@ from typing import Annotated
 import typer
 
 from ..building import images
-from ..building.board_files import ROOT, board_data
+from ..building.board_files import ROOT, board_data, emulated_boards
 from ..errors import Command, ToolError
 from . import report
-from .board import EMULATED_CHIP, emulated
+from .board import emulated
 from .work import Options, prove
 
 app = Command("prove")
@@ -29,7 +29,7 @@ def main(
 ) -> None:
     """Measure an emulated board as `framestep prove` measures a real one."""
     data = board_data(board)
-    if data["chip"] != EMULATED_CHIP:
+    if board not in emulated_boards():
         raise ToolError(f"{data['name']} is not emulated: its chip is {data['chip']}")
     images.frozen(board)
     with emulated(("--chip", chip), board) as measured:

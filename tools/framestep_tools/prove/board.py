@@ -20,7 +20,6 @@ from .report import folder_of
 
 # Of an emulated board's last motor, as the default width is too long for 500 000 steps/s
 EMULATED_PULSE_US = 0.5
-EMULATED_CHIP = "rp2040"
 _FORCED_LOW, _FORCED_HIGH = 2, 3  # values of a pin's output override
 _REMARK = re.compile(r"framestep: .*\r?\n?")  # framestep may print a remark at any time
 _BOARD = "print(__import__('json').dumps(boot.hal.board))"
