@@ -107,7 +107,7 @@ def test_a_file_that_is_no_move(page, text, said):
 
 def test_what_spreadsheets_make_of_it_is_read_and_long_moves_go_in_sections(page):
     upload(page, LONG_MOVE)
-    expect(page.locator("main")).to_contain_text(f"frames 0 to {LONG - 1} for 1 motors")
+    expect(page.locator("main")).to_contain_text(f"frames 0 to {LONG - 1} for 1 motor")
     frames = card(page, "Frames")
     frames.get_by_label("Go to frame").fill(str(LONG - 1))
     frames.get_by_role("button", name="Go there").click()

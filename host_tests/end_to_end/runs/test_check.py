@@ -271,11 +271,11 @@ def test_a_picture(framestep, tmp_path):
         ("--board toaster", 1, "no board 'toaster'"),
         ("--velocity fast", 2, "expected a velocity of motor 1 in whole steps"),
         ("--velocity 0", 2, "expected a velocity of 1 to 1073741823 steps"),
-        ("--acceleration 5=10", 2, "the move has no motor 5, it has motors 1 to 4"),
+        ("--acceleration 5=10", 2, "the move has no motor 5, it has motors 1, 2, 3, 4"),
         ("--limits 1=5", 2, "--limits: expected MOTOR=LOWER:UPPER"),
         ("--limits 1=5:4", 2, "--limits: 5 is above 4"),
         ("--loop --ping-pong", 2, "do not go together"),
-        ("--fps 1e9", 2, "does not fit"),
+        ("--fps 1e9", 2, "expected frames per second from 0.001 to 1000"),
         ("--from 0", 1, "the move has frames 1 to 240, not 0"),
     ],
 )

@@ -66,7 +66,8 @@ def rises(edges, signal):
 )
 def test_a_move_is_played(framestep, board, move, options, begin, end):
     status, out, err = framestep(f"play {move} {FAST} {options}")
-    assert (status, out, err) == (0, f"frames {begin} to {end} played\n", "")
+    assert (status, err) == (0, "")
+    assert out == f"pan is motor 1, tilt is motor 2\nframes {begin} to {end} played\n"
     assert standing(board) == [STEPS[end - FIRST], -STEPS[end - FIRST]]
 
 
@@ -74,7 +75,7 @@ def test_what_is_too_steep_is_played_and_reported(framestep, board, tmp_path):
     path = tmp_path / "jump.csv"
     path.write_text("frame,pan\n1,0\n2,0\n3,300\n4,300\n5,300\n")
     status, out, err = framestep(f"play {path} --velocity 20000 --acceleration 50000")
-    assert (status, out) == (0, "frames 1 to 5 played\n")
+    assert (status, out) == (0, "pan is motor 1\nframes 1 to 5 played\n")
     assert err == (
         "motor 1 at frame 2 would need 172800 steps/s², its acceleration is 50000 steps/s²: "
         "it is played as uploaded and may lose steps\n"
@@ -122,7 +123,7 @@ def test_a_loop_ends_with_ctrl_c_where_it_is_said(framestep, board, move, monkey
 
     monkeypatch.setattr(MoveDisplay, "show", show)
     status, out, err = framestep(f"play {move} {FAST} --ping-pong")
-    assert (status, out) == (INTERRUPTED, "")
+    assert (status, out) == (INTERRUPTED, "pan is motor 1, tilt is motor 2\n")
     assert LAST in seen, "the second time is on the way back"
     pan, tilt = standing(board)
     assert err.splitlines() == [
@@ -165,7 +166,7 @@ def test_what_ends_a_run_is_reported(framestep, board, move, monkeypatch):
 
     monkeypatch.setattr(MoveDisplay, "show", show)
     status, out, err = framestep(f"play {move} {FAST}")
-    assert (status, out) == (REFUSED, "")
+    assert (status, out) == (REFUSED, "pan is motor 1, tilt is motor 2\n")
     assert "the run ended at frame 20." in err
     assert err.endswith(f"before {LAST}: the E-stop was pressed\n")
 

@@ -79,9 +79,9 @@ def test_a_spoilt_file_is_read_or_refused(text, at, length, put):
         ),
         ("seconds,track,pan\n0,0,2\n1e9,0,2\n", ["--fps", "24"], "expected at most 1000000 frames"),
         (
-            "frame,track,pan\n1,0,2\n",
+            "# 25 fps\nframe,track,pan\n1,0,2\n",
             ["--fps", "24"],
-            "is in frames: --fps is for files in seconds",
+            "is at 25 frames/s, --fps says 24: leave --fps out",
         ),
         ("0 2\n0 2 3\n", [], "line 2: expected 2 columns, found 3"),
         ("0 2 3\n", [], "has 3 columns without names, there are 2 axes"),
@@ -100,7 +100,7 @@ def test_a_spoilt_file_is_read_or_refused(text, at, length, put):
             "line 1: expected a header that begins with frame or seconds",
         ),
         ("bones\n", [], "not recognised as any of arc, anim, kuper, csv, raw"),
-        ("", [], "not recognised as any of"),
+        ("", [], "the file is empty"),
         ("animVersion 1.1;\n", [], "expected a curve with keys over time, found none"),
         (MAYA.replace("pal", "vhs"), [], "timeUnit: expected one of game, film, pal"),
         (
@@ -174,15 +174,15 @@ def test_one_sentence_says_what_is_wrong_and_nothing_is_written(text, options, s
         (
             ["export", "MOVE", "-o", "x.csv", "--fps", "inf"],
             2,
-            "--fps: expected at most 1000",
+            "--fps: expected frames per second from 0.001 to 1000",
         ),
         (
             ["import", "SOURCE", "-o", "OUT", "--fps", "nan"],
             2,
-            "--fps: expected at most 1000",
+            "--fps: expected frames per second from 0.001 to 1000",
         ),
         (["export", "MOVE", "-o", "x.csv"], 1, "axis track: 100.1 mm is beyond its limits"),
-        (["export", "ONE", "-o", "x.csv"], 1, "the move has 1 motors, and there are 2 axes"),
+        (["export", "ONE", "-o", "x.csv"], 1, "positions for motor 1, and there are axes for 1, 2"),
     ],
 )
 def test_one_sentence_says_what_is_wrong_with_a_command(args, status, said, shot, capsys):

@@ -7,7 +7,19 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .common import AxesFile, Json, extra, load_axes, put, say_json, talking
-from .moves import FirstFrame, Fps, LastFrame, MoveFile, Postroll, Preroll, Reverse, fits, section
+from .moves import (
+    FirstFrame,
+    Fps,
+    LastFrame,
+    MoveFile,
+    Postroll,
+    Preroll,
+    Reverse,
+    fits,
+    fps_for,
+    read_content,
+    section,
+)
 
 if TYPE_CHECKING:
     from ..move.move_check import Device, Setting
@@ -25,7 +37,7 @@ def check(
             help="use this board's settings; without it no board is needed",
         ),
     ] = None,
-    fps: Fps = 24,
+    fps: Fps = None,
     first: FirstFrame = None,
     last: LastFrame = None,
     reverse: Reverse = False,
@@ -74,7 +86,6 @@ def check(
 
     from ..building.board_files import board_data
     from ..errors import DONE, FAILED, REFUSED, ToolError
-    from ..move.move_file import or_example, read_move
     from ..payloads import RtRunMove
 
     if loop and ping_pong:
@@ -87,16 +98,16 @@ def check(
     if plot:
         with extra("a picture"):
             import matplotlib  # noqa: F401
-    content = read_move(or_example(file))
+    known = load_axes(axes)
+    content = read_content(file, known)
     begin, end = section(content, first, last, reverse)
     run = RtRunMove(
-        fps_milli=round(fps * 1000), start_frame=begin, end_frame=end,
+        fps_milli=round(fps_for(content, fps) * 1000), start_frame=begin, end_frame=end,
         preroll_ms=round(preroll * 1000), postroll_ms=round(postroll * 1000),
         flags=(RUN_LOOP if loop else 0) | (RUN_PING_PONG if ping_pong else 0),
     )  # fmt: skip
     fits(run)
     board_data(board)
-    known = load_axes(axes)
     asked = move_check.Device(read_rig(rig), board, axes=known)
     motors = list(content.positions)
     settings = {motor: move_check.Setting() for motor in motors}
@@ -165,7 +176,8 @@ def _take_limits(settings: "dict[int, Setting]", given: list[str] | None, axes: 
 def _has(settings: "dict[int, Setting]", motor: int, name: str) -> None:
     if motor not in settings:
         raise typer.BadParameter(
-            f"--{name}: the move has no motor {motor}, it has motors 1 to {max(settings)}"
+            f"--{name}: the move has no motor {motor}, it has motors "
+            f"{', '.join(map(str, settings))}"
         )
 
 

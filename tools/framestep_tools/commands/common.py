@@ -48,6 +48,21 @@ AxesFile = Annotated[
         ),
     ),
 ]  # fmt: skip
+
+
+def fps_of(text: str) -> float:
+    """Return a rate such as 25, 23.976 or 24000/1001. Raises BadParameter."""
+    from ..move.table import FASTEST, SLOWEST, rate
+
+    found = rate(text)
+    if found is None:
+        raise typer.BadParameter(
+            f"expected frames per second from {SLOWEST:g} to {FASTEST:g}, such as 25 or "
+            f"24000/1001, found {text[:40]!r}"
+        )
+    return found
+
+
 Json = Annotated[bool, typer.Option("--json", help="as JSON, for programs")]
 
 _NUMBER = re.compile(r"-(\d|\.\d)")
@@ -128,6 +143,12 @@ def extra(what: str) -> Iterator[None]:
 def say_json(found: Any) -> None:
     """Print a line of JSON."""
     print(json.dumps(found, ensure_ascii=False), flush=True)
+
+
+def note(*said: str) -> None:
+    """Print sentences that a user should know, on standard error."""
+    for sentence in said:
+        print(sentence, file=sys.stderr, flush=True)
 
 
 def load_axes(given: Path | None) -> "Axes":

@@ -1,12 +1,11 @@
 """Conversion of moves: from other programs' formats to steps, and back."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from .common import AxesFile, SpokenCommand
+from .common import AxesFile, SpokenCommand, fps_of, note
 
 _FORMATS = "arc, anim, kuper, csv, raw"  # spelled out, so that --help loads none of them
 
@@ -17,6 +16,29 @@ def _format(name: str | None) -> str | None:
     if name is not None and name not in FORMATS:
         raise typer.BadParameter(f"{name!r} is not one of {', '.join(FORMATS)}")
     return name
+
+
+def _decimal(word: str | None) -> str | None:
+    from ..move.numerals import WORDS
+
+    if word is None:
+        return None
+    if word not in WORDS:
+        raise typer.BadParameter(f"{word!r} is not one of {', '.join(WORDS)}")
+    return WORDS[word]
+
+
+def _columns(given: list[str] | None) -> dict[str, str]:
+    """Return column by axis."""
+    found = {}
+    for text in given or []:
+        axis, sign, column = text.partition("=")
+        if not (axis and sign and column):
+            raise typer.BadParameter(
+                f"--column: expected AXIS=COLUMN such as pan=ry or pan=5, found {text[:80]!r}"
+            )
+        found[axis.strip()] = column.strip()
+    return found
 
 
 Format = Annotated[
@@ -34,7 +56,28 @@ def import_move(
     file_format: Format = None,
     fps: Annotated[
         float | None,
-        typer.Option(help="frames per second, for a file in seconds", min=0.001, max=1000),
+        typer.Option(
+            help="frames per second, for a file that does not name them; needed if it is in "
+            "seconds",
+            parser=fps_of,
+            metavar="N",
+        ),
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="AXIS=COLUMN",
+            help="the column of an axis by its heading or its number from 1: pan=ry, pan=5; may "
+            "be repeated",
+        ),
+    ] = None,
+    decimal: Annotated[
+        str | None,
+        typer.Option(
+            help="point or comma: the decimal sign of a file that leaves it open",
+            metavar="SIGN",
+            callback=_decimal,
+        ),
     ] = None,
     start: Annotated[
         int | None, typer.Option(help="number of the first frame", min=-(10**9), max=10**9)
@@ -45,13 +88,15 @@ def import_move(
     from ..move import rig_axes
     from ..move.axes_file import read_axes
     from ..move.move_conversion import to_move
-    from ..move.move_file import text_of, write_move
+    from ..move.move_file import or_example, write_move
     from ..move.move_formats import FORMATS, of_content
+    from ..move.text_file import read_text
 
     _not_itself(file, output)
-    text = text_of(file)
-    chosen = FORMATS[file_format] if file_format else of_content(text, str(file))
-    recording = chosen.read(text, str(file))
+    source = or_example(file)
+    text, said = read_text(source)
+    chosen = FORMATS[file_format] if file_format else of_content(text, str(source))
+    recording = chosen.read(text, str(source), decimal)
     found = rig_axes.find(axes)
     if not found or not found.exists():
         raise ToolError(
@@ -59,13 +104,15 @@ def import_move(
             f"({', '.join(recording.names)}) to motors; docs/use/axes.md shows one"
         )
     known = read_axes(found, every_motor=True)
-    move, left = to_move(recording, known, str(file), fps, start)
+    move, left = to_move(recording, known, str(source), fps, start, _columns(column))
     write_move(output, move)
+    note(*said, *move.said)
     if left:
-        print(f"left out, no axis names them: {', '.join(left)}", file=sys.stderr)
+        note(f"left out, no axis names them: {', '.join(left)}")
     print(
-        f"{output}: frames {move.start_frame} to {move.end_frame} for {len(known)} motors, "
-        f"from {chosen.NAME}"
+        f"{output}: frames {move.start_frame} to {move.end_frame}"
+        + (f" at {move.fps:.10g} frames/s" if move.fps else "")
+        + f" for {len(known)} motor{'s' * (len(known) > 1)}, from {chosen.NAME}"
     )
 
 
@@ -81,9 +128,10 @@ def export_move(
     fps: Annotated[
         float | None,
         typer.Option(
-            help="csv: write seconds, at this many frames per second; anim: Maya's rate",
-            min=0.001,
-            max=1000,
+            help="csv: write seconds, at this many frames per second; anim: Maya's rate, else "
+            "the move's own",
+            parser=fps_of,
+            metavar="N",
         ),
     ] = None,
 ) -> None:
@@ -91,19 +139,24 @@ def export_move(
     from ..move import rig_axes
     from ..move.axes_file import read_axes
     from ..move.move_conversion import to_table
-    from ..move.move_file import or_example, read_move, write_text
+    from ..move.move_file import or_example, read_move
     from ..move.move_formats import FORMATS, of_name
+    from ..move.text_file import write_text
 
     _not_itself(move, output)
     chosen = FORMATS[file_format] if file_format else of_name(output)
     if fps is not None and chosen.NAME not in ("csv", "anim"):
         raise typer.BadParameter(f"--fps is for csv and anim; {chosen.NAME} has frames")
     found = rig_axes.find(axes) or rig_axes.FILE
-    table = to_table(read_move(or_example(move)), read_axes(found, every_motor=True))
+    known = read_axes(found, every_motor=True)
+    content = read_move(or_example(move), rig_axes.Axes(known, found))
+    table = to_table(content, known)
     write_text(output, chosen.write(table, fps))
+    note(*content.said)
+    count = len(table.columns)
     print(
-        f"{output}: frames {table.frames[0]} to {table.frames[-1]} of {len(table.columns)} axes, "
-        f"as {chosen.NAME}"
+        f"{output}: frames {table.frames[0]} to {table.frames[-1]} of {count} "
+        f"ax{'e' if count > 1 else 'i'}s, as {chosen.NAME}"
     )
 
 

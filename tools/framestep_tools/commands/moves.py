@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import AxesFile, Url, load_axes, moving, put, set_speed, talking
+from .common import AxesFile, Url, fps_of, load_axes, moving, note, put, set_speed, talking
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from ..client.client import Client
     from ..move.light_file import Lights
     from ..move.move_file import Move
@@ -22,7 +24,8 @@ UPLOAD_WINDOW = 4
 MoveFile = Annotated[
     Path,
     typer.Argument(
-        help="CSV: frame, then a column per motor; camera_move.csv is an example to try",
+        help="CSV: frame, then a column per motor, headed by its axis or number; camera_move.csv "
+        "is an example to try",
         metavar="CSV",
         show_default=False,
     ),
@@ -36,7 +39,16 @@ LightFile = Annotated[
         metavar="FILE",
     ),
 ]
-Fps = Annotated[float, typer.Option(help="frames per second", min=0.001)]
+Fps = Annotated[
+    float | None,
+    typer.Option(
+        help="frames per second, such as 23.976 or 24000/1001; else the file's own, else 24",
+        parser=fps_of,
+        metavar="N",
+        show_default=False,
+    ),
+]
+USUAL_FPS = 24.0
 FirstFrame = Annotated[
     int | None, typer.Option("--from", help="first scene frame played, else the move's first")
 ]
@@ -72,27 +84,58 @@ def upload(
     file: MoveFile, device: Url = None, dmx: LightFile = None, axes: AxesFile = None
 ) -> None:
     """Upload a move, for `framestep shoot` or another program to use."""
-    content, lights = read_files(file, dmx)
-    with talking(device, load_axes(axes)) as client:
+    known = load_axes(axes)
+    content, lights = read_files(file, dmx, known)
+    with talking(device, known) as client:
         send(client, content, lights)
+    count = len(content.positions)
     print(
-        f"frames {content.start_frame} to {content.end_frame} for {len(content.positions)} motors"
+        f"frames {content.start_frame} to {content.end_frame} for {count} motor{'s' * (count > 1)}"
     )
 
 
-def read_files(file: Path, dmx: Path | None) -> "tuple[Move, Lights | None]":
+def read_files(file: Path, dmx: Path | None, axes: "Axes") -> "tuple[Move, Lights | None]":
     """Read a move, or the example of that name, and its lights. Raises MoveFileError."""
     from ..move.light_file import read_lights
+
+    return read_content(file, axes), read_lights(dmx) if dmx else None
+
+
+def read_content(file: Path, axes: "Axes") -> "Move":
+    """Read a move, or the example of that name, and print what its user should know. Raises
+    MoveFileError."""
     from ..move.move_file import or_example, read_move
 
-    return read_move(or_example(file)), read_lights(dmx) if dmx else None
+    content = read_move(or_example(file), axes)
+    note(*content.said)
+    return content
+
+
+def fps_for(content: "Move", asked: float | None) -> float:
+    """Return the frames per second of a run: those asked for, else the move's, else USUAL_FPS. Say
+    so if the first two differ."""
+    from ..move.move_conversion import same_rate
+
+    if asked and content.fps and not same_rate(asked, content.fps):
+        note(
+            f"the move is at {content.fps:.10g} frames/s, --fps says {asked:.10g}: it takes "
+            f"{content.fps / asked:.3g} times as long"
+        )
+    return asked or content.fps or USUAL_FPS
 
 
 def send(client: "Client", content: "Move", lights: "Lights | None") -> None:
-    """Upload a move with its lights. Raises MoveFileError if their frames do not match."""
+    """Upload a move with its lights, and print which motors its columns are if only their order
+    says so. Raises MoveFileError if the frames do not match."""
+    from ..move.turns import said_of
+
     first, last = content.start_frame, content.end_frame
     if lights:
         lights.check(first, last, client.info or client.greet())
+    if content.counted:
+        print(content.counted, flush=True)
+    for motor, steps in content.positions.items():
+        note(*said_of(steps, client.axes.axis(motor), content.start_frame))
     client.upload_move(
         first, last, content.positions, UPLOAD_WINDOW, lights=lights.requests() if lights else ()
     )
@@ -131,7 +174,7 @@ def fits(request: "Request") -> None:
 def section(content: "Move", first: int | None, last: int | None, reverse: bool) -> tuple[int, int]:
     """Return the first and the last scene frame to play. Raises MoveFileError for one outside the
     move."""
-    from ..move.move_file import MoveFileError
+    from ..move.text_file import MoveFileError
 
     begin = content.start_frame if first is None else first
     end = content.end_frame if last is None else last
@@ -146,7 +189,7 @@ def section(content: "Move", first: int | None, last: int | None, reverse: bool)
 def play(
     file: MoveFile,
     device: Url = None,
-    fps: Fps = 24,
+    fps: Fps = None,
     first: FirstFrame = None,
     last: LastFrame = None,
     reverse: Reverse = False,
@@ -200,10 +243,11 @@ def play(
         raise typer.BadParameter("--loop and --ping-pong do not go together")
     if shutter_angle is not None and camera is not Camera.STILLS:
         raise typer.BadParameter("--shutter-angle needs --camera stills")
-    content, lights = read_files(file, dmx)
+    known = load_axes(axes)
+    content, lights = read_files(file, dmx, known)
     begin, end = section(content, first, last, reverse)
     run = RtRunMove(
-        fps_milli=round(fps * 1000),
+        fps_milli=round(fps_for(content, fps) * 1000),
         start_frame=begin,
         end_frame=end,
         preroll_ms=round(preroll * 1000),
@@ -222,7 +266,6 @@ def play(
         close_angle=shutter_angle or 0,
     )
     fits(run)
-    known = load_axes(axes)
     set_speeds = speeds(known, content, velocity, acceleration)
     with moving(device, known) as client:
         _has_output(client, bloop)
@@ -320,8 +363,8 @@ def shoot(
         if given and move is None:
             raise typer.BadParameter(f"{option} needs --move")
     wanted = frames_of(frames)
-    content, lights = read_files(move, dmx) if move else (None, None)
     known = load_axes(axes)
+    content, lights = read_files(move, dmx, known) if move else (None, None)
     set_speeds = speeds(known, content, velocity, acceleration)
     blurred: list[int] = []
     if content:
@@ -341,7 +384,7 @@ def shoot(
             left = spans(wanted[len(done) :])
             print(f"{spans(done)} shot, {left} not", file=sys.stderr, flush=True)
         raise
-    print(f"{len(done)} frames shot: {spans(done)}")
+    print(f"{len(done)} frame{'s' * (len(done) > 1)} shot: {spans(done)}")
 
 
 def _motors(content: "Move", text: str | None, axes: "Axes") -> list[int]:
@@ -355,10 +398,14 @@ def _motors(content: "Move", text: str | None, axes: "Axes") -> list[int]:
         found.append(axes.motor(word.strip()))
         if found[-1] not in content.positions:
             raise typer.BadParameter(
-                f"--motors: expected motors of the move, 1 to {max(content.positions)}, "
+                f"--motors: expected motors of the move, {_listed(content.positions)}, "
                 f"such as 1,3, or none, found {text[:40]!r}"
             )
     return found
+
+
+def _listed(motors: "Iterable[int]") -> str:
+    return ", ".join(map(str, motors))
 
 
 def _shoot(client: "Client", wanted: list[int], shots: "Shots", done: list[int]) -> None:

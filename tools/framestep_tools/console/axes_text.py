@@ -5,8 +5,8 @@ from typing import Any
 
 from ..errors import ToolError
 from ..move import rig_axes
-from ..move.axes_file import axes_of
-from ..move.move_file import text_of, write_text
+from ..move.axes_file import axes_of, axes_text
+from ..move.text_file import write_text
 
 
 class AxesText:
@@ -21,7 +21,7 @@ class AxesText:
         found: dict[str, Any] = {"path": str(self.path), "text": ""}
         if self.path.exists():
             try:
-                text = text_of(self.path, "the axes")
+                text = axes_text(self.path)
                 axes_of(text, self.path)
                 found["text"] = text
             except ToolError as error:

@@ -19,6 +19,7 @@ from rich.table import Table
 from ..building.board_files import ROOT, board_data, emulated_boards
 from ..client.client import Client
 from ..errors import Command, ToolError
+from ..move import rig_axes
 from ..move.move_display import MoveDisplay
 from ..move.move_file import CAMERA_MOVE, Move, read_move
 from ..payloads import Hi, MotorGetPosition, MotorSetSpeed, MotorStatus, RtEnd, RtGo, RtRunMove
@@ -163,7 +164,7 @@ def main(
         raise ToolError(
             f"{data['name']} is not emulated, as its chip is {data['chip']}: add --host"
         )
-    move = read_move(move_file)
+    move = read_move(move_file, None if move_file == CAMERA_MOVE else rig_axes.load())
     if move_file == CAMERA_MOVE:
         move = fitting(move, len(data["step"]))
     fps_milli = round(fps * 1000)

@@ -16,8 +16,9 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from ..errors import ToolError
-from .move_formats.recording import GREATEST
 from .move_formats.units import UNITS, factor
+from .numerals import GREATEST
+from .text_file import MoveFileError, read_text
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -128,7 +129,10 @@ KEYS: dict[str, tuple[str, Callable[[Any], bool]]] = {
         lambda value: _number(value) and FEWEST <= value <= MOST,
     ),
     "unit": (_UNITS_TEXT, _unit),
-    "in_file": ("a text", _word),
+    "in_file": (
+        "a text, or a column's number",
+        lambda value: _word(value) or (type(value) is int and 1 <= value <= 10**6),
+    ),
     "zero": ("a number", _number),
     "limits": ("two numbers [lowest, highest]", _limits),
     "invert": ("true or false", lambda value: isinstance(value, bool)),
@@ -144,14 +148,18 @@ def read_axes(path: str | os.PathLike, every_motor: bool = False) -> list[Axis]:
     every_motor: each motor from 1 on needs an axis. Raises AxesFileError, with the key and what is
     allowed, if the file is missing or not as described in docs/use/axes.md.
     """
+    return axes_of(axes_text(path), path, every_motor)
+
+
+def axes_text(path: str | os.PathLike) -> str:
+    """Return the text of an axes.toml. Raises AxesFileError."""
     try:
-        with open(path, encoding="utf-8-sig") as file:
-            text = file.read()
-    except OSError as error:
-        raise AxesFileError(f"cannot read the axes {path}: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise AxesFileError(f"{path}: not valid TOML: {error}") from None
-    return axes_of(text, path, every_motor)
+        text, said = read_text(path, "the axes")
+    except MoveFileError as error:
+        raise AxesFileError(str(error)) from None
+    if said:
+        raise AxesFileError(f"{path}: not valid TOML, which is UTF-8: save it as UTF-8")
+    return text
 
 
 def axes_of(text: str, path: str | os.PathLike, every_motor: bool = False) -> list[Axis]:
@@ -203,6 +211,8 @@ def _axis(settings: dict[str, Any], where: str) -> Axis:
     if factor(file_unit, unit) is None:
         raise AxesFileError(f'{where}: "file_unit": {file_unit} cannot be converted to {unit}')
     defaults = {"in_file": settings["name"], "file_unit": unit}
+    if type(settings.get("in_file")) is int:
+        settings = {**settings, "in_file": f"column {settings['in_file']}"}
     if "limits" in settings:
         settings = {**settings, "limits": tuple(settings["limits"])}
     return Axis(**{**defaults, **settings})

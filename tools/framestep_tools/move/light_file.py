@@ -22,7 +22,8 @@ from ..payloads import (
     RtUploadMoveTriggers,
     Trigger,
 )
-from .move_file import MoveFileError, read_frames
+from .move_file import frames_of
+from .text_file import MoveFileError, read_text
 
 _COLUMN = re.compile(r"(?:dmx ?)?(?P<channel>\d+)|output ?(?P<output>\d+)", re.IGNORECASE)
 _MOST_OUTPUTS = 32  # bits of a trigger's mask
@@ -91,24 +92,25 @@ class Lights:
 
 def read_lights(path: str | os.PathLike) -> Lights:
     """Read a table of lights. Raises MoveFileError, with the line, for a mistake."""
-    (_, frames), *columns = read_frames(path, "the lights", "<channel>,output <number>…")
+    read = read_text(path, "the lights")
+    table, (frames, *columns) = frames_of(read, path, "<channel>,output <number>…")
     lights = Lights(frames[0], {}, {})
-    for name, values in columns:
-        kind, number = _column(name, path)
+    for name, values in zip(table.rows[0][1:], columns, strict=True):
+        kind, number = _column(name, table.where(0))
         found = lights.levels if kind == "channel" else lights.outputs
         if number in found:
-            raise MoveFileError(f"{path}, line 1: {name} occurs twice")
+            raise MoveFileError(f"{table.where(0)}: {name} occurs twice")
         most = 255 if kind == "channel" else 1
-        for line, value in enumerate(values, 2):
+        for row, value in enumerate(values, 1):
             if not 0 <= value <= most:
                 raise MoveFileError(
-                    f"{path}, line {line}: expected 0 to {most} for {name}, found {value}"
+                    f"{table.where(row)}: expected 0 to {most} for {name}, found {value}"
                 )
         found[number] = values
     return lights
 
 
-def _column(name: str, path: str | os.PathLike) -> tuple[str, int]:
+def _column(name: str, where: str) -> tuple[str, int]:
     """Return "channel" or "output", and its number."""
     found = _COLUMN.fullmatch(name)
     if found:
@@ -117,6 +119,6 @@ def _column(name: str, path: str | os.PathLike) -> tuple[str, int]:
         if 1 <= number <= (CHANNELS if kind == "channel" else _MOST_OUTPUTS):
             return kind, number
     raise MoveFileError(
-        f"{path}, line 1: expected a DMX channel, 1 to {CHANNELS}, or an output such as "
+        f"{where}: expected a DMX channel, 1 to {CHANNELS}, or an output such as "
         f"output 1, found {name[:80]!r}"
     )

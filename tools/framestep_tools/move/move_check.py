@@ -24,6 +24,7 @@ from ..simulator.boards import LockstepPort, SimulatedBoard
 from .move_file import Move
 from .move_peaks import FRAMES, POST_ROLL, PRE_ROLL, Peak, Peaks, peaks
 from .rig_axes import Axes
+from .turns import said_of
 
 FITS, STEEP, REFUSED = "fits", "too steep", "refused"
 _SHORTEST_ROLL_S = 0.002  # for a motor that moves (framestep.moves.run_plan)
@@ -59,7 +60,7 @@ class MotorVerdict:
     """What the run asks of a motor.
 
     verdict: FITS; STEEP, played as uploaded although it needs more than the motor's acceleration;
-    or REFUSED. reason: why it does not fit.
+    or REFUSED. reason: why it does not fit. turns: says where it jumps by full turns.
     """
 
     motor: int
@@ -69,6 +70,7 @@ class MotorVerdict:
     path: Reference
     verdict: str
     reason: str = ""
+    turns: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -111,9 +113,17 @@ def check(
         setting = settings.get(motor, Setting())
         verdict, reason = _ask(replace(move, positions={motor: steps}), run, settings, device)
         path = _path(move, motor, run, setting, device.rig.get("smoothing", True))
+        turns = said_of(steps, device.axes.axis(motor), move.start_frame)
         motors.append(
             MotorVerdict(
-                motor, move.names[motor], setting, peaks(path, motor), path, verdict, reason
+                motor,
+                move.names[motor],
+                setting,
+                peaks(path, motor),
+                path,
+                verdict,
+                reason,
+                tuple(turns),
             )
         )
     whole = MoveVerdict(run, motors)
@@ -237,9 +247,11 @@ def lines(found: MoveVerdict, axes: Axes) -> list[str]:
         def limit(steps: int | None, motor: int = motor) -> str:
             return "none" if steps is None else axes.position(motor, steps)
 
+        title = f"motor {motor}" + ("" if each.name == f"motor {motor}" else f", {each.name}")
         said += [
-            f"motor {motor}, {each.name}: {each.verdict}"
+            f"{title}: {each.verdict}"
             + (f": {_of_it(each.reason, axes.name(motor))}" if each.reason else ""),
+            *(f"  {turn}" for turn in each.turns),
             f"  velocity      {peak(top.velocity, 's')}" + _setting(top.velocity, limits.velocity),
             f"  acceleration  {peak(top.acceleration, 's²')}"
             + _setting(top.acceleration, limits.acceleration),
@@ -293,6 +305,7 @@ def for_programs(found: MoveVerdict) -> dict[str, Any]:
                 "name": each.name,
                 "verdict": each.verdict,
                 "reason": each.reason or None,
+                "turns": list(each.turns),
                 "set": vars(each.setting),
                 **{name: as_values(peak) for name, peak in each.peaks._asdict().items()},
             }

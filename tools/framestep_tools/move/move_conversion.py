@@ -1,10 +1,12 @@
 """Conversion from a file's content to steps per frame, and back."""
 
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
 
 from ..errors import ToolError
 from .axes_file import Axis
+from .frame_times import Frame, to_frames
 from .move_file import Move
 from .move_formats.recording import FIRST_FRAME, Channel, Column, Recording, Table
 from .move_formats.units import factor
@@ -12,8 +14,9 @@ from .move_formats.units import factor
 LONGEST = (
     1_000_000  # frames; more than any controller accepts, so probably a typing error in a file
 )
-_CLOSE = 1e-6  # frames: a last frame this close to the end of a file counts as inside
+_CLOSE = 1e-6  # frames: what calculation may lose
 _FEWEST_DECIMALS = 4
+_COLUMN = re.compile(r"(?:column )?(\d{1,6})", re.IGNORECASE)
 
 
 def to_move(
@@ -22,83 +25,127 @@ def to_move(
     path: str,
     fps: float | None = None,
     start: int | None = None,
+    chosen: Mapping[str, str] | None = None,
 ) -> tuple[Move, list[str]]:
     """Return a move of the axes in their motors' order, and the file's names without an axis.
 
-    fps: frames per second, only for a file in seconds; start: number of the first frame (None: the
-    file's, or 1). Raises ToolError if an axis is not in the file, its unit is of another kind, or a
-    position is beyond its limits, with the frame.
+    fps: frames per second; a file in seconds needs it, a file in frames may not name others.
+    start: number of the first frame (None: the file's, or 1); chosen: heading or number of the
+    file's column by the name of an axis. Raises ToolError if an axis is not in the file, its unit
+    is of another kind, or a position is beyond its limits, with the frame.
     """
     if recording.seconds and fps is None:
         raise ToolError(f"{path} is in seconds: name the frames per second by --fps")
-    if fps is not None and not recording.seconds:
-        raise ToolError(f"{path} is in frames: --fps is for files in seconds")
-    channels = _assigned(recording.channels, axes, path)
+    named = recording.fps
+    if fps is not None and named and not recording.seconds and not same_rate(fps, named):
+        raise ToolError(
+            f"{path} is at {named:.10g} frames/s, --fps says {fps:.10g}: leave --fps out"
+        )
+    channels = _assigned(recording, axes, path, chosen or {})
     used = [channel.curve for channel in channels if channel]
     if not used:
         raise ToolError(f'{path}: no axis to take from it: each of the axes has "hold"')
-    begin = min(curve.first for curve in used)
-    end = max(curve.last for curve in used)
-    places = _places(begin, end, fps, path)
-    first = FIRST_FRAME if recording.seconds else round(places(0))
+    begin, end = min(curve.first for curve in used), max(curve.last for curve in used)
+    per_place = fps if fps and recording.seconds else 1.0
+    if (end - begin) * per_place > LONGEST:
+        raise ToolError(f"{path}: expected at most {LONGEST} frames, found {begin:g} to {end:g}")
+    frame = to_frames(
+        [curve.known for curve in used], recording.step, per_place, from_zero=recording.seconds
+    )
+    begin, end = frame(begin), frame(end)
+    whole = math.ceil(begin - _CLOSE)
+    first = FIRST_FRAME if recording.seconds else whole
     number = first if start is None else start
-    count = max(1, math.floor((end - places(0)) * (fps or 1) + _CLOSE) + 1)
-    for frame in (number, number + count - 1):
-        if not -(2**31) <= frame < 2**31:
-            raise ToolError(f"{path}: frame numbers have to fit 32 bits signed, found {frame}")
+    count = max(1, math.floor(end + _CLOSE) - whole + 1)
+    for edge in (number, number + count - 1):
+        if not -(2**31) <= edge < 2**31:
+            raise ToolError(f"{path}: frame numbers have to fit 32 bits signed, found {edge}")
     positions: dict[int, list[int]] = {}
     for axis, channel in zip(axes, channels, strict=True):
-        at = _position(axis, channel, path)
+        at = _position(axis, channel, frame, path)
         steps = []
         for i in range(count):
-            steps.append(axis.steps(at(places(i))))
+            steps.append(axis.steps(at(float(whole + i))))
             axis.check(steps[-1], number + i)
         positions[axis.motor] = steps
     names = {axis.motor: axis.name for axis in axes}
     taken = {id(channel) for channel in channels}
-    left = [channel.name for channel in recording.channels if id(channel) not in taken]
-    return Move(number, names, positions), left
+    left = [str(channel) for channel in recording.axes if id(channel) not in taken]
+    return Move(number, names, positions, named or fps, recording.said), left
 
 
-def _places(begin: float, end: float, fps: float | None, path: str) -> Callable[[int], float]:
-    """Return a function from a frame's index to its place in the file."""
-    if (end - begin) * (fps or 1) > LONGEST:
-        raise ToolError(f"{path}: expected at most {LONGEST} frames, found {begin:g} to {end:g}")
-    if fps is not None:
-        return lambda i: begin + i / fps
-    whole = math.ceil(begin - _CLOSE)
-    return lambda i: float(whole + i)
+def same_rate(one: float, other: float) -> bool:
+    """Return whether two rates are the same, such as 23.976 and 24000/1001."""
+    return round(one, 2) == round(other, 2)
 
 
-def _assigned(channels: list[Channel], axes: list[Axis], path: str) -> list[Channel | None]:
+def _assigned(
+    recording: Recording, axes: list[Axis], path: str, chosen: Mapping[str, str]
+) -> list[Channel | None]:
     """Return the channel of each axis, or None for an axis that holds."""
+    for name in chosen:
+        if name not in (axis.name for axis in axes):
+            known = ", ".join(axis.name for axis in axes)
+            raise ToolError(f"--column: there is no axis {name!r}, there are {known}")
+    channels = recording.axes
     if channels and not any(channel.name for channel in channels):
-        moving = [axis for axis in axes if axis.hold is None]
-        if len(channels) != len(moving):
-            raise ToolError(
-                f"{path} has {len(channels)} columns without names, "
-                f"there are {len(moving)} axes to take from it"
-            )
-        columns = iter(channels)
-        return [next(columns) if axis.hold is None else None for axis in axes]
-    return [_named(axis, channels, path) if axis.hold is None else None for axis in axes]
+        moving = [axis for axis in axes if axis.hold is None or axis.name in chosen]
+        asked = [axis for axis in moving if _column_number(chosen.get(axis.name, axis.in_file))]
+        if not asked:
+            if len(channels) != len(moving):
+                after = f" from column {channels[0].column} on" if channels[0].column > 1 else ""
+                raise ToolError(
+                    f"{path} has {len(channels)} columns without names{after}, "
+                    f"there are {len(moving)} axes to take from it: "
+                    f"choose by --column {moving[0].name if moving else axes[0].name}=2 and so on"
+                )
+            columns = iter(channels)
+            return [next(columns) if axis in moving else None for axis in axes]
+    return [
+        _named(axis, recording.channels, path, chosen.get(axis.name))
+        if axis.hold is None or axis.name in chosen
+        else None
+        for axis in axes
+    ]
 
 
-def _named(axis: Axis, channels: list[Channel], path: str) -> Channel:
-    """Return the channel with an axis's name: the exact one, or the only one if capitals are
-    ignored."""
-    for same in (str, str.lower):
-        found = [channel for channel in channels if same(channel.name) == same(axis.in_file)]
+def _column_number(text: str) -> int:
+    """Return the number in "5" or "column 5", else 0."""
+    found = _COLUMN.fullmatch(text)
+    return int(found[1]) if found else 0
+
+
+def _named(axis: Axis, channels: list[Channel], path: str, choice: str | None) -> Channel:
+    """Return the channel of an axis: the one with its name, also if capitals or a unit in brackets
+    are ignored, or with its number. choice: that a user has named."""
+    wanted = axis.in_file if choice is None else choice
+    names: tuple[Callable[[Channel], bool], ...] = (
+        lambda channel: channel.name == wanted,
+        lambda channel: channel.name.lower() == wanted.lower(),
+        lambda channel: channel.bare_name.lower() == wanted.lower(),
+    )
+    for same in names:
+        found = [channel for channel in channels if channel.name and same(channel)]
         if len(found) == 1:
             return found[0]
         if found:
-            raise ToolError(f"{path} has more than one axis {axis.in_file!r}")
-    names = ", ".join(channel.name for channel in channels)
-    raise ToolError(f"{path} has no axis {axis.in_file!r} for motor {axis.motor}; it has {names}")
+            raise ToolError(f"{path} has more than one axis {wanted!r}")
+    number = _column_number(wanted)
+    if number:
+        for channel in channels:
+            if channel.column == number:
+                return channel
+        last = max(channel.column for channel in channels)
+        raise ToolError(f"{path} has no column {number} for axis {axis.name}; its last is {last}")
+    there = ", ".join(map(str, channels))
+    raise ToolError(f"{path} has no axis {wanted!r} for motor {axis.motor}; it has {there}")
 
 
-def _position(axis: Axis, channel: Channel | None, path: str) -> Callable[[float], float]:
-    """Return a function from a place in the file to an axis's position in its unit."""
+def _position(
+    axis: Axis, channel: Channel | None, frame: Frame, path: str
+) -> Callable[[float], float]:
+    """Return a function from a frame to an axis's position in its unit. frame: of the file's
+    places."""
     if channel is None:
         hold = axis.hold or 0.0
         return lambda place: hold
@@ -108,7 +155,7 @@ def _position(axis: Axis, channel: Channel | None, path: str) -> Callable[[float
         raise ToolError(
             f"{path}, axis {channel.name}: its unit {unit} cannot be converted to {axis.unit}"
         )
-    curve = channel.curve
+    curve = channel.curve.moved(frame)
     return lambda place: curve.at(place) * times
 
 
@@ -118,9 +165,12 @@ def to_table(move: Move, axes: list[Axis]) -> Table:
     Raises ToolError if the move has other motors than the axes, or if a position is beyond its
     limits, with the frame.
     """
-    if len(move.positions) != len(axes):
+    if list(move.positions) != [axis.motor for axis in axes]:
+        motors = ", ".join(map(str, move.positions))
         raise ToolError(
-            f"the move has {len(move.positions)} motors, and there are {len(axes)} axes"
+            f"the move has positions for motor{'s' * (len(move.positions) > 1)} {motors}, "
+            f"and there {'are axes' if len(axes) > 1 else 'is an axis'} for "
+            f"{', '.join(str(axis.motor) for axis in axes)}"
         )
     for axis in axes:
         for i, steps in enumerate(move.positions[axis.motor]):
@@ -128,7 +178,7 @@ def to_table(move: Move, axes: list[Axis]) -> Table:
     columns = [_column(axis, move.positions[axis.motor]) for axis in axes if axis.hold is None]
     if not columns:
         raise ToolError('no axis to write: each of the axes has "hold"')
-    return Table(move.start_frame, columns)
+    return Table(move.start_frame, columns, move.fps)
 
 
 def _column(axis: Axis, steps: list[int]) -> Column:

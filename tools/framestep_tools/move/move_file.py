@@ -1,30 +1,44 @@
-"""Moves as CSV: a column `frame`, then a column per motor in their order, with positions in
-steps."""
+"""Moves as CSV: a column `frame`, then a column per motor with positions in steps. A comment such
+as `# fps: 25` before the header names the frames per second."""
 
 import csv
 import io
 import os
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ..errors import ToolError
+from .numerals import POINT, Cell, ambiguous, decimal_of, number
+from .table import Table, with_header
+from .text_file import MoveFileError, Text, read_text, shown, write_text
+
+if TYPE_CHECKING:
+    from .rig_axes import Axes
 
 EXAMPLES = Path(__file__).parent
 CAMERA_MOVE = EXAMPLES / "camera_move.csv"
-_LONGEST = 80  # characters of a line in an error text
-
-
-class MoveFileError(ToolError):
-    """A file is not a move. The text names the line."""
+_WAY_OUT = "write whole steps, without fractions and signs between thousands"
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}")
+_TENTHS = re.compile(  # a point that is not between thousands
+    r"[+-]?(?:\d+\.\d{0,2}|0*\.\d+|\d+\.\d{4,}|\d{4,}\.\d*|0\d*\.\d*)"
+)
 
 
 @dataclass(frozen=True)
 class Move:
-    """Positions in steps for each scene frame from `start_frame` on; motors count from 1."""
+    """Positions in steps for each scene frame from `start_frame` on; motors count from 1.
+
+    fps: the frames per second that its file names; said: what its user should know; counted: says
+    which motors the columns are that count in their order
+    """
 
     start_frame: int
     names: dict[int, str]
     positions: dict[int, list[int]]
+    fps: float | None = None
+    said: tuple[str, ...] = field(default=(), compare=False)
+    counted: str = field(default="", compare=False)
 
     @property
     def frames(self) -> int:
@@ -50,142 +64,141 @@ def or_example(path: Path) -> Path:
     return example if path.name == str(path) and not path.exists() and example.exists() else path
 
 
-def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
+def read_move(path: str | os.PathLike = CAMERA_MOVE, axes: "Axes | None" = None) -> Move:
     """Read a move. Raises MoveFileError, with the line, if the file is missing or wrong.
 
-    Variants that spreadsheets write are accepted: see read_frames().
+    axes: whose names head its columns (headings.py). Variants that spreadsheets write are accepted:
+    see frames_of().
     """
-    (_, frames), *motors = read_frames(path, "the move", "<motor 1>,<motor 2>…")
-    return Move(
-        frames[0],
-        {motor: name for motor, (name, _) in enumerate(motors, 1)},
-        {motor: steps for motor, (_, steps) in enumerate(motors, 1)},
-    )
+    return move_of(read_text(path), path, axes)
 
 
-def read_frames(path: str | os.PathLike, what: str, columns: str) -> list[tuple[str, list[int]]]:
-    """Read a table with a line for each frame. Return the names and whole numbers of its columns,
-    frames first. Raises MoveFileError, with the line.
+def move_of(read: Text, path: str | os.PathLike, axes: "Axes | None" = None) -> Move:
+    """Return the move in a file's text, as `read_move` does. path: for errors."""
+    from .headings import columns_of
+    from .rig_axes import Axes
 
-    what, columns: kind of the file and the columns after the frames, for error texts.
+    table, (frames, *steps) = frames_of(read, path, "<motor 1>,<motor 2>…")
+    columns = columns_of(table.rows[0][1:], axes or Axes(), str(path))
+    positions = dict(sorted(zip(columns.motors, steps, strict=True)))
+    return Move(frames[0], columns.names, positions, table.fps, read.said, columns.counted)
 
-    Variants that spreadsheets write are accepted: a byte order mark; semicolons, tabs or blanks
-    between the columns; 12.0 for 12; empty lines at the end; empty columns after the last; FRAME
-    for frame.
+
+def frames_of(read: Text, path: str | os.PathLike, columns: str) -> tuple[Table, list[list[int]]]:
+    """Return a table with a line for each frame, and the whole numbers of its columns, frames
+    first. Raises MoveFileError, with the line.
+
+    path, columns: the file, and what follows the frames in its header, for error texts.
+
+    Variants that spreadsheets write are accepted: semicolons, tabs or blanks between the columns;
+    12.0 or 12,0 for 12; empty lines at the end; empty columns after the last; FRAME for frame;
+    comments after # or //.
     """
-    rows = rows_of(text_of(path, what), path)
-    header = rows[0] if rows else []
+    table = with_header(read.text, str(path))
+    header = table.rows[0] if table.rows else []
     if len(header) < 2 or header[0].lower() != "frame":
+        where = f"{path}, line {table.lines[0]}" if table.rows else f"{path} is empty"
         raise MoveFileError(
-            f"{path}, line 1: expected the header frame,{columns}, found {shown(header)}"
+            f"{where}: expected the header frame,{columns}, found {shown(header)}"
+            + _way_out(read.text)
         )
-    values: list[list[int]] = []
-    for line, row in enumerate(rows[1:], 2):
-        numbers = _numbers(row, header, f"{path}, line {line}")
-        if values and numbers[0] != values[-1][0] + 1:
+    for i, row in enumerate(table.rows[1:], 1):
+        if len(row) != len(header):
             raise MoveFileError(
-                f"{path}, line {line}: expected frame {values[-1][0] + 1}, found {numbers[0]}"
+                f"{table.where(i)}: expected {len(header)} whole numbers, found {shown(row)}"
             )
-        values.append(numbers)
-    if not values:
+    if len(table.rows) < 2:
         raise MoveFileError(f"{path}: expected a line for each frame, found none")
-    return [
-        (name, list(column)) for name, column in zip(header, zip(*values, strict=True), strict=True)
-    ]
+    values = [list(column) for column in zip(*_whole(table), strict=True)]
+    for i, (before, frame) in enumerate(zip(values[0], values[0][1:], strict=False), 2):
+        if frame != before + 1:
+            raise MoveFileError(f"{table.where(i)}: expected frame {before + 1}, found {frame}")
+    return table, values
 
 
-def text_of(path: str | os.PathLike, what: str = "the move") -> str:
-    """Read the text of a move's file. Raises MoveFileError. what: as for read_frames()."""
+def _way_out(text: str) -> str:
+    """Return what to do with the file of another program."""
+    from .move_formats import FORMATS
+
+    found = next((each for each in FORMATS.values() if each.recognises(text)), None)
+    return f": framestep import reads {found.NAME}" if found else ""
+
+
+def _whole(table: Table) -> list[list[int]]:
+    """Return the whole numbers below a header. Raises MoveFileError for other cells."""
     try:
-        with open(path, encoding="utf-8-sig") as file:
-            return file.read()
-    except OSError as error:
-        raise MoveFileError(f"cannot read {what} {path}: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise MoveFileError(
-            f"cannot read {what} {path}: it is not text, see byte {error.start}"
-        ) from None
-
-
-def separator_of(text: str) -> str:
-    """Return the separator of a table's columns: the most frequent of tab, ; and , in its header,
-    or a blank if it has none of them."""
-    first = text.split("\n", 1)[0]
-    most = max("\t;,", key=first.count)
-    return most if most in first else " "
-
-
-def rows_of(text: str, path: str | os.PathLike) -> list[list[str]]:
-    """Return the rows of a table, without empty lines at the end and empty columns after the
-    header's. Raises MoveFileError, with the line, for wrong quotes."""
-    reader = csv.reader(text.splitlines(), delimiter=separator_of(text), skipinitialspace=True)
-    try:
-        rows = [[cell.strip() for cell in row] for row in reader]
-    except csv.Error as error:
-        raise MoveFileError(f"{path}, line {reader.line_num}: {error}") from None
-    while rows and not any(rows[-1]):
-        rows.pop()
-    while rows and rows[0] and not rows[0][-1]:
-        rows[0].pop()
-    for row in rows[1:]:
-        while len(row) > len(rows[0]) and not row[-1]:
-            row.pop()
+        rows = [list(map(int, row)) for row in table.rows[1:]]
+    except ValueError:
+        decimal = table.decimal or _sign(table)
+        rows = [
+            [
+                _integer(cell, decimal, name, table.where(i))
+                for cell, name in zip(row, table.rows[0], strict=True)
+            ]
+            for i, row in enumerate(table.rows[1:], 1)
+        ]
+    for i, row in enumerate(rows, 1):
+        if not (min(row) >= -(2**31) and max(row) < 2**31) or any("_" in c for c in table.rows[i]):
+            for cell, value, name in zip(table.rows[i], row, table.rows[0], strict=True):
+                if "_" in cell:
+                    raise _no_whole(cell, name, table.where(i))
+                if not -(2**31) <= value < 2**31:
+                    raise MoveFileError(
+                        f"{table.where(i)}: positions have to fit 32 bits signed, "
+                        f"found {value} for {name}"
+                    )
     return rows
 
 
+def _sign(table: Table) -> str:
+    """Return the decimal sign of whole numbers such as 12.0. Raises MoveFileError if 1.000 may be
+    1 or 1000."""
+    cells = [
+        Cell(cell, f"{table.where(i)}, column {name}")
+        for i, row in enumerate(table.rows[1:], 1)
+        for cell, name in zip(row, table.rows[0], strict=False)
+    ]
+    found = decimal_of(cells, table.path, _WAY_OUT)
+    if found == POINT and not any(_TENTHS.fullmatch(cell.text) for cell in cells):
+        for cell in cells:
+            if _THOUSANDS.fullmatch(cell.text):
+                one, other = cell.text.partition(".")[0], cell.text.replace(".", "")
+                raise ambiguous(cell, f"{one} with decimals", other, _WAY_OUT)
+    return found
+
+
+def _integer(cell: str, decimal: str, name: str, where: str) -> int:
+    try:
+        return int(cell)
+    except ValueError:
+        pass
+    try:
+        value = number(cell, where, decimal)
+    except MoveFileError:
+        value = 0.5
+    if value != int(value) or "e" in cell.lower():
+        raise _no_whole(cell, name, where)
+    return int(value)
+
+
+def _no_whole(cell: str, name: str, where: str) -> MoveFileError:
+    return MoveFileError(f"{where}: expected a whole number for {name}, found {shown([cell])}")
+
+
 def write_move(path: str | os.PathLike, move: Move) -> None:
-    """Write a move for `read_move`. Raises MoveFileError."""
+    """Write a move for `read_move`. Raises MoveFileError.
+
+    A column that is not at its motor's place is headed by the motor, which holds without axes.toml.
+    """
     out = io.StringIO()
+    if move.fps:
+        out.write(f"# fps: {move.fps:.10g}\n")
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["frame", *(move.names[motor] for motor in move.positions)])
+    headings = [
+        move.names[motor] if motor == place else f"motor {motor}"
+        for place, motor in enumerate(move.positions, 1)
+    ]
+    writer.writerow(["frame", *headings])
     frames = range(move.start_frame, move.end_frame + 1)
     writer.writerows(zip(frames, *move.positions.values(), strict=True))
     write_text(path, out.getvalue())
-
-
-def write_text(path: str | os.PathLike, text: str) -> None:
-    """Write a move's file completely or not at all. Raises MoveFileError.
-
-    A path that is not a file, such as /dev/stdout, is written to and not replaced.
-    """
-    target = Path(path).resolve()
-    plain = target.is_file() or not target.exists()
-    written = target.with_name(f".{target.name}.part") if plain else target
-    try:
-        with open(written, "w", newline="", encoding="utf-8") as file:
-            file.write(text)
-        if plain:
-            os.replace(written, target)
-    except OSError as error:
-        if plain:
-            written.unlink(missing_ok=True)
-        raise MoveFileError(f"cannot write {path}: {error.strerror or error}") from None
-
-
-def shown(row: list[str]) -> str:
-    """Return a row for an error text: one line of limited length."""
-    text = ",".join(row)
-    return repr(text if len(text) <= _LONGEST else text[:_LONGEST] + "…")
-
-
-def _numbers(row: list[str], header: list[str], where: str) -> list[int]:
-    """Return a row's whole numbers, one a column. Raises MoveFileError for anything else."""
-    if len(row) != len(header):
-        raise MoveFileError(f"{where}: expected {len(header)} whole numbers, found {shown(row)}")
-    numbers = []
-    for cell, name in zip(row, header, strict=True):
-        whole, _, fraction = cell.partition(".")
-        try:
-            if fraction.strip("0") or "_" in cell:
-                raise ValueError
-            number = int(whole)
-        except ValueError:
-            raise MoveFileError(
-                f"{where}: expected a whole number for {name}, found {shown([cell])}"
-            ) from None
-        if not -(2**31) <= number < 2**31:
-            raise MoveFileError(
-                f"{where}: positions have to fit 32 bits signed, found {number} for {name}"
-            )
-        numbers.append(number)
-    return numbers

@@ -1,5 +1,6 @@
 """Names and units of a rig's motors: commands read and write motors, positions and rates here."""
 
+import errno
 import math
 import os
 import re
@@ -9,7 +10,7 @@ from pathlib import Path
 import typer
 
 from ..errors import USAGE, ToolError
-from .axes_file import MOTORS, Axis, read_axes
+from .axes_file import MOTORS, AxesFileError, Axis, read_axes
 from .move_formats.units import UNITS, factor
 
 FILE = Path("axes.toml")
@@ -37,7 +38,23 @@ def find(given: Path | None = None) -> Path | None:
     """Return the given axes.toml, else the working directory's, else the user's, else None."""
     if given:
         return given
-    return next((path for path in (FILE, user_file()) if path.exists()), None)
+    return next((path for path in (FILE, user_file()) if _exists(path)), None)
+
+
+def _exists(path: Path) -> bool:
+    """Return whether there is such a file. Raises AxesFileError if its folder cannot be read."""
+    try:
+        path.stat()
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        if error.errno == errno.ENOTDIR:
+            return False
+        raise AxesFileError(
+            f"cannot look for the axes {path}: {error.strerror or error}; "
+            "name the file by --axes, or give this user access to the folder"
+        ) from None
+    return True
 
 
 def load(given: Path | None = None) -> "Axes":
@@ -64,11 +81,19 @@ class Axes:
             if 1 <= int(text) <= MOTORS:
                 return int(text)
             raise AxesError(f"expected a motor from 1 to {MOTORS}, found {text}")
+        motor = self.named_motor(text)
+        if motor is None:
+            raise AxesError(f"there is no axis {_short(text)}: {self._known()}")
+        return motor
+
+    def named_motor(self, text: str) -> int | None:
+        """Return the motor of the axis with this name, or None. Capitals do not matter if only one
+        axis has the name."""
         for same in (str, str.lower):
             found = [a.motor for a in self._of.values() if same(a.name) == same(text)]
             if len(found) == 1:
                 return found[0]
-        raise AxesError(f"there is no axis {_short(text)}: {self._known()}")
+        return None
 
     def steps(self, motor: int, text: str) -> int:
         """Return a position in steps: a whole number of steps, or a number with a unit.

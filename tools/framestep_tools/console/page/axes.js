@@ -159,7 +159,7 @@ const KEYS = {
   motor: [`a whole number from 1 to ${MOTORS}`, (value) => Number.isInteger(value) && value >= 1 && value <= MOTORS],
   steps_per_unit: [`a number from ${LEAST} to ${MOST}`, (value) => finite(value) && value >= LEAST && value <= MOST],
   unit: [units, unit],
-  in_file: ["a text", word],
+  in_file: ["a text, or a column's number", (value) => word(value) || (Number.isInteger(value) && value >= 1 && value <= 1e6)],
   zero: ["a number", finite],
   limits: ["two numbers [lowest, highest]", (value) => Array.isArray(value) && value.length === 2 && value.every(finite) && value[0] < value[1]],
   invert: ["true or false", (value) => typeof value === "boolean"],

@@ -35,8 +35,8 @@ export class Curve {
     this.element.hidden = false;
     this.#ranges = ranges;
     const drawing = s("svg", { class: "drawing", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `The move from frame ${move.startFrame} to ${move.endFrame}` });
-    this.#dots = move.positions.map((steps, motor) => s("circle", { r: 5, fill: colour(motor) }));
-    drawing.append(...this.#frames(), ...move.positions.map((steps, motor) => this.#line(motor)), this.#head, ...this.#dots);
+    this.#dots = move.motors.map((motor) => s("circle", { r: 5, fill: colour(motor - 1) }));
+    drawing.append(...this.#frames(), ...move.motors.map((_, index) => this.#line(index)), this.#head, ...this.#dots);
     this.element.replaceChildren(drawing, this.#legend(), this.#caption);
     this.at(move.startFrame, null);
     return drawing;
@@ -48,9 +48,9 @@ export class Curve {
     const x = this.x(frame);
     this.#head.setAttribute("x1", x);
     this.#head.setAttribute("x2", x);
-    this.#dots.forEach((dot, motor) => {
+    this.#dots.forEach((dot, index) => {
       dot.setAttribute("cx", x);
-      dot.setAttribute("cy", this.y(motor, positions?.[motor] ?? positionAt(this.#move, motor, frame)));
+      dot.setAttribute("cy", this.y(index, positions?.[this.#move.motors[index] - 1] ?? positionAt(this.#move, index, frame)));
     });
     setText(this.#caption, `Play head at frame ${frame.toFixed(3)}. Each motor has a scale of its own.`);
   }
@@ -67,20 +67,21 @@ export class Curve {
     return startFrame + ((x - LEFT) / (WIDTH - 2 * LEFT)) * (endFrame - startFrame);
   }
 
-  /** Convert a motor's position to a place in the drawing, and back. */
-  y(motor, steps) {
-    const [low, high] = this.#ranges[motor];
+  /** Convert a position of the motor with this index in the move to a place in the drawing, and back. */
+  y(index, steps) {
+    const [low, high] = this.#ranges[index];
     const share = high > low ? (steps - low) / (high - low) : 0.5;
     return HEIGHT - BOTTOM - Math.min(Math.max(share, -0.02), 1.02) * (HEIGHT - BOTTOM - TOP);
   }
 
-  stepsAt(motor, y) {
-    const [low, high] = this.#ranges[motor];
+  stepsAt(index, y) {
+    const [low, high] = this.#ranges[index];
     return low + ((HEIGHT - BOTTOM - y) / (HEIGHT - BOTTOM - TOP)) * (high - low);
   }
 
-  #line(motor) {
+  #line(index) {
     const { startFrame, endFrame } = this.#move;
+    const motor = this.#move.motors[index] - 1;
     const frames = endFrame - startFrame;
     const every = Math.max(1, Math.ceil(frames / MOST_POINTS));
     const points = [];
@@ -91,7 +92,7 @@ export class Curve {
       stroke: colour(motor),
       "stroke-width": 2,
       "stroke-dasharray": DASHES[Math.floor(motor / 2) % DASHES.length],
-      points: points.map((frame) => `${this.x(frame).toFixed(1)},${this.y(motor, positionAt(this.#move, motor, frame)).toFixed(1)}`).join(" "),
+      points: points.map((frame) => `${this.x(frame).toFixed(1)},${this.y(index, positionAt(this.#move, index, frame)).toFixed(1)}`).join(" "),
     });
   }
 
@@ -107,8 +108,9 @@ export class Curve {
 
   #legend() {
     const ranges = rangesOf(this.#move);
-    return h("ul", { class: "legend" }, ...this.#move.names.map((name, motor) => {
-      const [low, high] = ranges[motor];
+    return h("ul", { class: "legend" }, ...this.#move.names.map((name, index) => {
+      const [low, high] = ranges[index];
+      const motor = this.#move.motors[index] - 1;
       const swatch = s("svg", { width: 36, height: 10, "aria-hidden": "true" }, s("line", { x1: 0, x2: 36, y1: 5, y2: 5, stroke: colour(motor), "stroke-width": 3, "stroke-dasharray": DASHES[Math.floor(motor / 2) % DASHES.length] }));
       const axis = this.#axes.of(motor + 1);
       const range = axis.scaled ? `${axis.full(low)} to ${axis.full(high)} steps` : `${low} to ${high} steps`;

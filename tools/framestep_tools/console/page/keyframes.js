@@ -112,7 +112,7 @@ export class Keyframes {
       if (steps < LOWEST || steps > HIGHEST) throw new KeyframesError(`frame ${first.frame + i}: motor ${motor + 1} leaves the range of positions`);
       return steps;
     }));
-    return { startFrame: first.frame, endFrame: last.frame, names, positions };
+    return { startFrame: first.frame, endFrame: last.frame, motors: positions.map((_, motor) => motor + 1), names, positions, fps: null, counted: "" };
   }
 
   /** Return the text of a file. */

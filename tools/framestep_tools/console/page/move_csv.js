@@ -1,12 +1,29 @@
-// Moves as CSV, as for framestep upload: a column `frame`, then a column per motor in their order, with positions in
-// whole steps. Variants that spreadsheets write are accepted.
+// Moves as CSV, as for framestep upload: a column `frame`, then a column per motor, headed by its axis or its number, with
+// positions in whole steps. Variants that spreadsheets write are accepted.
 
 const LONGEST = 80; // characters of a line in an error text
 const LEAST = -2147483648;
 const MOST = 2147483647;
+const MOTORS = 32;
+const COMMENT = /^\s*(?:\/\/|#)(.*)/;
+const RATE = /(?:fps|frame ?rate|frames per second)\W{0,3}(\d+(?:\.\d+)?(?:\/\d+)?)\b|\b(\d+(?:\.\d+)?(?:\/\d+)?) ?(?:fps|frames\/s|frames per second)/i;
+const UNIT = /^(.*\S)\s*[[(]\s*(steps|mm|cm|m|in|ft|deg|rad|°)\s*[\])]$/i;
+const GROUPED = /^[+-]?[1-9]\d{0,2}\.\d{3}$/; // may be thousands
+const MARKS = [[[0xef, 0xbb, 0xbf], "utf-8"], [[0xff, 0xfe], "utf-16le"], [[0xfe, 0xff], "utf-16be"]];
 
 /** A file is not a move. The text names the line. */
 export class MoveError extends Error {}
+
+/** Return the text of a file, whose byte order mark may name another encoding than UTF-8. Throws MoveError. */
+export async function textOf(file) {
+  const bytes = new Uint8Array(await file.arrayBuffer());
+  const [, encoding] = MARKS.find(([mark]) => mark.every((byte, at) => bytes[at] === byte)) ?? [null, "utf-8"];
+  try {
+    return new TextDecoder(encoding, { fatal: true }).decode(bytes);
+  } catch {
+    throw new MoveError(`${file.name} is not text in UTF-8 or, with its mark, in UTF-16`);
+  }
+}
 
 function shown(cells) {
   const text = cells.join(",");
@@ -26,44 +43,120 @@ function whole(cell, name, where) {
   return value;
 }
 
-/** Return {startFrame, endFrame, names, positions: an array per motor}. Throws MoveError. name: the file's. */
-export function parseMove(text, name) {
-  const lines = text.replace(/^\uFEFF/, "").split(/\r\n|\r|\n/);
-  const count = (sign) => lines[0].split(sign).length;
-  const between = ["\t", ";", ","].reduce((best, sign) => (count(sign) > count(best) ? sign : best));
-  const rows = lines.map((line) => line.split(between).map((cell) => cell.trim().replace(/^"(.*)"$/, "$1")));
-  while (rows.length && rows.at(-1).every((cell) => cell === "")) rows.pop();
-  const header = trimmed(rows[0] ?? [], 0);
+/** Return the frames per second in a comment, such as "fps: 25" or "24000/1001 fps", or null. */
+function rateIn(comment) {
+  const found = comment.match(RATE);
+  if (!found) return null;
+  const [above, below = 1] = (found[1] ?? found[2]).split("/").map(Number);
+  const rate = above / below;
+  return rate >= 0.001 && rate <= 1000 ? rate : null;
+}
+
+/**
+ * Return {motors, counted} of the columns with these headings: a name in axes.toml or a motor's number decides, others count in
+ * their order; counted says which these are. Throws MoveError if two columns are for one motor, or axes.toml calls it otherwise.
+ */
+function motorsOf(headings, axes, name) {
+  const counted = [];
+  const motors = [];
+  headings.forEach((heading, at) => {
+    const where = `${name}, column “${heading}”`;
+    const [, bare, unit] = heading.match(UNIT) ?? [null, heading, "steps"];
+    if (unit.toLowerCase() !== "steps") throw new MoveError(`${where}: a move has steps, this is in ${unit}: framestep import converts it`);
+    const same = (change) => axes.list.filter((axis) => change(axis.name) === change(bare));
+    const [axis] = [same((text) => text), same((text) => text.toLowerCase())].find((found) => found.length === 1) ?? [];
+    const number = bare.match(/^(?:motor[ _]?)?(\d{1,9})$/i);
+    let motor = number ? Number(number[1]) : axis?.motor;
+    if (number && (motor < 1 || motor > MOTORS)) throw new MoveError(`${where}: expected a motor from 1 to ${MOTORS}`);
+    if (number && axis && axis.motor !== motor) throw new MoveError(`${where}: axes.toml has an axis of this name for motor ${axis.motor}: write motor ${motor} or motor ${axis.motor}`);
+    if (motor === undefined) {
+      motor = at + 1;
+      const { settings } = axes.of(motor);
+      if (settings) throw new MoveError(`${where}: no axis has this name, and axes.toml calls motor ${motor} “${settings.name}”: head the column by the name of an axis or by a motor's number, such as motor ${motor}`);
+      counted.push(`${heading || "the column without a name"} is motor ${motor}`);
+    }
+    if (motors.includes(motor)) throw new MoveError(`${where}: it is for motor ${motor}, as is column “${headings[motors.indexOf(motor)]}”`);
+    motors.push(motor);
+  });
+  return { motors, counted: counted.join(", ") };
+}
+
+/**
+ * Return {startFrame, endFrame, motors: the number of each, names and positions: of each of these motors, fps: that the file
+ * names, or null, counted: as motorsOf}. Throws MoveError. name: the file's; axes: names and units of the motors.
+ */
+export function parseMove(text, name, axes) {
+  const comments = [];
+  const lines = [];
+  text.replace(/^\uFEFF/, "").replace(/[\u001a\0\s]*\u001a[\u001a\0\s]*$/, "").split(/\r\n|\r|\n/).forEach((line, at) => {
+    const comment = line.match(COMMENT);
+    if (comment) comments.push(comment[1]);
+    else if (lines.length || line.trim()) lines.push([at + 1, line]);
+  });
+  let between = null;
+  const separator = lines[0]?.[1].trim().match(/^"?sep=(.)"?$/i);
+  if (separator) {
+    [, between] = separator;
+    lines.shift();
+  }
+  const first = lines[0]?.[1] ?? "";
+  const count = (sign) => first.split(sign).length;
+  between ??= ["\t", ";", ","].reduce((best, sign) => (count(sign) > count(best) ? sign : best));
+  const rows = lines.map(([at, line]) => [at, line.split(between).map((cell) => cell.trim().replace(/^"(.*)"$/, "$1"))]);
+  while (rows.length && rows.at(-1)[1].every((cell) => cell === "")) rows.pop();
+  const header = trimmed(rows[0]?.[1] ?? [], 0);
   if (header.length < 2 || header[0].toLowerCase() !== "frame") {
-    throw new MoveError(`${name}, line 1: expected the header frame,<motor 1>,<motor 2>…, found “${shown(header)}”`);
+    throw new MoveError(`${name}, line ${rows[0]?.[0] ?? 1}: expected the header frame,<motor 1>,<motor 2>…, found “${shown(header)}”`);
   }
   if (rows.length < 2) throw new MoveError(`${name}: expected a line for each frame, found none`);
-  const positions = header.slice(1).map(() => []);
+  const { motors, counted } = motorsOf(header.slice(1), axes, name);
+  const positions = motors.map(() => []);
   let frame = null;
-  rows.slice(1).forEach((row, at) => {
-    const where = `${name}, line ${at + 2}`;
+  let grouped = null; // a cell that may be thousands, and its line
+  let decimals = false; // whether another cell shows that the point is a decimal one
+  rows.slice(1).forEach(([at, row]) => {
+    const where = `${name}, line ${at}`;
     const cells = trimmed(row, header.length);
     if (cells.length !== header.length) throw new MoveError(`${where}: expected ${header.length} whole numbers, found “${shown(cells)}”`);
-    const numbers = cells.map((cell, column) => whole(cell, header[column], where));
+    const numbers = cells.map((cell, column) => {
+      if (GROUPED.test(cell)) grouped ??= [cell, where];
+      else decimals ||= cell.includes(".");
+      return whole(cell.replace(GROUPED, (found) => found.split(".")[0]), header[column], where);
+    });
     if (frame !== null && numbers[0] !== frame + 1) throw new MoveError(`${where}: expected frame ${frame + 1}, found ${numbers[0]}`);
     frame = numbers[0];
     positions.forEach((column, motor) => column.push(numbers[motor + 1]));
   });
-  return { startFrame: frame - positions[0].length + 1, endFrame: frame, names: header.slice(1), positions };
+  if (grouped && (!decimals || !grouped[0].endsWith(".000"))) {
+    const [one] = grouped[0].split(".");
+    throw new MoveError(`${grouped[1]}: “${grouped[0]}” may be ${one} with decimals or ${grouped[0].replace(".", "")}: write whole steps, without fractions and signs between thousands`);
+  }
+  const order = motors.map((_, at) => at).sort((a, b) => motors[a] - motors[b]);
+  return {
+    startFrame: frame - positions[0].length + 1,
+    endFrame: frame,
+    motors: order.map((at) => motors[at]),
+    names: order.map((at) => axes.of(motors[at]).settings?.name ?? header[at + 1]),
+    positions: order.map((at) => positions[at]),
+    fps: comments.map(rateIn).find((rate) => rate !== null) ?? null,
+    counted,
+  };
 }
 
-/** Return a motor's position (motors from 0) at any frame; straight between frames, as drawn. */
-export function positionAt(move, motor, frame) {
-  const steps = move.positions[motor];
+/** Return a position at any frame, of the motor with this index in the move; straight between frames, as drawn. */
+export function positionAt(move, index, frame) {
+  const steps = move.positions[index];
   const at = Math.min(Math.max(frame - move.startFrame, 0), steps.length - 1);
   const before = Math.floor(at);
   const after = Math.min(before + 1, steps.length - 1);
   return steps[before] + (steps[after] - steps[before]) * (at - before);
 }
 
-/** Return the text of a move, as parseMove takes it. */
+/** Return the text of a move, as parseMove takes it. A column that is not at its motor's place is headed by the motor. */
 export function moveText(move) {
   const quoted = (name) => (/[",\n]/.test(name) ? `"${name.replaceAll('"', '""')}"` : name);
+  const headings = move.names.map((name, at) => (move.motors[at] === at + 1 ? quoted(name) : `motor ${move.motors[at]}`));
   const lines = move.positions[0].map((_, i) => [move.startFrame + i, ...move.positions.map((steps) => steps[i])].join(","));
-  return `${[["frame", ...move.names.map(quoted)].join(","), ...lines].join("\n")}\n`;
+  const rate = move.fps ? `# fps: ${Number(move.fps.toPrecision(10))}\n` : "";
+  return `${rate}${[["frame", ...headings].join(","), ...lines].join("\n")}\n`;
 }

@@ -30,7 +30,7 @@ export class MoveNeeds {
   async show(move, fps) {
     const rows = [];
     for (const [index, need] of needs(move, fps).entries()) {
-      const motor = index + 1;
+      const motor = move.motors[index];
       const set = motor <= this.#device.motors ? await this.#device.settingsOf(motor) : null;
       rows.push({ motor, need, set });
     }

@@ -11,7 +11,7 @@ export function* uploadRequests(move) {
     for (let at = 0; at < steps.length; at += SECTION_POSITIONS) {
       const last = at + SECTION_POSITIONS >= steps.length ? LAST_SECTION : 0;
       yield ["RtUploadMoveAxis", {
-        motor: index + 1,
+        motor: move.motors[index],
         start_index: at + last,
         positions: steps.slice(at, at + SECTION_POSITIONS),
       }];

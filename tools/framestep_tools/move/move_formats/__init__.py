@@ -4,7 +4,7 @@
 from pathlib import Path
 from typing import Protocol
 
-from ..move_file import MoveFileError
+from ..text_file import MoveFileError
 from . import arc, csv_table, kuper, maya_anim, raw
 from .recording import Recording, Table
 
@@ -20,8 +20,10 @@ class Format(Protocol):
         """Return whether a file's text looks like this format."""
         ...
 
-    def read(self, text: str, path: str) -> Recording:
-        """Read the axes in a file's text. Raises MoveFileError, with `path` and the line."""
+    def read(self, text: str, path: str, decimal: str | None = None) -> Recording:
+        """Read the axes in a file's text. Raises MoveFileError, with `path` and the line.
+
+        decimal: the sign before the fraction of numbers (numerals.py); None: the file decides."""
         ...
 
     def write(self, table: Table, fps: float | None) -> str:
@@ -38,6 +40,8 @@ FORMATS: dict[str, Format] = {
 
 def of_content(text: str, path: str) -> Format:
     """Recognise the format of a file's text. Raises MoveFileError if it looks like none."""
+    if not text.strip():
+        raise MoveFileError(f"{path}: the file is empty")
     for candidate in FORMATS.values():
         if candidate.recognises(text):
             return candidate

@@ -9,18 +9,23 @@
 docs/use/formats.md has the sources.
 """
 
+import re
 import xml.etree.ElementTree as ET
 from itertools import pairwise
 
-from ..move_file import MoveFileError, shown
+from ..frame_times import last_decimal
+from ..numerals import number
+from ..text_file import MoveFileError, shown
 from .curves import Keyframes, Point, Samples, Segment, within
-from .recording import Channel, Column, Recording, Table, number
+from .recording import Channel, Column, Recording, Table
 from .units import UNITS
 
 NAME = "arc"
 MEANING = "Dragonframe's Arc move, XML with keyframes"
 ENDINGS = (".arcm", ".xml")
 
+# The text is decoded already, whatever its declaration says.
+_DECLARATION = re.compile(r"\s*<\?xml[^>]*\?>")
 _NAMESPACE = "http://caliri.com/motion/scene"
 
 
@@ -29,26 +34,33 @@ def recognises(text: str) -> bool:
     return text.lstrip().startswith("<")
 
 
-def read(text: str, path: str) -> Recording:
+def read(text: str, path: str, decimal: str | None = None) -> Recording:
     """Read the file's axes that have keyframes. Raises MoveFileError, with the axis."""
     try:
-        root = ET.fromstring(text)
+        root = ET.fromstring(_DECLARATION.sub("", text).strip())
     except ET.ParseError as error:
         raise MoveFileError(f"{path}: not valid XML: {error}") from None
     if _local(root) != "scene":
         raise MoveFileError(f"{path}: expected <scene> as the outermost element, found {root.tag}")
+    axes = [element for element in root if _local(element) == "axis"]
     channels = []
-    for i, axis in enumerate((e for e in root if _local(e) == "axis"), 1):
+    for i, axis in enumerate(axes, 1):
         name = axis.get("name", "")
-        channel = _channel(axis, name, f"{path}, axis {name or i}")
+        channel = _channel(axis, name, f"{path}, axis {name or i}", i)
         if channel:
             channels.append(channel)
+    if not channels and any("stepsPerUnit" in axis.attrib for axis in axes):
+        raise MoveFileError(
+            f"{path}: it is an Arc scene, the set-up of a rig, and not a move: "
+            "export the move (.arcm)"
+        )
     if not channels:
         raise MoveFileError(f"{path}: expected an axis with keyframes, found none")
-    return Recording(channels)
+    texts = (p.get("x", "") for axis in axes for p in axis if _local(p) == "points")
+    return Recording(channels, step=last_decimal(texts))
 
 
-def _channel(axis: ET.Element, name: str, where: str) -> Channel | None:
+def _channel(axis: ET.Element, name: str, where: str, column: int) -> Channel | None:
     """Return an axis, or None if it has no keyframes."""
     unit = axis.get("units", "").strip().lower()
     if unit and unit not in UNITS:
@@ -72,7 +84,7 @@ def _channel(axis: ET.Element, name: str, where: str) -> Channel | None:
         _segment(keys[i], handles[2 * i], handles[2 * i + 1], keys[i + 1], where)
         for i in range(len(keys) - 1)
     ]
-    return Channel(name, Keyframes(keys, segments), unit)
+    return Channel(name, Keyframes(keys, segments), unit, column)
 
 
 def _segment(start: Point, handle: Point, other: Point, end: Point, where: str) -> Segment:

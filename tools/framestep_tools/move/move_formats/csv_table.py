@@ -5,10 +5,16 @@ Blender and Maya have no CSV format for animation; scripts for them and spreadsh
 
 import csv
 import io
+import re
+from itertools import pairwise
 
-from ..move_file import MoveFileError, rows_of, separator_of, shown
+from ..frame_times import last_decimal
+from ..table import Table as Text
+from ..table import contents, separator_of, with_header
+from ..text_file import MoveFileError, shown
 from .curves import Samples
-from .recording import Channel, Recording, Table, number
+from .recording import Channel, Recording, Table
+from .units import unit_of, without_unit
 
 NAME = "csv"
 MEANING = "a header, then a line per frame; the first column is frame or seconds"
@@ -16,67 +22,95 @@ ENDINGS = (".csv", ".tsv")
 
 # Headers of the first column, in lower case, and how many of its units a second has; None: frames
 _CLOCKS: dict[str, float | None] = {
-    "frame": None, "frames": None, "frame number": None,
+    "frame": None, "frames": None, "frame number": None, "frame no": None, "frame no.": None,
+    "frame #": None, "frame_number": None,
     "seconds": 1, "second": 1, "sec": 1, "s": 1, "time": 1, "time (s)": 1, "time [s]": 1,
-    "milliseconds": 1000, "ms": 1000, "time (ms)": 1000, "time [ms]": 1000, "time_ms": 1000,
+    "time (sec)": 1, "time_s": 1, "milliseconds": 1000, "ms": 1000, "time (ms)": 1000,
+    "time [ms]": 1000, "time_ms": 1000,
 }  # fmt: skip
+_BEHIND_SIGN = re.compile(r"^\s*(?:#|//)\s*")
 
 
 def recognises(text: str) -> bool:
     """Return whether a file's text looks like this format."""
-    first = text.split("\n", 1)[0]
-    return first.split(separator_of(text))[0].strip().strip('"').lower() in _CLOCKS
+    return _header_line(text) is not None
 
 
-def read(text: str, path: str) -> Recording:
+def _header_line(text: str) -> int | None:
+    """Return the index of the line that is the header, also behind a # or //, or None."""
+    lines, _ = contents(text)
+    first = lines[0][0] if lines else 1
+    for i, line in enumerate(text.split("\n")[:first]):
+        if _clock_of(_BEHIND_SIGN.sub("", line)) in _CLOCKS:
+            return i
+        if i + 1 == first and line.strip().strip('"').lower().startswith("sep="):
+            below = contents("\n".join(text.split("\n")[first:]))[0]
+            return first + below[0][0] - 1 if below and _clock_of(below[0][1]) in _CLOCKS else None
+    return None
+
+
+def _clock_of(line: str) -> str:
+    return line.split(separator_of(line))[0].strip().strip('"').lower()
+
+
+def read(text: str, path: str, decimal: str | None = None) -> Recording:
     """Read the file's axes. Raises MoveFileError, with line and column, also for a missing
     frame."""
-    rows = rows_of(text, path)
-    header = rows[0] if rows else []
+    at = _header_line(text)
+    if at is not None:
+        lines = text.split("\n")
+        lines[at] = _BEHIND_SIGN.sub("", lines[at])
+        text = "\n".join(lines)
+    table = with_header(text, path, decimal)
+    header = table.rows[0] if table.rows else []
     if len(header) < 2 or header[0].lower() not in _CLOCKS:
         raise MoveFileError(
-            f"{path}, line 1: expected a header that begins with frame or seconds, "
-            f"found {shown(header)}"
+            f"{path}, line {table.lines[0] if table.rows else 1}: "
+            f"expected a header that begins with frame or seconds, found {shown(header)}"
         )
     clock = _CLOCKS[header[0].lower()]
-    decimal_comma = separator_of(text) != ","  # as in spreadsheets of many countries
-    places: list[float] = []
-    columns: list[list[float]] = [[] for _ in header[1:]]
-    for line, row in enumerate(rows[1:], 2):
-        if len(row) != len(header):
-            raise MoveFileError(
-                f"{path}, line {line}: expected {len(header)} columns, found {len(row)}"
-            )
-        cells = [
-            number(
-                cell.replace(",", ".") if decimal_comma else cell,
-                f"{path}, line {line}, column {name}",
-            )
-            for cell, name in zip(row, header, strict=True)
-        ]
-        _check_place(cells[0], places, clock, f"{path}, line {line}, column {header[0]}")
-        places.append(cells[0])
-        for column, cell in zip(columns, cells[1:], strict=True):
-            column.append(cell)
-    if not places:
+    units = units_row(table)
+    first = 2 if units else 1
+    if len(table.rows) <= first:
         raise MoveFileError(f"{path}: expected a line for each frame, found none")
+    places, *columns = table.columns(header, first)
+    step = last_decimal(row[0] for row in table.rows[first:])
+    _check_places(table, first, places, clock)
     if clock:
         places = [place / clock for place in places]
+        step /= clock
     channels = [
-        Channel(name, Samples(places, column))
-        for name, column in zip(header[1:], columns, strict=True)
+        Channel(name, Samples(places, column), units[i - 1] if units else without_unit(name)[1], i)
+        for i, (name, column) in enumerate(zip(header[1:], columns, strict=True), 2)
     ]
-    return Recording(channels, seconds=clock is not None)
+    return Recording(channels, clock is not None, step, table.fps)
 
 
-def _check_place(place: float, before: list[float], clock: float | None, where: str) -> None:
+def units_row(table: Text) -> list[str]:
+    """Return the units in the second row of a table, one a column; empty if they are not there."""
+    row = table.rows[1] if len(table.rows) > 1 else []
+    found = [unit_of(cell) for cell in row]
+    named = [bool(cell.strip(" -")) == bool(unit) for cell, unit in zip(row, found, strict=True)]
+    return found if len(row) == len(table.rows[0]) and any(found[1:]) and all(named[1:]) else []
+
+
+def _check_places(table: Text, first: int, places: list[float], clock: float | None) -> None:
+    name = table.rows[0][0]
     if clock is None:
-        if place != int(place):
-            raise MoveFileError(f"{where}: expected a whole number, found {place:g}")
-        if before and place != before[-1] + 1:
-            raise MoveFileError(f"{where}: expected frame {before[-1] + 1:.0f}, found {place:.0f}")
-    elif before and place <= before[-1]:
-        raise MoveFileError(f"{where}: expected a time after {before[-1]:g}, found {place:g}")
+        for i, place in enumerate(places):
+            where = table.where(first + i, name)
+            if place != int(place):
+                raise MoveFileError(f"{where}: expected a whole number, found {place:g}")
+            if i and place != places[i - 1] + 1:
+                raise MoveFileError(
+                    f"{where}: expected frame {places[i - 1] + 1:.0f}, found {place:.0f}"
+                )
+        return
+    for i, (before, place) in enumerate(pairwise(places), 1):
+        if place <= before:
+            raise MoveFileError(
+                f"{table.where(first + i, name)}: expected a time after {before:g}, found {place:g}"
+            )
 
 
 def write(table: Table, fps: float | None) -> str:
@@ -87,6 +121,8 @@ def write(table: Table, fps: float | None) -> str:
         else list(map(str, table.frames))
     )
     out = io.StringIO()
+    if table.fps and not fps:
+        out.write(f"# fps: {table.fps:.10g}\n")
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(["seconds" if fps else "frame", *(column.name for column in table.columns)])
     writer.writerows(zip(first, *(column.texts() for column in table.columns), strict=True))

@@ -1,11 +1,11 @@
 """Curves over frames or seconds: samples, and keyframes with the handles of Bézier curves."""
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from ..move_file import MoveFileError
+from ..text_file import MoveFileError
 
 _SAME = 1e-6  # as a part of the distance between samples: seconds are rounded in files
 _CLOSE = 1e-12  # tolerance of the curve's parameter, as a part of a Bézier segment's width
@@ -32,12 +32,21 @@ class Samples:
         """Place of the last sample."""
         return self.places[-1]
 
+    @property
+    def known(self) -> list[float]:
+        """Places of the samples."""
+        return self.places
+
+    def moved(self, place: Callable[[float], float]) -> "Samples":
+        """Return the same samples at other places."""
+        return Samples([place(x) for x in self.places], self.values)
+
     def at(self, x: float) -> float:
         """Return the value at a place; beyond the ends, the value of the end sample."""
         i = bisect_right(self.places, x) - 1
         if i < 0:
             return self.values[0]
-        if i == len(self.places) - 1:
+        if i == len(self.places) - 1 or x == self.places[i]:
             return self.values[i]
         width = self.places[i + 1] - self.places[i]
         t = (x - self.places[i]) / width
@@ -72,6 +81,10 @@ class Piece(Protocol):
         """Return the value at a place between the keyframes."""
         ...
 
+    def between(self, start: float, end: float) -> "Piece":
+        """Return the same values between keyframes at other places."""
+        ...
+
 
 @dataclass(frozen=True)
 class Hold:
@@ -83,6 +96,10 @@ class Hold:
         """Return the value, anywhere between the keyframes."""
         return self.value
 
+    def between(self, start: float, end: float) -> "Hold":
+        """Return the same."""
+        return self
+
 
 @dataclass(frozen=True)
 class Unreadable:
@@ -93,6 +110,10 @@ class Unreadable:
     def at(self, x: float) -> float:
         """Raise MoveFileError with the reason."""
         raise MoveFileError(self.why)
+
+    def between(self, start: float, end: float) -> "Unreadable":
+        """Return the same."""
+        return self
 
 
 @dataclass(frozen=True)
@@ -108,6 +129,14 @@ class Segment:
     def at(self, x: float) -> float:
         """Return the value at a place between the keyframes."""
         return _bezier(1, self, self._parameter(x))
+
+    def between(self, start: float, end: float) -> "Segment":
+        """Return the curve stretched to other places of its keyframes."""
+        if (start, end) == (self.start[0], self.end[0]):
+            return self
+        begin, scale = self.start[0], (end - start) / (self.end[0] - self.start[0])
+        points = (self.start, self.handle, self.other_handle, self.end)
+        return Segment(*((start + (x - begin) * scale, y) for x, y in points))
 
     def _parameter(self, x: float) -> float:
         low, high = 0.0, 1.0
@@ -144,6 +173,17 @@ class Keyframes:
     def last(self) -> float:
         """Place of the last keyframe."""
         return self.keys[-1][0]
+
+    @property
+    def known(self) -> list[float]:
+        """Places of the keyframes."""
+        return [x for x, _ in self.keys]
+
+    def moved(self, place: Callable[[float], float]) -> "Keyframes":
+        """Return the same values with the keyframes at other places."""
+        keys = [(place(x), y) for x, y in self.keys]
+        pieces = [piece.between(keys[i][0], keys[i + 1][0]) for i, piece in enumerate(self.pieces)]
+        return Keyframes(keys, pieces)
 
     def at(self, x: float) -> float:
         """Return the value at a place; beyond the ends, the value of the end keyframe."""

@@ -3,8 +3,10 @@ a line."""
 
 import re
 
-from ..move_file import MoveFileError, shown
+from ..table import contents, without_header
+from ..text_file import MoveFileError, shown
 from . import raw
+from .curves import Samples
 from .recording import Channel, Recording, Table
 
 NAME = "kuper"
@@ -12,25 +14,37 @@ MEANING = "Kuper ASCII: a line Axes = …, then a line of numbers per frame"
 ENDINGS = (".kup", ".kuper", ".asc")
 
 _HEADER = re.compile(r"\s*axes\s*=(.*)", re.IGNORECASE)
+_BETWEEN_NAMES = re.compile(r"\s*[,;\t]\s*")
 
 
 def recognises(text: str) -> bool:
     """Return whether a file's text looks like this format."""
-    return bool(_HEADER.match(text))
+    lines, _ = contents(text)
+    return bool(lines and _HEADER.match(lines[0][1]))
 
 
-def read(text: str, path: str) -> Recording:
+def read(text: str, path: str, decimal: str | None = None) -> Recording:
     """Read the file's axes. Raises MoveFileError, with line and column."""
-    header = _HEADER.match(text)
-    names = [name.strip() for name in header[1].split(",")] if header else []
+    lines, _ = contents(text)
+    header = _HEADER.match(lines[0][1]) if lines else None
+    names = _BETWEEN_NAMES.split(header[1].strip()) if header else []
     if not header or not all(names):
         raise MoveFileError(
             f"{path}: expected a first line like Axes = Pan, Tilt, "
-            f"found {shown(text.strip().splitlines()[:1])}"
+            f"found {shown([line for _, line in lines[:1]])}"
         )
-    before = text[: header.end()].count("\n") + 1
-    found = raw.curves(text[header.end() :], path, len(names), before)
-    return Recording([Channel(name, curve) for name, curve in zip(names, found, strict=True)])
+    below = "\n".join(text.split("\n")[lines[0][0] :])
+    table = without_header(below, path, len(names), lines[0][0], decimal)
+    columns = raw.columns_of(table, len(names))
+    places = raw.numbered(len(columns[0]))
+    return Recording(
+        [
+            Channel(name, Samples(places, column), "", i)
+            for i, (name, column) in enumerate(zip(names, columns, strict=True), 1)
+        ],
+        step=1.0,
+        fps=table.fps,
+    )
 
 
 def write(table: Table, fps: float | None) -> str:

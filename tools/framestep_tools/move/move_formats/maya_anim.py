@@ -19,9 +19,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from ..move_file import MoveFileError, shown
+from ..frame_times import last_decimal
+from ..numerals import number
+from ..text_file import MoveFileError, shown
 from .curves import Hold, Keyframes, Piece, Point, Segment, Unreadable
-from .recording import Channel, Column, Recording, Table, number
+from .recording import Channel, Column, Recording, Table
 from .units import UNITS
 
 NAME = "anim"
@@ -32,8 +34,9 @@ ENDINGS = (".anim",)
 _RATES = {"game": 15, "film": 24, "pal": 25, "ntsc": 30, "show": 48, "palf": 50, "ntscf": 60}
 _SECONDS = {"hour": 3600.0, "min": 60.0, "sec": 1.0, "millisec": 0.001}
 _FRAME_RATE = re.compile(
-    r"\d+(\.\d+)?(fps|df)"
+    r"(\d+(?:\.\d+)?)(?:fps|df)"
 )  # later versions write 23.976fps, and df for drop frames
+_FILM = (24000 / 1001, 30000 / 1001, 48000 / 1001, 60000 / 1001, 120000 / 1001)  # written rounded
 _COMMENT = re.compile(r"(//|#).*")
 _WORD = re.compile(r"[{};]|[^\s{};]+")
 _ATTRIBUTE = re.compile(r"([\w:|]+)\.([\w.\[\]]+)")
@@ -48,6 +51,7 @@ class _Data:
     line: int
     settings: dict[str, str] = field(default_factory=dict)
     keys: list[Point] = field(default_factory=list)
+    times: list[str] = field(default_factory=list)
     tangents: list[tuple[str, str]] = field(default_factory=list)
 
 
@@ -58,7 +62,7 @@ def recognises(text: str) -> bool:
     return False
 
 
-def read(text: str, path: str) -> Recording:
+def read(text: str, path: str, decimal: str | None = None) -> Recording:
     """Read the file's curves over time. Raises MoveFileError, with the line."""
     header: dict[str, str] = {}
     curves: list[tuple[str, _Data]] = []
@@ -77,6 +81,7 @@ def read(text: str, path: str) -> Recording:
                 in_keys = words[0] == "keys"
             case [key, value, before, after, *_] if data and in_keys:
                 where = f"{path}, line {line}, {name}"
+                data.times.append(key)
                 data.keys.append((number(key, where), number(value, where)))
                 data.tangents.append((before, after))
             case [key, value, *_] if not in_keys:
@@ -85,15 +90,20 @@ def read(text: str, path: str) -> Recording:
                 raise MoveFileError(f"{path}, line {line}: not understood: {shown(words)}")
     if "animVersion" not in header:
         raise MoveFileError(f"{path}: expected animVersion at the beginning, found none")
-    frames, times = _clock(header.get("timeUnit", "film"), path)
-    channels = [
-        _channel(name, data, header, times, path)
+    unit = header.get("timeUnit", "film")
+    fps, times = _clock(unit, path)
+    read = [
+        (name, data)
         for name, data in curves
         if data.keys and data.settings.get("input", "time") == "time"
     ]
+    channels = [
+        _channel(name, data, header, times, path, i) for i, (name, data) in enumerate(read, 1)
+    ]
     if not channels:
         raise MoveFileError(f"{path}: expected a curve with keys over time, found none")
-    return Recording(channels, seconds=not frames)
+    step = last_decimal(time for _, data in read for time in data.times) * times
+    return Recording(channels, fps is None, step, fps)
 
 
 def _statements(text: str) -> Iterator[tuple[int, list[str]]]:
@@ -110,18 +120,24 @@ def _statements(text: str) -> Iterator[tuple[int, list[str]]]:
         yield line, words
 
 
-def _clock(unit: str, path: str) -> tuple[bool, float]:
-    """Return whether keys are at frames, and the seconds of their unit of time if not."""
-    if unit in _RATES or _FRAME_RATE.fullmatch(unit):
-        return True, 1.0
+def _clock(unit: str, path: str) -> tuple[float | None, float]:
+    """Return frames per second, None if keys are at times, and then the seconds of their unit."""
+    if unit in _RATES:
+        return float(_RATES[unit]), 1.0
+    if named := _FRAME_RATE.fullmatch(unit):
+        fps = float(named[1])
+        if fps > 0:
+            return next((film for film in _FILM if abs(film - fps) < 0.005), fps), 1.0
     if unit in _SECONDS:
-        return False, _SECONDS[unit]
+        return None, _SECONDS[unit]
     raise MoveFileError(
         f"{path}: timeUnit: expected one of {', '.join((*_RATES, *_SECONDS))}, found {unit}"
     )
 
 
-def _channel(name: str, data: _Data, header: dict[str, str], times: float, path: str) -> Channel:
+def _channel(
+    name: str, data: _Data, header: dict[str, str], times: float, path: str, column: int
+) -> Channel:
     where = f"{path}, line {data.line}, {name}"
     clock = header.get("timeUnit", "film")
     if data.settings.get("inputUnit", clock) != clock:
@@ -140,7 +156,7 @@ def _channel(name: str, data: _Data, header: dict[str, str], times: float, path:
         _piece(keys[i], data.tangents[i][1], keys[i + 1], data.tangents[i + 1][0], weighted, where)
         for i in range(len(keys) - 1)
     ]
-    return Channel(name, Keyframes(keys, pieces), _unit(data, header, where))
+    return Channel(name, Keyframes(keys, pieces), _unit(data, header, where), column)
 
 
 def _unit(data: _Data, header: dict[str, str], where: str) -> str:
@@ -179,9 +195,11 @@ def write(table: Table, fps: float | None) -> str:
     """Return the file's text: a key at each frame.
 
     Raises MoveFileError if an axis's name is not an attribute of a node, or if Maya has no name for
-    these frames per second (None: 24).
+    these frames per second (None: the move's, else 24).
     """
-    rate = next((name for name, rate in _RATES.items() if rate == (fps or 24)), None)
+    fps = fps or table.fps or 24
+    names = {**_RATES, **{f"{round(film, 3):g}fps": film for film in _FILM}}
+    rate = next((name for name, rate in names.items() if abs(rate - fps) < 0.005), None)
     if rate is None:
         rates = ", ".join(map(str, _RATES.values()))
         raise MoveFileError(f"anim: expected {rates} frames per second, found {fps:g}")

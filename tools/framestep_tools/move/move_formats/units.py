@@ -1,6 +1,7 @@
 """Units of axes and of files, and their conversion."""
 
 import math
+import re
 
 # {unit: (kind, size in the first unit of its kind)}
 UNITS = {
@@ -14,6 +15,26 @@ UNITS = {
     "steps": ("steps", 1.0),
     "units": ("anything", 1.0),
 }
+_WRITTEN = {
+    "°": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
+    "millimeters": "mm", "millimetres": "mm", "centimeters": "cm", "centimetres": "cm",
+    "meter": "m", "meters": "m", "metre": "m", "metres": "m", "inch": "in", "inches": "in",
+    "feet": "ft", "step": "steps",
+}  # fmt: skip
+_BRACKETS = re.compile(r"(?P<name>.*\S)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]")
+
+
+def unit_of(text: str) -> str:
+    """Return the unit that a file writes in any usual way; empty if it is none."""
+    word = text.strip().strip("[]()").strip().lower()
+    return word if word in UNITS and word != "units" else _WRITTEN.get(word, "")
+
+
+def without_unit(heading: str) -> tuple[str, str]:
+    """Return name and unit of a heading such as "pan (deg)"; the unit is empty without one."""
+    found = _BRACKETS.fullmatch(heading)
+    unit = unit_of(found["unit"]) if found else ""
+    return (found["name"], unit) if found and unit else (heading, "")
 
 
 def factor(of: str, to: str) -> float | None:

@@ -2,7 +2,7 @@
 
 import { Curve } from "../curve.js";
 import { check, field, h, number, read, setText } from "../dom.js";
-import { moveText, parseMove } from "../move_csv.js";
+import { moveText, parseMove, textOf } from "../move_csv.js";
 import { MoveNeeds } from "../move_needs.js";
 import { PositionStrip } from "../position_strip.js";
 import { M } from "../protocol.js";
@@ -12,6 +12,10 @@ import { upload } from "../upload.js";
 
 const FARTHEST_FRAME = 1_000_000;
 const JOG_ALL_KEY = "along the move";
+
+function motorCount({ motors }) {
+  return motors.length === 1 ? "1 motor" : `${motors.length} motors`;
+}
 
 export class MovesView {
   title = "Moves";
@@ -32,7 +36,7 @@ export class MovesView {
   #file = h("input", { type: "file", accept: ".csv,.txt,text/csv" });
   #upload = h("button", { class: "main", disabled: true }, "Upload");
   #progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": "Upload" });
-  #about = h("p", { class: "faint" }, "A CSV file as for framestep upload: a column frame, then a column per motor in steps.");
+  #about = h("p", { class: "faint" }, "A CSV file as for framestep upload: a column frame, then a column per motor in steps, headed by its name or number.");
   #recent = new Recent("recent moves", "Uploaded before", (text, name) => this.#takeText(text, name));
   #read = null;
   #name = "";
@@ -88,10 +92,10 @@ export class MovesView {
     event.preventDefault();
     const [velocity, acceleration] = [read(this.#velocity), read(this.#acceleration)];
     if (velocity === null || acceleration === null) return;
-    for (const motor of this.#read.positions.keys()) {
-      if (!(await this.#device.ask("MotorSetSpeed", { motor: motor + 1, velocity, acceleration }))) return;
+    for (const motor of this.#read.motors) {
+      if (!(await this.#device.ask("MotorSetSpeed", { motor, velocity, acceleration }))) return;
     }
-    this.#device.tell(`The speed of ${this.#read.positions.length} motors is set.`);
+    this.#device.tell(`The speed of ${motorCount(this.#read)} is set.`);
     await this.#showNeeds();
   }
 
@@ -133,12 +137,18 @@ export class MovesView {
     const [file] = this.#file.files;
     this.#read = null;
     this.#upload.disabled = true;
-    if (file) await this.#takeText(await file.text(), file.name);
+    if (!file) return;
+    try {
+      await this.#takeText(await textOf(file), file.name);
+    } catch (error) {
+      this.#device.tell(error.message, true);
+    }
   }
 
   async #takeText(text, name) {
     try {
-      await this.take(parseMove(text, name), name);
+      const move = parseMove(text, name, this.#device.axes);
+      await this.take(move, name, move.fps);
     } catch (error) {
       this.#device.tell(error.message, true);
     }
@@ -152,7 +162,7 @@ export class MovesView {
     this.move = null; // the curve no longer shows the device's move
     this.#curve.show(move);
     this.#upload.disabled = !this.#device.connected;
-    setText(this.#about, `${name}: frames ${move.startFrame} to ${move.endFrame} for ${move.positions.length} motors`);
+    setText(this.#about, `${name}: frames ${move.startFrame} to ${move.endFrame}${move.fps ? ` at ${Number(move.fps.toFixed(3))} frames/s` : ""} for ${motorCount(move)}${move.counted && `; ${move.counted}`}`);
     [this.#start.value, this.#end.value, this.#frame.value] = [move.startFrame, move.endFrame, move.startFrame];
     await this.#showNeeds();
   }
@@ -168,7 +178,7 @@ export class MovesView {
       });
       this.move = move;
       this.#recent.add(this.#name, moveText(move));
-      this.#device.tell(`Frames ${move.startFrame} to ${move.endFrame} for ${move.positions.length} motors are uploaded.`);
+      this.#device.tell(`Frames ${move.startFrame} to ${move.endFrame} for ${motorCount(move)} are uploaded.`);
     } catch (error) {
       this.#device.tell(`The upload has ended: ${error.message}`, true);
     }

@@ -187,7 +187,7 @@ export class VirtualView {
     const { move } = this.#moves;
     if (!move || !this.#rig) return;
     const { positions } = this.#device.state;
-    const frames = move.positions[0].map((_, frame) => joints(this.#rig, (motor) => move.positions[motor - 1]?.[frame] ?? positions[motor - 1]));
+    const frames = move.positions[0].map((_, frame) => joints(this.#rig, (motor) => move.positions[move.motors.indexOf(motor)]?.[frame] ?? positions[motor - 1]));
     this.#drawing.showPath(this.#rig, frames);
   }
 
