@@ -135,6 +135,8 @@ def start(again=False):
         from framestep.runner import Runner
 
         hal = chip.make(settings.board, settings)
+        forget(*chip.SPENT)  # the controller fills their places
+        gc.collect()
         if hal.watchdog.caused_reset and settings.ports == 2:
             print(
                 "framestep: the watchdog restarted the board: the firmware hung while motors moved"

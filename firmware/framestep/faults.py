@@ -14,10 +14,12 @@ FAULTS = (
     (FAULT_DRIVER, "a driver failed"),
     (FAULT_TAKEN, "something else had taken a pin, which was put back"),
 )
-_ALL = "; the motors were ramped down"
+ALL = "; the motors were ramped down"
 _ONE = "; its motor was ramped down"
 
 
-def outcome(bit):
-    """Return the end of a fault's line: what the fault led to."""
-    return _ONE if bit == FAULT_LIMIT else _ALL
+def outcome(bit, moved):
+    """Return the end of a fault's line: what the fault led to. moved: FaultLog.moved."""
+    if bit & moved:
+        return _ONE if bit == FAULT_LIMIT else ALL
+    return ""

@@ -21,7 +21,7 @@ from micropython import heap_lock, heap_unlock, stack_use
 from framestep.base.native import const, micropython
 from framestep.base.results import BY, EXCEEDED_MEMORY, FRAME, MOTOR, ROOM, WHAT
 from framestep.controller import LED_FAULT, glow
-from framestep.faults import FAULTS, outcome
+from framestep.faults import ALL, FAULTS, outcome
 from framestep.hal import DEEPEST, PASS, SHALLOW
 from framestep.moves.path.move_check import UNREPORTED
 from framestep.protocol.messages import CONDITION_POSITIONS_UNSAVABLE, CONDITION_WATCHDOG_RESET
@@ -33,7 +33,10 @@ _APART_US = const(500)  # passes, at least; one is due each millisecond
 _BEHIND_TICK_US = const(50)  # from a tick to a pass: see run()
 _LINES = const(16)
 _BEAT_MS = const(128)
+_AFTER_RAW = const(50)  # passes from the end of raw mode until the prompt is there
 _CTRL_C = const(3)
+_BROKEN = "framestep: Ctrl-C interrupted the controller"
+_BROKEN_IN_MOTION = _BROKEN + ALL
 
 
 class _CtrlC(io.IOBase):
@@ -82,7 +85,8 @@ class Runner:
         self.task = None  # a function of framestep.repl to call between two passes
         self._traceback_task = self._traceback
         self._failing = False  # a pass was broken off: the next one stops the motors
-        self._failed = False  # it has yet to be printed
+        self._wait = 0  # passes until texts that had to wait may be printed
+        self._failed = ""  # its line, which has yet to be printed
         self._news = False  # it, or lines about drivers, have yet to be printed
         self._struck = False  # Ctrl-C came in a pass; pass it on to the program on the REPL
         self._ctrl_c = _CtrlC()
@@ -181,9 +185,10 @@ class Runner:
             self._hal.port.prompt = self._pass_callback
         try:
             if self._failing:
+                self._failed = _BROKEN_IN_MOTION if controller.axes.moving_bits() else _BROKEN
                 controller.stops.fault_stop()
                 self._failing = False
-                self._failed = self._news = True
+                self._news = True
             if self._timer is None:
                 controller.answer(ticks_ms())
             elif not 0 <= ticks_diff(ticks_us(), self._begun_at) < _APART_US:
@@ -200,7 +205,12 @@ class Runner:
             return
         try:
             if (self._news or controller.faults.unreported) and not controller.reports.was_moving:
-                self._report()
+                if self._hal.quiet():
+                    self._wait = _AFTER_RAW
+                elif self._wait:
+                    self._wait -= 1
+                else:
+                    self._report()
         except KeyboardInterrupt:
             self._struck = True  # the REPL's port was full, and the report is cut short
 
@@ -235,22 +245,27 @@ class Runner:
         self._traceback()
 
     def _traceback(self):
+        """Print what ended the passes, now or once it may be printed."""
         self._hal.passes.init(period=_BEAT_MS, mode=Timer.PERIODIC, callback=self._blink_callback)
+        if self._hal.quiet():
+            self._news = True
+            return
+        self._news = False
         print("framestep: stopped by a fault in the firmware; a reset starts it again")
         sys.print_exception(self.failure)  # type: ignore[attr-defined]
 
     def _report(self):
         """Print why motors were stopped, and what drivers do. Allocates nothing.
 
-        Not on the protocol's port, and not while motors move, as the REPL's host may keep the board
-        waiting.
+        Not on the protocol's port; not while motors move, as the REPL's host may keep the board
+        waiting; and not in the REPL's raw mode, where it would break a tool's transfer.
         """
         faults = self._controller.faults
         unreported = faults.unreported
         faults.unreported = 0
         for bit, text in FAULTS:
             if unreported & bit:
-                print("framestep: ", text, outcome(bit), sep="")
+                print("framestep: ", text, outcome(bit, faults.moved), sep="")
         self._news = False
         exceeded = self._controller.operations.exceeded
         if unreported & UNREPORTED and exceeded[WHAT] == EXCEEDED_MEMORY:
@@ -270,8 +285,8 @@ class Runner:
         if unreported & HOMING_REPORT:
             self._controller.homing.report()
         if self._failed:
-            self._failed = False
-            print("framestep: Ctrl-C interrupted the controller; the motors were ramped down")
+            print(self._failed)
+            self._failed = ""
         lines = self._lines
         self._lines = 0
         if lines > _LINES:
@@ -298,7 +313,9 @@ class Runner:
         self._report()
 
     def _blink(self, _timer):
-        """Flash the LED after the passes have ended."""
+        """Flash the LED after the passes have ended, and print why, if that had to wait."""
+        if self._news:
+            self._traceback()
         self._beat = (self._beat + 1) & 15
         self._hal.led(glow(LED_FAULT, self._beat))
 

@@ -24,14 +24,19 @@ SECOND_STOP_MS = const(1000)  # field note 4.4
 
 class FaultLog:
     """Why motors were stopped, FAULT_ bits: `fault` until a motor is sent somewhere again,
-    `unreported` until it is printed on the REPL. `unreported` also has bits for other lines."""
+    `unreported` until it is printed on the REPL. `unreported` also has bits for other lines.
+    `moved`: those of them at which a motor moved."""
 
     def __init__(self):
         self.fault = 0
         self.unreported = 0
+        self.moved = 0
 
-    def note(self, fault, unreported):
-        """Note why the motors are stopped, and what to print on the REPL."""
+    def note(self, fault, unreported, moved=0):
+        """Note why the motors are stopped, what to print on the REPL, and whether any moved."""
+        self.moved &= self.unreported  # a line that has yet to be printed keeps its end
+        if moved:
+            self.moved |= fault
         self.fault |= fault
         self.unreported |= unreported
 
@@ -140,7 +145,7 @@ class Stops:
         if self.safety.tripped:
             if self.rig.estop_cuts_power:
                 self.positions.power_cut(axes.moving_bits() | self.safety.motors_at_estop())
-            self._note(FAULT_ESTOP)
+            self._note(FAULT_ESTOP, axes.moving_bits() | self.safety.motors_at_estop())
             self.gate.stop_jogging()
             self._end_homing()
             operations.stop(factor)
@@ -154,7 +159,7 @@ class Stops:
         if self.gate.homing:
             bits = self.homing.take_limit(bits)
         if bits:
-            self._note(FAULT_LIMIT)
+            self._note(FAULT_LIMIT, bits)
         self.gate.stop_jogging(bits)
         if virtuals.engaged & bits:
             virtuals.halt()
@@ -164,8 +169,8 @@ class Stops:
                     operations.stop(spared=virtuals.engaged)
                 axes[motor].stop(self.hal, factor)
 
-    def _note(self, fault):
-        self.faults.note(fault, fault)
+    def _note(self, fault, moved):
+        self.faults.note(fault, fault, moved)
 
     def _end_homing(self):
         if self.homing:
@@ -173,7 +178,7 @@ class Stops:
 
     def on_fault(self, lost):
         """Handle a fault of the kernel, or lost commands of the motors `lost`."""
-        self._note(self._take(self.header, stepper.FAULTS) | (FAULT_LOST if lost else 0))
+        self._note(self._take(self.header, stepper.FAULTS) | (FAULT_LOST if lost else 0), 1)
         for motor in range(self.axes.count):
             if self._take(self.axes[motor].block, stepper.FAULT) & stepper.FAULT_LATE:
                 lost |= 1 << motor  # its pulses broke off in motion, so it may have slipped
@@ -199,7 +204,7 @@ class Stops:
         if bits:
             gate.switch_off(bits)
             self.positions.set_lost(bits, DRIVER)
-            self._note(FAULT_DRIVER)
+            self._note(FAULT_DRIVER, self.axes.moving_bits())
             self.fault_stop()
 
     def check_pins(self):
@@ -213,7 +218,7 @@ class Stops:
         if lost < 0:
             return hal.ready()
         self.positions.set_lost(lost, STEPS)
-        self._note(FAULT_TAKEN)
+        self._note(FAULT_TAKEN, self.axes.moving_bits())
         self.fault_stop()
         return False
 

@@ -131,9 +131,9 @@ def conditions(bits):
     return [CONDITIONS[bit] for bit in sorted(CONDITIONS) if bits & bit]
 
 
-def faults(bits):
-    """Return a line for each bit of FaultLog.fault."""
-    return [text + outcome(bit) for bit, text in FAULTS if bits & bit]
+def faults(log):
+    """Return a line for each fault in a FaultLog."""
+    return [text + outcome(bit, log.moved) for bit, text in FAULTS if log.fault & bit]
 
 
 def positions(controller):

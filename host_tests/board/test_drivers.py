@@ -165,6 +165,7 @@ def test_watching_delays_neither_tick_nor_reply(moving):
     )
     assert int(talk.board.emulator.repl().exec(look)) < 150
     talk.board.repl.open_port(True)
+    talk.board.repl.receive(b"\r\x02")  # nothing unasked is printed in raw mode
 
 
 def test_a_fault_in_motion(moving):

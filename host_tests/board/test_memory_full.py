@@ -76,8 +76,11 @@ def full(board):
     session.run(0.3)
     session.forget()
     session.speed(8, VELOCITY, ACCELERATION)
-    session.repl = board.emulator.repl()
-    session.repl.start(FILL, until="full")
+    repl = session.repl = board.emulator.repl()
+    repl.enter()
+    repl.leave()  # nothing unasked is printed in raw mode
+    repl.serial.write(b"\x05" + FILL.encode() + b"\x04")
+    repl.expect(b"full\r\n")
     return session
 
 
@@ -148,7 +151,8 @@ def test_a_fault_and_words_for_all_of_it(full):
     full.run(0.1)
     full.accept(GioOut(1))
     full.run(0.2)
-    assert full.repl.finish().splitlines() == [*WORDS, "free"]
+    said = full.repl.expect(b"free\r\n", 60).decode()
+    assert said.splitlines() == [*WORDS, "free"]
     assert full.repl.eval("__import__('framestep.boot').boot.runner.failure") is None
 
 

@@ -106,8 +106,15 @@ def test_move(bench):
     session.board._board.set_input("estop", 0)
     session.run(0.05)
     assert says(repl.move, 8, 20)[0].startswith("refused: it may not move: E-stop held")
-    assert "the E-stop was pressed; the motors were ramped down" in says(repl.status)
+    assert "the E-stop was pressed" in says(repl.status)  # nothing moved
     assert session.position(8) == 200
+    session.board._board.set_input("estop", 1)
+    session.run(0.05)
+    assert says(repl.move, 8, 0) == []
+    session.run(0.02)
+    session.board._board.set_input("estop", 0)
+    session.wait_idle()
+    assert "the E-stop was pressed; the motors were ramped down" in says(repl.status)
 
 
 def test_nothing_of_dragonframes_is_disturbed(bench):

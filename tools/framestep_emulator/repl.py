@@ -38,6 +38,16 @@ class Repl:
         self.expect(b">>> ")
         self.raw = False
 
+    def unasked(self, ms=150):
+        """Return what the board prints at the friendly prompt by itself."""
+        if self.raw:
+            self.serial.write(b"\r\x02")
+            self.raw = False
+        self.serial.emu.advance(ms)
+        lines = self.serial.read_all().decode(errors="replace").replace(">>> ", "").splitlines()
+        banner = ("MicroPython v", 'Type "help()"')
+        return "".join(f"{line}\n" for line in lines if line and not line.startswith(banner))
+
     def start(self, code, until=None):
         """Send code and return once the board runs it, or once it has printed the line `until`.
 

@@ -106,6 +106,10 @@ class Hal:
         """
         raise NotImplementedError
 
+    def quiet(self):
+        """Return whether nothing may be printed unasked, as a tool uses the REPL's raw mode."""
+        raise NotImplementedError
+
     def flash(self):
         """Make a Flash, at boot. Raises OSError if there is none."""
         raise NotImplementedError

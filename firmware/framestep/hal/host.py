@@ -373,6 +373,9 @@ class HostHal:
     def ready(self):
         return True
 
+    def quiet(self):
+        return False
+
     def idle(self):
         pass
 

@@ -20,7 +20,7 @@ def _report():
     )
     lines += (
         texts.conditions(controller.condition())
-        + texts.faults(controller.faults.fault)
+        + texts.faults(controller.faults)
         + texts.positions(controller)
     )
     exceeded = controller.operations.exceeded

@@ -171,8 +171,8 @@ def test_a_fault_that_a_tick_adds_while_one_is_handled():
     header[stepper.FAULTS] = stepper.FAULT_DRY
     note = stops._note
 
-    def noting(fault):
-        note(fault)
+    def noting(fault, moved):
+        note(fault, moved)
         header[stepper.FAULTS] |= stepper.FAULT_LATE
 
     stops._note = noting

@@ -93,7 +93,7 @@ class View:
         lines = [
             f"{self.board.now_ns * 1e-9:.1f} s: {host if plugged else 'the cable is out'}; {does}"
         ]
-        lines += texts.conditions(controller.condition()) + texts.faults(controller.faults.fault)
+        lines += texts.conditions(controller.condition()) + texts.faults(controller.faults)
         return "\n".join(lines)
 
     def _motors(self) -> Table:

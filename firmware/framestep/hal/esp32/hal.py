@@ -320,6 +320,9 @@ class Esp32Hal:
     def ready(self):
         return not self._cut
 
+    def quiet(self):
+        return False  # the passes run in the foreground, so nobody uses the REPL meanwhile
+
     def flash(self):
         """See hal/contract.py. A write delays interrupts by 45 ms. That does no harm: the journal
         of positions writes only at rest, when a ring that runs out repeats the same levels."""

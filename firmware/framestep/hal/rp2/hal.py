@@ -50,10 +50,13 @@ class Rp2Hal:
     framestep.rig.Rig."""
 
     def __init__(self, board, rig):
+        import rp2
+
         from framestep.hal.rp2 import parts
         from framestep.pulse.shape import pulse_shape
 
         self.board = board
+        self._raw_repl = getattr(rp2, "raw_repl", bool)  # an older image below an overlay has none
         self._stack = set_limit(REPL_STACK)
         self.motors = len(board["step"])
         hz = machine.freq()
@@ -88,6 +91,9 @@ class Rp2Hal:
         self.ticker = None
         self.passes = Timer(-1)  # made now, as there may be no memory for it later
         self.led = parts.led(board, self.motors)
+
+    def quiet(self):
+        return self._raw_repl()
 
     def flash(self):
         import rp2
