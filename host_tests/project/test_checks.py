@@ -18,13 +18,11 @@ _SPEC.loader.exec_module(check_types)
 IMAGES = "framestep_tools.building.images"
 
 
-def modules(*folders):
-    """Return the project's Python files, with those that git does not have yet."""
-    words = ["--cached", "--others", "--exclude-standard", "--", *(f"{f}/*.py" for f in folders)]
-    listed = subprocess.run(
-        ["git", "ls-files", *words], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    return {path for line in listed.stdout.splitlines() if (path := ROOT / line).exists()}
+def modules(folder):
+    """Return the Python files of a folder of the project, without what was built or installed."""
+    inside = (path.relative_to(ROOT) for path in (ROOT / folder).rglob("*.py"))
+    made = {".cache", "build", "node_modules"}
+    return {ROOT / path for path in inside if not made.intersection(path.parts)}
 
 
 def test_types_are_those_of_all_the_firmware():

