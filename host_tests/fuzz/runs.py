@@ -7,9 +7,13 @@ import numpy as np
 
 from framestep.hal.host import CYCLES as MS
 from framestep.protocol import messages as m
+from framestep_tools.judge.judge import frame_times_ns
+from framestep_tools.judge.ripple import origins_ns
 
 from .bounds import Upload, bounds_of, play
 from .findings import Part
+
+_SLACK_NS = 20_000  # for a step onto a frame; on the ESP32 of chip_player.py, a pulse and a half
 
 
 class Runs(Part):
@@ -230,6 +234,7 @@ class Runs(Part):
             for i, offset in enumerate(offsets):
                 there = places[np.searchsorted(times, due + offset, side="right")]
                 worst[i] = max(worst[i], np.abs(there - wanted).max() / slack)
+        self._exactly(moving, numbers, run["fps"])
         if len(moving):
             best = worst.min()
             if best > 1:
@@ -238,6 +243,25 @@ class Runs(Part):
                     f"a motor is {best:.1f} times what is allowed beside a frame of the run",
                 )
             self.counts["runs judged"] += 1
+
+    def _exactly(self, moving, numbers, fps):
+        """Motors without backlash have made just the steps of each frame at its time, all by one
+        clock."""
+        due = frame_times_ns(len(numbers), round(1000 * fps))
+        clock = [(-(1 << 62), 1 << 62)]  # when the first frame can have been
+        for motor in moving:
+            if motor.backlash or motor.coupled:
+                continue
+            edges = np.array(motor.edges)
+            ways = np.where(edges & 1, 1, -1)
+            wanted = [self._place(motor, n) for n in numbers]
+            times = (edges >> 1) * 1_000_000 // MS
+            spans = origins_ns(times, ways, motor.at, wanted, due, _SLACK_NS)
+            clock = [
+                (max(a, c), min(b, d)) for a, b in clock for c, d in spans if max(a, c) < min(b, d)
+            ]
+            if not clock:
+                self.fail("frames", f"motor {motor.index + 1} was beside a frame of the run")
 
     def _jog_all(self, request, payload):
         fps, _ = request.words("Ii")

@@ -94,6 +94,13 @@ def run(host):
     host.rest()
 
 
+def slow(host):
+    host.speed(1, 3000, 20000)
+    host.upload([0, 1, 0, 2, 0, 1, 2, 1, 3, 2, 3, 2, 1, 0, 1, 0], [100 * k for k in range(16)])
+    host.play(16, 16)
+    host.rest()
+
+
 def coupled(host):
     host.send(m.MSG_MOTOR_CONFIGURE, "BB", 1, m.MOTOR_ENABLED | m.MOTOR_COUPLE)
     moves(host)
@@ -121,7 +128,7 @@ def pressed(host):
     host.rest()
 
 
-SESSIONS = (moves, two_moves, stopped, run, coupled, limited, outputs_on, pressed)
+SESSIONS = (moves, two_moves, stopped, run, slow, coupled, limited, outputs_on, pressed)
 
 
 def looked_at(host, seconds=6):

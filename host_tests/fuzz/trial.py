@@ -17,7 +17,6 @@ These are the rules:
   within the time that their limits allow; RT_END comes once, and no HARD_STOP without a reason
 * no operation is accepted while MOTOR_STATUS has a bit
 * at every frame's time of a run every motor has made the steps of the uploaded position
-* outputs have their safe levels after an E-stop, a fault or a lost host; a driver that is switched
 * outputs have their safe level after an E-stop, a fault or a lost host; a driver that is switched
   off stays off
 

@@ -25,8 +25,9 @@ CUBIC_WORDS = const(9)
 LONGEST = const(32)  # ticks in a segment: limits rounding errors, and the time to a new plan
 
 _SLOW = const(0x2000000)  # Q22: eight steps per tick
-_STEEP = const(0x4000)  # Q16: a quarter of a step per tick²
-_NEAR = const(128)  # Q22: as _STEP_TOLERANCE of pulse/tick.py
+_STEEP = const(0x10000)  # Q16: a step per tick²
+# Q22: less than _STEP_TOLERANCE of pulse/tick.py by more than the 16 units that meet() leaves
+_NEAR = const(64)
 _SLOTS = const(sw.SEGMENTS - 1)
 _MASK = const(0x3FFFFFFF)
 
@@ -111,6 +112,37 @@ def cut(cubic: ptr32, block: ptr32, ticks: int):
     block[sw.WRITE_INDEX] = (block[sw.WRITE_INDEX] + 1) & _MASK
 
 
+@micropython.viper
+def meet(cubic: ptr32, block: ptr32, ticks: int):
+    """Make the segment that cut() has queued end where the cubic now is, to half a unit for each of
+    its ticks.
+
+    The kernel's sums round: by up to 300 units (Q22) in 32 ticks, more than _STEP_TOLERANCE of
+    pulse/tick.py. Then a motor that turns on the step at the segment's end would not make it, and
+    one that passes it slowly would be microseconds late. So the sums are made here, and the
+    segment's velocity changes by what is left over. Where a motor is fast it makes no difference.
+    """
+    if (cubic[G1] + 0x80000) >> 20:
+        return
+    q = ptr32(block[sw.QUEUE])
+    k = ((block[sw.WRITE_INDEX] - 1) & _SLOTS) << 3
+    whole = q[k + sw.SEG_WHOLE]
+    rem = q[k + sw.SEG_FRACTION]
+    v = q[k + sw.SEG_VELOCITY]
+    a = q[k + sw.SEG_ACCEL]
+    jerk = q[k + sw.SEG_JERK]
+    n = ticks
+    while n:
+        n -= 1
+        rem = rem + v
+        v = v + (a >> 5)
+        a = a + jerk
+        whole = whole + (rem >> 22)
+        rem = rem & 0x3FFFFF
+    rem = rem + ((whole - cubic[WHOLE]) << 22) - (cubic[P] << 6) - (cubic[P + 1] >> 24)
+    q[k + sw.SEG_VELOCITY] = q[k + sw.SEG_VELOCITY] - (rem + (ticks >> 1)) // ticks
+
+
 # What mark() and knot() keep about a tick that two phases share
 OPEN_WHOLE = const(0)  # position at its start: whole steps
 OPEN_FRACTION = const(1)  # and Q22 of one more
@@ -186,7 +218,7 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
                     state[OPEN_WHOLE] == step and state[OPEN_FRACTION] > _NEAR
                 ):
                     turns = share
-    if turns == 0 and share >> 23 and (_MASK - share) >> 23:
+    if turns == 0 and share >> 19 and (_MASK - share) >> 19:
         d = q[k + sw.SEG_VELOCITY]
         if (d + _SLOW) >> 26 == 0 and (step - state[OPEN_WHOLE] + 16) >> 5 == 0:
             # p(x) = d·x - a·x·(1 - x)/2: find the a with which p(share) is the place
@@ -195,15 +227,15 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
             e = e - ((step - state[OPEN_WHOLE]) << 22)
             e = e + state[OPEN_FRACTION] - (state[OPEN_PART] << 6)
             if (e + sw.ONE // 2) >> 22 == 0:
-                x = x * (8192 - x) >> 14
+                x = x * (8192 - x) >> 11
                 d = d >> 6
-                e = e << 6
+                e = e << 9
                 half = e // x  # of a, Q16
                 if d < 0:
                     d = 0 - d
                 if state[OPEN_PART] == 0 and (half > d + d or half + d + d < 0):
                     turns = share  # the peak lies far beyond both ends
-                elif (half + _STEEP) >> 15 == 0:
+                elif (half + _STEEP) >> 17 == 0 and share >> 23 and (_MASK - share) >> 23:
                     q[k + sw.SEG_ACCEL] = (half << 12) + ((e - half * x) << 12) // x
     if turns:
         q[k + sw.SEG_VELOCITY] = ((step - state[OPEN_WHOLE]) << 22) - state[OPEN_FRACTION]

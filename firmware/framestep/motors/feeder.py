@@ -6,7 +6,7 @@
 from framestep.base.native import const, micropython, ptr32
 from framestep.motion import phases, segments
 from framestep.motion.phases import load
-from framestep.motion.segments import bridge, cut, knot, mark, mirror, settle, shift, snap
+from framestep.motion.segments import bridge, cut, knot, mark, meet, mirror, settle, shift, snap
 from framestep.pulse import stepper
 
 # Words of `work`
@@ -64,9 +64,10 @@ def feed(parts, other, base, most: int, enough: int):
             if n > segments.LONGEST:
                 n = segments.LONGEST
             cut(cubic, block, n)
+            shift(cubic, n << 24, 6, 0)
+            meet(cubic, block, n)
             if mirrored:
                 mirror(block, other, base, mirrored - 1)
-            shift(cubic, n << 24, 6, 0)
             w[LEFT] = w[LEFT] - n
             enough -= n
             continue

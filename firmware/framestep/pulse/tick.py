@@ -314,7 +314,9 @@ class Header(array):
                             if rem >= d:
                                 rem = 64
                             d = 64
-                        if d >> 20:
+                        if rem >> 31:
+                            e = 0  # it counts as made: at the end of the tick, not beyond
+                        elif d >> 20:
                             e = (rem >> 8) * m[sw.SPAN] // ((d + 128) >> 8)
                         elif rem >= d:
                             e = m[sw.SPAN]
@@ -324,8 +326,6 @@ class Header(array):
                             e = (rem >> 4) * m[sw.SPAN] // ((d + 8) >> 4)
                         elif d >> 14:
                             e = (rem >> 2) * m[sw.SPAN] // ((d + 2) >> 2)
-                        elif rem >> 31:
-                            e = 0
                         else:
                             e = rem * m[sw.SPAN] // d
                         e = m[sw.SPAN] - e

@@ -1,12 +1,15 @@
 """Turning points of an uploaded move: the motor makes the last step to them, at the frame's time,
-and the step back."""
+and the step back. In slow moves rounding decides: a motor that turns on a step may end a unit of
+the kernel's numbers before it.
+"""
 
 import numpy as np
 import pytest
 
 from framestep_tools.judge.judge import frame_times_ns
 from framestep_tools.judge.ripple import origins_ns
-from framestep_tools.payloads import MotorConfigure, RtGo
+from framestep_tools.payloads import MotorConfigure, Positions, RtGo
+from host_tests.covering import sweep
 from host_tests.end_to_end.session import run_request, simulated
 
 SLACK_NS = 30_000
@@ -65,3 +68,88 @@ def test_coupled_motors_turn_together(flag, sense):
     positions = [0, 0, 40, 80, 100, 80, 40, 0, -40, -41, -40, 0, 0]
     before, times, signs = played(positions, 24, 1 | flag, motor=2)
     assert on_every_frame(sense * np.array(positions), 24, before, times, signs)
+
+
+# rates of cameras and projectors, slow ones, and some at which frames end within a tick
+RATES = [0.5, 1, 5, 8, 10, 12, 12.5, 15, 15.687, 16, 18, 20, 23.976, 24, 25, 29.97, 30, 40, 47.952]
+RATES += [48, 50, 59.94, 60, 100, 120, 125, 150, 200]
+LATE_NS = 2000
+
+
+def assert_on_every_frame(upload, fps, rig=None, velocity=400_000, acceleration=2_000_000):
+    """Play a move: all motors have made the uploaded steps at each frame's time, by one clock, and
+    each frame's message says them. Return the number of frames."""
+    session = simulated(rig)
+    frames = len(upload[1])
+    for motor in upload:
+        session.speed(motor, velocity, acceleration)
+    session.upload(upload)
+    session.client.events.clear()
+    before = session.play(run_request(fps=fps, end=frames), 60 + 2 * frames / fps)
+    due = frame_times_ns(frames, round(1000 * fps))
+    clock = [(-(1 << 62), 1 << 62)]
+    for motor, steps in upload.items():
+        times, signs = session.trace().steps(motor)
+        spans = origins_ns(times, signs, before[motor], steps, due, LATE_NS)
+        clock = [
+            (max(a, c), min(b, d)) for a, b in clock for c, d in spans if max(a, c) < min(b, d)
+        ]
+        assert clock, f"at {fps} frames/s motor {motor} is beside a frame of {steps}"
+    told = {
+        message.move_time // 1000: message.steps
+        for _, message in session.events(Positions)
+        if message.move_time % 1000 == 0
+    }
+    for frame in range(2, frames):
+        for motor, steps in upload.items() if frame in told else ():
+            assert told[frame][motor - 1] == steps[frame - 1], (frame, motor)
+    assert len(told) > frames // 2 or fps > 24
+    return frames * len(upload)
+
+
+@pytest.mark.parametrize("smoothing", [True, False])
+@pytest.mark.parametrize(
+    "positions, fps",
+    [
+        ([1, 0, 2, 0], 16),
+        ([0, -1, 0, -1, 0, -1], 16),
+        ([8, 9, 10, 9, 8, 9, 10, 9, 10, 9], 24),
+        ([2519, 2556, 2563, 2556], 15.687),
+    ],
+)
+def test_a_slow_peak_is_reached(positions, fps, smoothing):
+    up = {1: positions, 2: [-step for step in positions]}
+    marks = {8: [400 * frame for frame in range(len(positions))]}
+    rig = {"smoothing": smoothing}
+    for before in range(3):  # with another share of a tick at the frame
+        lead = [positions[0]] * before
+        longer = {
+            motor: [*(lead if motor == 1 else [-x for x in lead]), *p] for motor, p in up.items()
+        }
+        longer[8] = [400 * frame for frame in range(before)] + [400 * before + m for m in marks[8]]
+        assert_on_every_frame(longer, fps, rig, 10_000, 60_000)
+
+
+def walks(rng, frames):
+    """Return slow random moves of seven motors, and of one that marks the frames."""
+    kinds = [
+        lambda: np.cumsum(rng.integers(-2, 3, frames)),
+        lambda: np.cumsum(rng.integers(-1, 2, frames)),
+        lambda: np.cumsum(rng.integers(-5, 6, frames)),
+        lambda: np.cumsum(rng.choice([-1, 0, 0, 0, 0, 1], frames)),
+        lambda: np.cumsum(rng.integers(-2, 3, frames)) + np.arange(frames),
+        lambda: np.rint(rng.uniform(1, 6) * np.sin(np.arange(frames) / rng.uniform(2, 30))),
+    ]
+    moves = {motor: kinds[rng.integers(len(kinds))]() for motor in range(1, 8)}
+    return {m: p.astype(int).tolist() for m, p in moves.items()} | {
+        8: [400 * frame for frame in range(frames)]
+    }
+
+
+@pytest.mark.parametrize("smoothing", [True, False])
+@pytest.mark.parametrize("fps", sweep(RATES, 1, 12, 15.687, 16, 23.976, 24, 25, 60, 125, 200))
+def test_slow_random_walks(fps, smoothing):
+    """All rates together: a hundred thousand frames."""
+    rng = np.random.default_rng(round(1000 * fps))
+    frames = int(min(300, max(60, 60 * fps)))
+    assert_on_every_frame(walks(rng, frames), fps, {"smoothing": smoothing})
