@@ -41,6 +41,7 @@ _PHRASES = [  # of the library that parses arguments, and plainer ones
     (r"Input should be greater than or equal to", "expected at least"),
     (r"Input should be less than or equal to", "expected at most"),
     (r"Input should be", "expected a number"),
+    (r" \(Possible options: (.*)\)", r"; did you mean \1?"),
     (r"Got unexpected extra argument\(s\) \((.*)\)", r"more than expected: \1"),
 ]
 

@@ -12,6 +12,7 @@ from framestep_tools import cli
 from framestep_tools.building.board_files import ROOT
 from framestep_tools.client.client import Client, RequestRefused
 from framestep_tools.client.refusals import explain
+from framestep_tools.move.move_file import CAMERA_MOVE
 from framestep_tools.payloads import (
     BlurMotor,
     GetCondition,
@@ -75,9 +76,9 @@ def tell(board, *requests):
 def test_positions_as_they_are_typed(framestep):
     assert framestep("zero 1 -700") == "motor 1: -700"
     assert framestep("move 1 -1200 --velocity 5000 --acceleration 50000") == "motor 1: -1200"
-    assert framestep("jog 1 -1300 --speed 5000") == "motor 1: -1300"
+    assert framestep("jog 1 -1300 --speed 50%") == "motor 1: -1300"
     assert framestep("zero 1") == "motor 1: 0"
-    assert framestep("buzz 1 --steps 30 --times 2 --speed 5000") == "motor 1: 0"
+    assert framestep("buzz 1 --steps 30 --times 2 --speed 50%") == "motor 1: 0"
 
 
 def test_a_speed_that_the_board_limits_is_reported(framestep):
@@ -124,7 +125,9 @@ def test_names_and_units_as_the_page_shows_them(framestep, axes):
     }  # fmt: skip
     said = framestep(f"move pan 9.92deg --velocity 20deg/s --acceleration 40deg/s2{option}")
     assert said == "pan: 9.92° (-22482)"
-    assert framestep(f"jog PAN -22455 --speed 5000{option}") == "pan: 9.8° (-22455)"
+    assert framestep(f"jog PAN -22455 --speed 50%{option}") == (
+        "pan: 9.8° (-22455)\n-22455 are steps; for deg write -22455deg"
+    )
     assert framestep(f"buzz pan --steps 0.2deg --times 1{option}") == "pan: 9.8° (-22455)"
     assert framestep(f"stop pan{option}") == "nothing was moving"
     assert framestep(f"zero pan{option}") == "pan: -90° (0)"
@@ -313,7 +316,11 @@ def test_a_run_against_a_limit_switch_names_the_motor():
 
 @pytest.mark.parametrize(
     "line",
-    ["virtual roll -1e9", "play camera_move.csv --fps 1e9", "play camera_move.csv --postroll 1e9"],
+    [
+        "virtual roll -1e9",
+        "play camera_move.csv --preroll 1e9",
+        "play camera_move.csv --postroll 1e9",
+    ],
 )
 def test_values_that_fit_no_message(framestep, line):
     said = framestep(line, status=2)
@@ -325,7 +332,9 @@ def test_a_run_that_is_stopped_is_not_reported_as_played(framestep, board, monke
     tell(board, MotorSetLimits(3, 0, 0, 0, 0, 0), MotorSetSpeed(3, 20_000, 50_000))
     move = tmp_path / "move.csv"
     move.write_text("frame,a,b,c\n" + "".join(f"{i + 1},0,0,{i * 100}\n" for i in range(24)))
-    assert framestep(f"play {move} --to 4 --preroll 0.2") == "frames 1 to 4 played"
+    assert framestep(f"play {move} --to 4 --preroll 0.2") == (
+        "a is motor 1, b is motor 2, c is motor 3\nframes 1 to 4 played"
+    )
     take = Client._take
     stops = [MotorStopAll()]
 
@@ -363,11 +372,14 @@ def test_a_short_e_stop_ends_what_is_repeated(framestep, board, monkeypatch):
     assert "the E-stop was pressed" in said
     assert said.startswith("framestep: motor 7 stopped at ")
     assert framestep("zero 7") == "motor 7: 0"
-    assert framestep("jog 7 -1000 --speed 10000 --seconds 60") == "motor 7: -1000"
+    assert framestep("jog 7 -1000 --speed 100% --seconds 60") == "motor 7: -1000"
 
 
-def test_names_and_units_in_refusals(framestep, board, axes):
+def test_names_and_units_in_refusals(framestep, board, axes, tmp_path):
     option, _ = axes
+    move = tmp_path / "track.csv"
+    lines = CAMERA_MOVE.read_text().splitlines()
+    move.write_text("\n".join(",".join(line.split(",")[:2]) for line in lines))
     tell(
         board, MotorResetPosition(2, 0), MotorSetLimits(2, 1, -2250, 1, 0, 0),
         MotorResetPosition(1, 0), MotorSetSpeed(1, 800, 8000),
@@ -375,7 +387,7 @@ def test_names_and_units_in_refusals(framestep, board, axes):
     for line, words in (
         ("move pan -79deg",
          "-79° (-2475) is past the lower soft limit of pan, -80° (-2250) (set in"),
-        ("play camera_move.csv",
+        (f"play {move}",
          "track at frame 48 would need 145.8 mm/s (11664 steps/s) at 24 frames/s, its velocity is "
          "10 mm/s (800 steps/s) (set in Dragonframe's"),
         ("home pan", "no motor has `home` in the rig file"),

@@ -214,9 +214,15 @@ def test_a_draft_is_checked_as_what_the_board_would_get(tmp_path, capsys):
     assert cli.app.status(["rig", "check", str(file)]) == 0
     assert capsys.readouterr().out == (
         f"{file} is valid for Raspberry Pi Pico: 'http://draft', 0 motors set; "
-        f"it has // comments, which a board does not read: framestep rig edit {file} "
-        "sends it without them\n"
+        "it begins with a byte order mark and has // comments, which a board does not read: "
+        f"framestep rig edit {file} sends it without\n"
     )
+    file.write_text('{"name": "b"}', encoding="utf-8-sig")
+    assert cli.app.status(["rig", "check", str(file)]) == 0
+    assert "it begins with a byte order mark, which a board does not" in capsys.readouterr().out
+    file.write_text('{"name": "b"}')
+    assert cli.app.status(["rig", "check", str(file)]) == 0
+    assert "does not read" not in capsys.readouterr().out
     file.write_text(rig_file.commented('{\n"ports": 3}'))
     assert cli.app.status(["rig", "check", str(file)]) == 1
     assert f"{file}: ports: found 3" in capsys.readouterr().err

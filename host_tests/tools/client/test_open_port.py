@@ -314,6 +314,19 @@ def test_another_programs_bytes(terminal, capsys):
     assert not terminal.got.endswith(b"\x03"), "nothing is broken into"
 
 
+def test_a_port_that_sends_back_what_it_gets(terminal, capsys):
+    terminal.answer = lambda data: data
+    assert cli.app.status(["status", terminal.path]) == NO_CONTROLLER
+    assert "sends back what it gets: it is not the protocol's port" in capsys.readouterr().err
+
+
+def test_a_port_that_sends_the_begin_of_a_frame_for_ever(terminal, capsys):
+    terminal.answer = lambda data: b"DF" * 300
+    assert cli.app.status(["status", terminal.path]) == NO_CONTROLLER
+    assert "sends 600 bytes that are not this protocol" in capsys.readouterr().err
+    assert not terminal.got.endswith(b"\x03"), "nothing is broken into"
+
+
 def test_silence(terminal):
     with Client.open(terminal.path, timeout_s=0.05) as client, pytest.raises(NoAnswer):
         client.greet()

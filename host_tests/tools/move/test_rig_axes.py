@@ -1,5 +1,6 @@
 """Names and units on the command line: how they are read and written, and which file counts."""
 
+import errno
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,21 @@ RIG = Axes(
     ],
     "axes.toml",
 )
+
+
+def test_a_settings_folder_that_cannot_be_read_is_a_sentence(monkeypatch, tmp_path):
+    def closed(path, **_):
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.chdir(tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "stat", closed)
+        with pytest.raises(ToolError) as error:
+            rig_axes.find()
+    assert "Permission denied; name the file by --axes" in str(error.value)
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(rig_axes, "user_file", lambda: tmp_path / "file" / "axes.toml")
+    assert rig_axes.find() is None
 
 
 def test_a_motor_by_number_or_name():

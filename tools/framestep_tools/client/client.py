@@ -49,6 +49,7 @@ DEFAULT_TIMEOUT_S = 2.0
 POLL_INTERVAL_S = 0.05  # between two requests for MOTOR_STATUS
 READ_SIZE = 4096
 _NOISE_BYTES = 1000
+_DRAWN = 8  # times that a REPL shows what it got
 # spaces: with it no byte of a HI makes a REPL do anything but edit its line
 GREETING_ID = 0x20202020
 CTRL_C = b"\x03"
@@ -105,6 +106,10 @@ class BadRequest(ClientError, ValueError):
     """A value does not fit into its request."""
 
     status = USAGE
+
+
+class Echoed(ClientError):
+    """The port has sent the request back."""
 
 
 class WrongPort(ClientError):
@@ -207,10 +212,16 @@ class Client:
         try:
             self.info = self.request(Hi())
             return self.info
+        except Echoed:
+            raise WrongPort(
+                f"{self.name} sends back what it gets: it is not the protocol's port, and perhaps "
+                "a plug that joins the two lines, or a modem"
+            ) from None
         except NoAnswer as error:
             if self._heard:
                 raise
-            if b"DF" in self._noise:  # a line editor echoes its input
+            # a line editor echoes its input, and may draw its line again
+            if 0 < self._noise.count(b"DF") <= _DRAWN:
                 self._guard(self.port.write, CTRL_C)
                 raise WrongPort(
                     f"{self.name} is a REPL, not the protocol's port: "
@@ -292,6 +303,8 @@ class Client:
                 raise ValueError("found a bare acknowledgement")
             return code, code
         except (KeyError, ValueError) as error:
+            if not frame.is_ack and (frame.type, frame.payload) == (request.TYPE, request.pack()):
+                raise Echoed(f"{type_name(request.TYPE)} came back as it was sent") from None
             raise ClientError(
                 f"{type_name(request.TYPE)} expects {expected.__name__} in return: {error}"
             ) from None

@@ -108,6 +108,8 @@ def _why(url: str, error: Exception) -> ToolError:
     why = (
         os.strerror(number) if number else text
     )  # pyserial's own text repeats everything three times
+    if "Could not configure port" in text:
+        why = "it is not a serial port"
     if "FileNotFoundError(2" in text:
         why = os.strerror(errno.ENOENT)
     return NoPort(f"cannot open {url}: {why}; framestep ports lists all ports")

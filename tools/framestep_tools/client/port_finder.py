@@ -31,8 +31,8 @@ _NOT_MICROPYTHON = (0x0003, 0x0004, 0x000C, 0x000F)  # its BOOTSEL drives and de
 _INTERFACE = re.compile(r":(?:x|\d+)\.(\d+)$")
 _MAC = re.compile(r"usbmodem.*?(\d{1,2})$")
 GET = (
-    "put framestep on one (hold BOOTSEL while plugging it in, then drop the .uf2 "
-    "onto the drive that appears), take a cable that carries data, or name a port"
+    "put framestep on one (framestep install; or hold BOOTSEL while plugging it in, and drop the "
+    ".uf2 onto the drive that appears), take a cable that carries data, or name a port"
 )
 
 

@@ -1,6 +1,7 @@
 """Commands for single motors: status, move, jog, zero, stop, and others for the first hour with a
 rig."""
 
+import re
 import sys
 import time
 from pathlib import Path
@@ -18,6 +19,7 @@ from .common import (
     Url,
     load_axes,
     moving,
+    note,
     put,
     say_json,
     set_speed,
@@ -35,6 +37,33 @@ JOG_REPEAT_S = 0.2  # a jog ends by itself when it is not repeated (field note 4
 WATCH_S = 0.2  # from one update to the next
 LEAVE_S = 10.0  # time for another program to close the port
 _BUZZ = 100_000  # steps: the farthest
+_PERCENT = re.compile(r"(\d+(?:\.\d*)?|\.\d+) ?%")
+_USUAL_SPEED = 1000  # of 10000
+
+
+def _share(text: str) -> int:
+    """Return ten thousandths, as a jog has them, of a share such as 5%. Raises BadParameter."""
+    if not isinstance(text, str):
+        return text  # the default
+    found = _PERCENT.fullmatch(text.strip())
+    share = round(float(found[1]) * 100) if found else 0
+    if not 1 <= share <= 10_000:
+        raise typer.BadParameter(
+            f"expected a part of the motor's velocity from 0.01% to 100%, such as 5%, "
+            f"found {text[:40]!r}"
+        )
+    return share
+
+
+Speed = Annotated[
+    int,
+    typer.Option(
+        help="part of the motor's velocity, from 0.01% to 100%; without it 10%",
+        parser=_share,
+        metavar="PERCENT",
+        show_default=False,
+    ),
+]
 
 
 def status(
@@ -122,6 +151,7 @@ def move(
     known = load_axes(axes)
     number = known.motor(motor)
     target = known.steps(number, position)
+    _hint(known, number, position)
     speed = None
     if velocity is not None and acceleration is not None:
         speed = MotorSetSpeed(
@@ -134,6 +164,11 @@ def move(
             client.request(MotorMove(number, target))
             client.wait_idle(timeout_s=float("inf"))
         _arrived(client, number, target)
+
+
+def _hint(axes: "Axes", motor: int, text: str) -> None:
+    if hint := axes.hint(motor, text):
+        note(hint)
 
 
 def _arrived(client: "Client", motor: int, position: int | None = None) -> None:
@@ -153,9 +188,7 @@ def jog(
     motor: Motor,
     destination: Position,
     device: Url = None,
-    speed: Annotated[
-        int, typer.Option(help="1 (inching) to 10000 (the motor's maximum)", min=1, max=10_000)
-    ] = 1000,
+    speed: Speed = _USUAL_SPEED,
     seconds: Annotated[float, typer.Option(help="how long", min=0)] = 1.0,
     axes: AxesFile = None,
 ) -> None:
@@ -165,6 +198,7 @@ def jog(
     known = load_axes(axes)
     number = known.motor(motor)
     target = known.steps(number, destination)
+    _hint(known, number, destination)
     with moving(device, known) as client:
         _position(client, number)
         with shown(client, number):
@@ -216,6 +250,7 @@ def zero(
     known = load_axes(axes)
     number = known.motor(motor)
     steps = known.steps(number, position)
+    _hint(known, number, position)
     with talking(device, known) as client:
         client.request(MotorResetPosition(number, steps))
         _arrived(client, number)
@@ -318,9 +353,7 @@ def buzz(
         str, typer.Option(help="distance to each side, in steps or with a unit", metavar="N")
     ] = "200",
     times: Annotated[int, typer.Option(help="how often", min=1, max=1000)] = 5,
-    speed: Annotated[
-        int, typer.Option(help="1 (inching) to 10000 (the motor's maximum)", min=1, max=10_000)
-    ] = 1000,
+    speed: Speed = _USUAL_SPEED,
     axes: AxesFile = None,
 ) -> None:
     """Move a motor a few steps to and fro, to see whether it turns."""

@@ -98,7 +98,7 @@ def import_move(
     chosen = FORMATS[file_format] if file_format else of_content(text, str(source))
     recording = chosen.read(text, str(source), decimal)
     found = rig_axes.find(axes)
-    if not found or not found.exists():
+    if not found or not rig_axes.exists(found):
         raise ToolError(
             f"there is no {found or rig_axes.FILE}, which assigns the axes of {file} "
             f"({', '.join(recording.names)}) to motors; docs/use/axes.md shows one"

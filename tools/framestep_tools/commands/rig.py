@@ -1,5 +1,6 @@
 """`framestep rig`: check and edit the rig file."""
 
+import codecs
 from pathlib import Path
 from typing import Annotated
 
@@ -23,7 +24,9 @@ def rig_check(
     from ..building.board_files import board_data
 
     content = rig_file.content_of(file)
-    comments = rig_file.for_board(content) != content
+    mark = content.startswith(codecs.BOM_UTF8)
+    bare = content.removeprefix(codecs.BOM_UTF8)
+    comments = rig_file.for_board(bare) != bare
     found = rig_file.check(rig_file.read(file), board_data(board), str(file))
     if json:
         say_json(
@@ -33,16 +36,18 @@ def rig_check(
                 "name": found.name.decode(),
                 "settings": found.settings,
                 "comments": comments,
+                "byte_order_mark": mark,
             }
         )
         return
+    unread = ["begins with a byte order mark"] * mark + ["has // comments"] * comments
     print(
         f"{file} is valid for {board_data(board)['name']}: "
         f"{found.name.decode()!r}, {len(found.motors)} motor{'s' * (len(found.motors) != 1)} set"
         + (
-            "; it has // comments, which a board does not read: "
-            f"framestep rig edit {file} sends it without them"
-            if comments
+            f"; it {' and '.join(unread)}, which a board does not read: "
+            f"framestep rig edit {file} sends it without"
+            if unread
             else ""
         )
     )

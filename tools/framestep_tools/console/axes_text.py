@@ -19,13 +19,13 @@ class AxesText:
     def read(self) -> dict[str, Any]:
         """Return the path and the text (empty: no file), or {"error": why it cannot be used}."""
         found: dict[str, Any] = {"path": str(self.path), "text": ""}
-        if self.path.exists():
-            try:
+        try:
+            if rig_axes.exists(self.path):
                 text = axes_text(self.path)
                 axes_of(text, self.path)
                 found["text"] = text
-            except ToolError as error:
-                found["error"] = str(error)
+        except ToolError as error:
+            found["error"] = str(error)
         return found
 
     def write(self, text: str) -> dict[str, Any]:

@@ -38,10 +38,10 @@ def find(given: Path | None = None) -> Path | None:
     """Return the given axes.toml, else the working directory's, else the user's, else None."""
     if given:
         return given
-    return next((path for path in (FILE, user_file()) if _exists(path)), None)
+    return next((path for path in (FILE, user_file()) if exists(path)), None)
 
 
-def _exists(path: Path) -> bool:
+def exists(path: Path) -> bool:
     """Return whether there is such a file. Raises AxesFileError if its folder cannot be read."""
     try:
         path.stat()
@@ -108,6 +108,16 @@ class Axes:
         if wrong := axis.beyond(steps):
             raise AxesError(f"{axis.name}: {wrong} ({self.path})")
         return _in_32_bits(steps, text)
+
+    def hint(self, motor: int, text: str) -> str:
+        """Return a sentence for a position without a unit of an axis that has one, else nothing."""
+        axis = self._of.get(motor)
+        number = text.strip()
+        if not axis or _plain(axis) or not number.strip("+-0") or not number[-1].isdecimal():
+            return ""
+        if axis.unit == "units":
+            return ""
+        return f"{number} are steps; for {axis.unit} write {number}{axis.unit}"
 
     def limits(self, motor: int, lower: str, upper: str) -> tuple[int | None, int | None]:
         """Return the lowest and the highest step between two positions; empty: none.
