@@ -303,7 +303,8 @@ class Client:
                 raise ValueError("found a bare acknowledgement")
             return code, code
         except (KeyError, ValueError) as error:
-            if not frame.is_ack and (frame.type, frame.payload) == (request.TYPE, request.pack()):
+            sent = (request.TYPE, request.pack())
+            if expected is not Ack and (frame.type, frame.payload) == sent:
                 raise Echoed(f"{type_name(request.TYPE)} came back as it was sent") from None
             raise ClientError(
                 f"{type_name(request.TYPE)} expects {expected.__name__} in return: {error}"
