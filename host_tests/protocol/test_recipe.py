@@ -14,7 +14,9 @@ from framestep_tools.building.board_files import ROOT
 PROGRAM = """
 from framestep_tools import payloads as p
 from framestep_tools.building.board_files import folded
-from framestep_tools.console import page_files
+from framestep_tools.client.wire import encode
+from framestep_tools.console import bridge, page_files
+from framestep_tools.console.bridge import Jogs
 from framestep_tools.traffic import compare
 from host_tests.end_to_end.session import simulated
 from host_tests.fuzz import link
@@ -27,6 +29,13 @@ session.accept(p.MotorCreep(3, 5000))
 session.run(0.4)
 assert session.ask(p.MotorGetPosition()).steps[2] > 0
 assert session.code(p.MotorCreep(99, 5000)) == p.Ack.ERR_RANGE
+
+jogs = Jogs()
+jogs.note(encode(kind, p.MotorCreep(3, 5000).pack(), 1))
+assert jogs.stops() == [p.MotorStop(3)]
+jogs.note(encode(kind, p.MotorCreep(3, 5000).pack(), 1) + encode(p.MotorStop.TYPE, b"\\3", 2))
+assert not jogs
+assert bridge._refused_jogs(encode(kind, p.MotorCreep(3, 5000).pack(), 1))
 
 assert kind in link.MOTIONS and kind in compare._MOVES
 assert '"MotorCreep"' in page_files.protocol_js()

@@ -11,6 +11,7 @@ import socket
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
 from urllib.parse import urlsplit
 
 import pytest
@@ -33,6 +34,7 @@ from framestep_tools.console.device import ConsoleDevice
 from framestep_tools.console.server import ConsoleServer, lan_address
 from framestep_tools.errors import ToolError
 from framestep_tools.payloads import (
+    REQUESTS,
     Ack,
     Hi,
     MotorGetPosition,
@@ -555,13 +557,31 @@ def test_jogs_that_have_begun_and_not_ended():
         VirtStop(messages.VIRT_MOTOR_TRACK),
     ):
         jogs.note(encode(request.TYPE, request.pack(), 1))
-    assert jogs.stops() == [MotorStop(2), VirtStop(messages.VIRT_MOTOR_EW), VirtStop(5)]
+    assert jogs.stops() == [MotorStop(2), VirtStop(5), VirtStop(messages.VIRT_MOTOR_EW)]
     assert jogs.stops() == []
     jogs.note(encode(RtJogAll.TYPE, RtJogAll(24_000, 5).pack(), 1))
     assert jogs.stops() == [MotorStopAll()]
     for request in (MotorJog(3, 1, 0), RtJogAll(24_000, 5), MotorStopAll()):
         jogs.note(encode(request.TYPE, request.pack(), 1))
     assert jogs.stops() == []
+
+
+@pytest.mark.parametrize(
+    "kind", [cls for cls in REQUESTS.values() if cls.JOGS], ids=lambda cls: cls.__name__
+)
+def test_the_stop_of_each_jog_ends_it(kind):
+    """Whatever follows the fields that are known."""
+    jogs = Jogs()
+    request = kind(*range(1, 1 + len(fields(kind))))
+    jogs.note(encode(kind.TYPE, request.pack() + b"\0\0", 1))
+    assert jogs.stops() == [request.stop()]
+    jogs.note(encode(kind.TYPE, request.pack(), 1))
+    stop = request.stop()
+    assert type(stop).STOPS
+    jogs.note(encode(stop.TYPE, stop.pack() + b"\0", 2))
+    assert not jogs
+    jogs.note(encode(kind.TYPE, request.pack()[:-1], 3))  # too short: the device refuses it
+    assert not jogs
 
 
 def test_numbers_and_texts_of_the_page_are_those_of_the_firmware():

@@ -18,13 +18,12 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from framestep.protocol.messages import MSG_MOTOR_STOP, MSG_MOTOR_STOP_ALL, MSG_VIRT_STOP
-
+from ..payloads import REQUESTS
 from .port_finder import split_rate
 from .tcp_port import SCHEME, TcpPort, host_and_port, is_socket
 from .wire import Frame, FrameDecoder, encode
 
-STOPS = (MSG_MOTOR_STOP, MSG_MOTOR_STOP_ALL, MSG_VIRT_STOP)
+STOPS = frozenset(kind for kind, cls in REQUESTS.items() if cls.STOPS)
 LOOK_S = 0.05  # interval at which the first program looks for guests
 _SECRET_BYTES = 32
 

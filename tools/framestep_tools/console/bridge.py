@@ -21,80 +21,45 @@ from framestep.protocol import messages
 from ..client.client import BrokenOff
 from ..client.open_port import close_port, is_socket
 from ..client.shared_port import SharedPort
-from ..client.wire import Frame, FrameDecoder, encode
-from ..payloads import (
-    TYPE_NAMES,
-    Ack,
-    MotorJog,
-    MotorStatus,
-    MotorStop,
-    MotorStopAll,
-    Payload,
-    RtJogAll,
-    Status,
-    VirtJog,
-    VirtJogOnLine,
-    VirtStop,
-)
+from ..client.wire import FrameDecoder, encode
+from ..payloads import REQUESTS, Ack, MotorStatus, MotorStopAll, Payload, Status
 
 _LOOK_S = 0.05  # the reader waits this long for a byte before it checks whether to end
 _ANSWER_S = 5.0
 _FIRST_ID = 0xF000_0000  # IDs of the bridge's own requests; the page counts from 1
 _FIRST_OF_OTHERS = 0xE000_0000  # IDs of other programs' requests
-_JOGS = {kind for kind, name in TYPE_NAMES.items() if "JOG" in name}
-# virtual motor in VIRT_STOP for each axis of JOG_ON_LINE (field note 9.6)
-_OF_LINE = {0: 2, 1: 3, 2: 1, 3: 4, 4: 5}
 
 
 class Jogs:
-    """The motors and virtual motors that have been asked to jog, and not to stop since."""
+    """The jogs that have been requested, and not been stopped since."""
 
     def __init__(self) -> None:
         self._decoder = FrameDecoder()
-        self.motors: set[int] = set()
-        self.virtual: set[int] = set()
-        self.all = False  # along the uploaded move
+        self._stops: dict[Payload, None] = {}  # that end them, in their order
 
     def note(self, data: bytes) -> None:
         """Note the bytes on their way to the device."""
         for frame in self._decoder.feed(data):
-            self._note(frame)
-
-    def _note(self, frame: Frame) -> None:
-        payload = frame.payload
-        if frame.type == MotorStopAll.TYPE:
-            self._forget()
-        elif frame.type == RtJogAll.TYPE:
-            self.all = True
-        elif not payload:
-            return
-        elif frame.type == MotorJog.TYPE:
-            self.motors.add(payload[0])
-        elif frame.type == MotorStop.TYPE:
-            self.motors.discard(payload[0])
-        elif frame.type == VirtJog.TYPE:
-            self.virtual.add(payload[0])
-        elif frame.type == VirtJogOnLine.TYPE:
-            self.virtual.add(_OF_LINE.get(payload[0], 0))
-        elif frame.type == VirtStop.TYPE:
-            self.virtual.discard(payload[0])
+            kind = REQUESTS.get(frame.type)
+            if kind is MotorStopAll:
+                self._stops.clear()
+            if not kind or not (kind.JOGS or kind.STOPS):
+                continue
+            with contextlib.suppress(ValueError):  # the device refuses it
+                request, _ = kind.unpack_known(frame.payload)
+                if kind.JOGS:
+                    self._stops[request.stop()] = None
+                else:
+                    self._stops.pop(request, None)
 
     def __bool__(self) -> bool:
-        return bool(self.motors or self.virtual or self.all)
+        return bool(self._stops)
 
     def stops(self) -> list[Payload]:
         """Return the requests that end all jogs."""
-        found: list[Payload] = [MotorStop(motor) for motor in sorted(self.motors)]
-        found += [VirtStop(motor) for motor in sorted(self.virtual)]
-        if self.all:
-            found.append(MotorStopAll())
-        self._forget()
+        found = list(self._stops)
+        self._stops.clear()
         return found
-
-    def _forget(self) -> None:
-        self.motors.clear()
-        self.virtual.clear()
-        self.all = False
 
 
 class Bridge:
@@ -273,5 +238,5 @@ def _refused_jogs(data: bytes) -> bytes:
     return b"".join(
         encode(frame.type | messages.MSG_FLAG_ACK, struct.pack("<H", Ack.ERR_GENERAL), frame.id)
         for frame in FrameDecoder().feed(data)
-        if frame.type in _JOGS
+        if (kind := REQUESTS.get(frame.type)) and kind.JOGS
     )

@@ -113,7 +113,7 @@ class MotorMove(Request[Moving], number=MSG_MOTOR_MOVE, moves=True):
 MSG_MOTOR_STOP = 0x0032
 
 
-class MotorStop(Request[Ack], number=MSG_MOTOR_STOP):
+class MotorStop(Request[Ack], number=MSG_MOTOR_STOP, stops=True):
     """Slow a motor down to a stop."""
 
     motor: U8
@@ -122,7 +122,7 @@ class MotorStop(Request[Ack], number=MSG_MOTOR_STOP):
 MSG_MOTOR_STOP_ALL = 0x0033
 
 
-class MotorStopAll(Request[Ack], number=MSG_MOTOR_STOP_ALL):
+class MotorStopAll(Request[Ack], number=MSG_MOTOR_STOP_ALL, stops=True):
     """Slow all motors down to a stop; a second one soon after is the hard stop. Flag 1: without
     warning lights."""
 
@@ -149,7 +149,7 @@ class MotorResetPosition(Request[Ack], number=MSG_MOTOR_RESET_POSITION):
 MSG_MOTOR_JOG = 0x0036
 
 
-class MotorJog(Request[Ack], number=MSG_MOTOR_JOG, moves=True):
+class MotorJog(Request[Ack], number=MSG_MOTOR_JOG, moves=True, jogs=True):
     """Jog toward a position, at a speed of 1 (inching) to 10000 (the motor's own velocity and
     acceleration)."""
 

@@ -1,6 +1,6 @@
 """Base classes of messages: declaring, packing and unpacking the data section, field by field.
 
-    class MotorJog(Request[Ack], number=MSG_MOTOR_JOG, moves=True):
+    class MotorJog(Request[Ack], number=MSG_MOTOR_JOG, moves=True, jogs=True):
         motor: U8
         speed: U16
         destination: I32
@@ -208,21 +208,33 @@ R = TypeVar("R")
 class Request(Payload, Generic[R]):
     """A message to the device. R is the class of its answer; Ack if there is only a response code.
 
-    moves: it sets motors in motion, or motors wait for it. keeps_plan: a prepared run keeps its
-    plan if this comes before GO. only_sent: the device sends it, and refuses it with
+    moves: it sets motors in motion, or motors wait for it. jogs: they move until a `stop()`, which
+    others send for a program that is gone. stops: it ends motion. keeps_plan: a prepared run keeps
+    its plan if this comes before GO. only_sent: the device sends it, and refuses it with
     ERR_UNSUPPORTED; it is a request so that tests can send it.
     """
 
     REPLY: ClassVar[Any]
     MOVES: ClassVar[bool]
+    JOGS: ClassVar[bool]
+    STOPS: ClassVar[bool]
     KEEPS_PLAN: ClassVar[bool]
     ONLY_SENT: ClassVar[bool]
 
     def __init_subclass__(
-        cls, number: int, moves: bool = False, keeps_plan: bool = False, only_sent: bool = False
+        cls,
+        number: int,
+        moves: bool = False,
+        jogs: bool = False,
+        stops: bool = False,
+        keeps_plan: bool = False,
+        only_sent: bool = False,
     ) -> None:
         super().__init_subclass__(number)
-        cls.MOVES, cls.KEEPS_PLAN, cls.ONLY_SENT = moves, keeps_plan, only_sent
+        if jogs and not moves:
+            raise TypeError(f"{cls.__name__} jogs, so declare moves=True as well")
+        cls.MOVES, cls.JOGS, cls.STOPS = moves, jogs, stops
+        cls.KEEPS_PLAN, cls.ONLY_SENT = keeps_plan, only_sent
         for base in cls.__dict__.get("__orig_bases__", ()):
             if get_origin(base) is Request:
                 (cls.REPLY,) = get_args(base)
@@ -230,3 +242,10 @@ class Request(Payload, Generic[R]):
             if cls.REPLY.__dict__.get("TYPE", number) != number:
                 raise TypeError(f"{cls.REPLY.__name__} is the answer to another message already")
             cls.REPLY.TYPE = number
+
+    def stop(self) -> "Request[Any]":
+        """Return the request that ends this jog: of its motor, or of all if it names none."""
+        from .general import MotorStop, MotorStopAll
+
+        motor = getattr(self, "motor", None)
+        return MotorStopAll() if motor is None else MotorStop(motor)

@@ -156,7 +156,7 @@ class RtStopLoop(Request[Ack], number=MSG_RT_STOP_LOOP):
 MSG_RT_JOG_ALL = 0x0120
 
 
-class RtJogAll(Request[Ack], number=MSG_RT_JOG_ALL, moves=True):
+class RtJogAll(Request[Ack], number=MSG_RT_JOG_ALL, moves=True, jogs=True):
     """Jog all motors along the uploaded path toward a frame; fps · 1000."""
 
     fps_milli: U32

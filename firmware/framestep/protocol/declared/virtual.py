@@ -27,7 +27,7 @@ class VirtMove(Request[Ack], number=MSG_VIRT_MOVE, moves=True):
 MSG_VIRT_STOP = 0x0202
 
 
-class VirtStop(Request[Ack], number=MSG_VIRT_STOP):
+class VirtStop(Request[Ack], number=MSG_VIRT_STOP, stops=True):
     """Stop a virtual motor."""
 
     motor: U8
@@ -36,7 +36,7 @@ class VirtStop(Request[Ack], number=MSG_VIRT_STOP):
 MSG_VIRT_JOG = 0x0203
 
 
-class VirtJog(Request[Ack], number=MSG_VIRT_JOG, moves=True):
+class VirtJog(Request[Ack], number=MSG_VIRT_JOG, moves=True, jogs=True):
     """Jog a virtual motor; the destination is a step position of its main motor (field note
     9.6)."""
 
@@ -44,15 +44,22 @@ class VirtJog(Request[Ack], number=MSG_VIRT_JOG, moves=True):
     speed: U16
     destination: I32
 
+    def stop(self) -> VirtStop:
+        return VirtStop(self.motor)
+
 
 MSG_VIRT_JOG_ON_LINE = 0x0206
 
 
-class VirtJogOnLine(Request[Ack], number=MSG_VIRT_JOG_ON_LINE, moves=True):
+class VirtJogOnLine(Request[Ack], number=MSG_VIRT_JOG_ON_LINE, moves=True, jogs=True):
     """Jog along the camera's own axes: 0 X, 1 Y, 2 Z, 3 pan, 4 tilt; speed −10000 to 10000."""
 
     axis: U8
     speed: I16
+
+    def stop(self) -> VirtStop:
+        """VIRT_STOP of the matching virtual motor (field note 9.6)."""
+        return VirtStop((2, 3, 1, 4, 5)[self.axis] if self.axis < 5 else 0)
 
 
 MSG_VIRT_GET_POSITION = 0x0205
