@@ -173,6 +173,7 @@ def test_the_editor(tmp_path, monkeypatch):
         ('{"motors": [{"Invert": true}]}', "; did you mean invert?"),
         ('{"motors": [{"driver": {"run_ma": 500, "mirosteps": 8}}]}', "; did you mean microsteps?"),
         ('{"qqq": 1}', "qqq: no such setting; there are clock_mhz, dialect"),
+        ('{"pulse_us": 1}', "pulse_us: no such setting; did you mean motors[n].pulse_us?"),
     ],
 )
 def test_the_key_that_was_meant(text, meant, tmp_path, capsys):

@@ -145,6 +145,15 @@ def _drop(settings: Any, key: str) -> bool:
     return True
 
 
+_NESTED = {
+    "motors[n]": settings.MOTOR_SETTINGS,
+    "motors[n].driver": settings.DRIVER_SETTINGS,
+    "limits[n]": settings.LIMIT_SETTINGS,
+    "inputs[n]": settings.INPUT_SETTINGS,
+    "outputs[n]": settings.OUTPUT_SETTINGS,
+}
+
+
 def with_suggestion(mistake: str) -> str:
     """Return a mistake with the valid key closest to an unknown one, before all keys."""
     found = re.match(r"([^:]*): no such setting; there are (.*)", mistake)
@@ -152,6 +161,9 @@ def with_suggestion(mistake: str) -> str:
         return mistake
     key = found[1].rpartition(".")[2].lower()
     close = difflib.get_close_matches(key, found[2].split(", "), 1, 0.5)
+    if key == found[1]:  # at the top: it may belong elsewhere
+        within = [f"{name}.{key}" for name, table in _NESTED.items() if key in table]
+        close = within or close
     meant = f"; did you mean {close[0]}?" if close else ";"
     return f"{found[1]}: no such setting{meant} There are {found[2]}".replace("; There", "; there")
 

@@ -84,6 +84,7 @@ def check(
     from framestep.protocol.messages import RUN_LOOP, RUN_PING_PONG
     from framestep.rig import RigError
 
+    from ..board.rig_file import with_suggestion
     from ..building.board_files import board_data
     from ..errors import DONE, FAILED, REFUSED, ToolError
     from ..payloads import RtRunMove
@@ -119,7 +120,7 @@ def check(
     try:
         found = move_check.check(content, run, settings, asked)
     except RigError as error:
-        raise ToolError(f"{rig}: {error}") from None
+        raise ToolError(f"{rig}: {with_suggestion(str(error))}") from None
     if json:
         say_json(move_check.for_programs(found))
     else:

@@ -58,6 +58,7 @@ def sim(
     """
     from framestep.rig import RigError
 
+    from ..board.rig_file import with_suggestion
     from ..client.pty_port import can_make_one
     from ..errors import ToolError
     from ..simulator.boards import SimulatedBoard, read_rig
@@ -69,7 +70,7 @@ def sim(
     try:
         simulated = SimulatedBoard(read_rig(rig), motors, board)
     except RigError as error:
-        raise ToolError(f"{rig}: {error}") from None
+        raise ToolError(f"{rig}: {with_suggestion(str(error))}") from None
     simulated.wire_switches()
     if not plain and _takes_a_view():
         from ..simulator.live import LiveServer
