@@ -145,7 +145,7 @@ def _drop(settings: Any, key: str) -> bool:
     return True
 
 
-_NESTED = {
+_NESTED: dict[str, dict[str, Any]] = {
     "motors[n]": settings.MOTOR_SETTINGS,
     "motors[n].driver": settings.DRIVER_SETTINGS,
     "limits[n]": settings.LIMIT_SETTINGS,
