@@ -303,7 +303,7 @@ class Controller:
         next pass does so. news: result of Io.poll().
         """
         if elapsed(now, self.watchdog.checked_at) >= CHECK_MS:
-            self.stops.check_pins()
+            self.stops.check_board()
             if self.watchdog.check(now, self.reports.was_moving, self.was_open):
                 self.stops.on_host_lost()
         if (now >> 7) & 15 != self.beat:
@@ -491,6 +491,8 @@ class Controller:
             bits |= m.CONDITION_DRIVER
         if self.operations.exceeded[WHAT]:
             bits |= m.CONDITION_EXCEEDED
+        if self.stops.clock_changed:
+            bits |= m.CONDITION_CLOCK
         header = self.header
         if (
             header[stepper.WORST_LATE] * 5 > header[stepper.LATEST] * 4

@@ -2,7 +2,14 @@
 or allocated."""
 
 from framestep.pulse.stepper import FAULT_DRY, FAULT_LATE, FAULT_PIN
-from framestep.stops import FAULT_DRIVER, FAULT_ESTOP, FAULT_LIMIT, FAULT_LOST, FAULT_TAKEN
+from framestep.stops import (
+    FAULT_CLOCK,
+    FAULT_DRIVER,
+    FAULT_ESTOP,
+    FAULT_LIMIT,
+    FAULT_LOST,
+    FAULT_TAKEN,
+)
 
 FAULTS = (
     (FAULT_DRY, "a motor's queue ran dry in a motion"),
@@ -13,6 +20,7 @@ FAULTS = (
     (FAULT_LIMIT, "a limit switch was hit"),
     (FAULT_DRIVER, "a driver failed"),
     (FAULT_TAKEN, "something else had taken a pin, which was put back"),
+    (FAULT_CLOCK, "a program changed the processor's clock"),
 )
 ALL = "; the motors were ramped down"
 _ONE = "; its motor was ramped down"

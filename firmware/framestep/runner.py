@@ -31,6 +31,7 @@ from framestep.stops import HOMING_REPORT
 _PASS_MS = const(1)
 _APART_US = const(500)  # passes, at least; one is due each millisecond
 _BEHIND_TICK_US = const(50)  # from a tick to a pass: see run()
+_NO_TICK_MS = const(20)  # longer is no reason to wait on: motions will report it
 _LINES = const(16)
 _BEAT_MS = const(128)
 _AFTER_RAW = const(50)  # passes from the end of raw mode until the prompt is there
@@ -113,7 +114,8 @@ class Runner:
             # (`make bench`: go_ms_spread).
             ticks = self._hal.kernel.state
             tick = ticks[TICKS]
-            while ticks[TICKS] == tick:
+            begun = ticks_ms()
+            while ticks[TICKS] == tick and ticks_diff(ticks_ms(), begun) < _NO_TICK_MS:
                 pass
             sleep_us(_BEHIND_TICK_US)
             self.alive = True

@@ -15,6 +15,7 @@ FAULT_ESTOP = const(0x20)
 FAULT_LIMIT = const(0x40)
 FAULT_DRIVER = const(0x80)
 FAULT_TAKEN = const(0x100)
+FAULT_CLOCK = const(0x800)
 FAULT_HOMING = const(0x400)  # homing.py prints its text
 
 HOMING_REPORT = const(0x400)  # bit of `unreported`: homing has a result to print
@@ -87,11 +88,12 @@ class Stops:
         self.broken = broken
         self.header = hal.kernel.state
         self.positions = axes.positions
+        self.clock_changed = False  # by a program on the REPL; nothing moves
         self.stop_all_at = -1  # time of the last STOP_ALL, ms
 
     def allow_motion(self):
         """Return whether any motor may be moved."""
-        return not self.broken and not self.safety.estop_held and self.check_pins()
+        return not self.broken and not self.safety.estop_held and self.check_board()
 
     def stop_everything(self):
         """Ramp all motors down and set all outputs to their safe levels."""
@@ -178,13 +180,15 @@ class Stops:
 
     def on_fault(self, lost):
         """Handle a fault of the kernel, or lost commands of the motors `lost`."""
-        self._note(self._take(self.header, stepper.FAULTS) | (FAULT_LOST if lost else 0), 1)
+        fault = self._take(self.header, stepper.FAULTS) | (FAULT_LOST if lost else 0)
         for motor in range(self.axes.count):
             if self._take(self.axes[motor].block, stepper.FAULT) & stepper.FAULT_LATE:
                 lost |= 1 << motor  # its pulses broke off in motion, so it may have slipped
         if lost:
             self.positions.set_lost(lost, STEPS)
-        self.fault_stop()
+        if self._check_clock():  # else it comes from that
+            self._note(fault, 1)
+            self.fault_stop()
 
     def _take(self, words, i):
         """Return words[i], to which a tick may add bits, and clear it."""
@@ -207,12 +211,28 @@ class Stops:
             self._note(FAULT_DRIVER, self.axes.moving_bits())
             self.fault_stop()
 
-    def check_pins(self):
-        """Return whether all pins are as the HAL has set them up.
+    def _check_clock(self):
+        """Return whether the clock is as at the start. If a program on the REPL has changed it,
+        pulses come at wrong times: everything stops, and moving motors lose their positions."""
+        if self.hal.clock_kept():
+            self.clock_changed = False
+            return True
+        if not self.clock_changed:
+            self.clock_changed = True
+            moving = self.axes.moving_bits()
+            self.positions.set_lost(moving, STEPS)
+            self._note(FAULT_CLOCK, moving)
+            self.fault_stop()
+        return False
+
+    def check_board(self):
+        """Return whether the clock and all pins are as the HAL has set them up.
 
         If a program on the REPL has changed some, the HAL takes them back and everything stops.
         Motors that may have missed pulses have lost their positions.
         """
+        if not self._check_clock():
+            return False
         hal = self.hal
         lost = hal.reclaim()
         if lost < 0:

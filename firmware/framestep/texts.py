@@ -23,6 +23,7 @@ from framestep.motors.positions import (
     UNSET,
 )
 from framestep.protocol.messages import (
+    CONDITION_CLOCK,
     CONDITION_DRIVER,
     CONDITION_ESTOP,
     CONDITION_EXCEEDED,
@@ -84,6 +85,10 @@ CONDITIONS = {
     CONDITION_LOAD: (
         "the board is close to its limit: a tick was late, or a motor had little queued; "
         "fewer steps/s, fewer motors or a higher clock_mhz help"
+    ),
+    CONDITION_CLOCK: (
+        "a program changed the processor's clock (machine.freq, lightsleep): nothing moves until "
+        "it is as before, or the board is reset"
     ),
 }
 LIMITS_COUNT = "soft limits do not protect a motor whose position is lost; RESET_POSITION sets it"

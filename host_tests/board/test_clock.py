@@ -3,15 +3,26 @@ and the core's voltage is raised before the clock."""
 
 import pytest
 
+from framestep.protocol import messages as m
 from framestep_emulator import Emulator
 from framestep_tools.building import images
-from framestep_tools.payloads import Dmx, MotorMove
+from framestep_tools.payloads import Ack, Dmx, GetCondition, HardStop, MotorMove
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_io import Wire, check_timing
 from host_tests.covering import sweep
 from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played
 from host_tests.end_to_end.session import Session, run_request
 
+STUCK = """
+import framestep.hal.rp2.pins as pins
+from machine import enable_irq
+from time import ticks_diff, ticks_ms
+pins.held = lambda: True
+for _ in range(2):
+    begun = ticks_ms()
+    enable_irq(pins.free())
+    print(ticks_diff(ticks_ms(), begun))
+"""
 VREG_1_15_V = 0xC1  # EN, and VSEL of 1.15 V: RP2040 datasheet 2.10.6
 
 
@@ -82,3 +93,41 @@ def test_the_emulated_core_stops_at_a_clock_beyond_its_voltage():
         emu.repl().start("import machine; machine.freq(200000000)")
         emu.advance(100)
         assert "200 MHz" in emu.halted
+
+
+@pytest.mark.parametrize("disturb", ["machine.freq(125000000)", "machine.lightsleep(50)"])
+def test_a_program_that_changes_the_clock_causes_one_fault(disturb):
+    with EmulatedBoard() as board:
+        session = Session(board, reply_s=0.1)
+        repl = board.emulator.repl()
+        repl.exec("import machine")
+        for motor in (1, 2):
+            session.accept(MotorMove(motor, 20_000))
+        session.run(0.3)
+        repl.exec(disturb)
+        session.run(3)
+        assert not session.moving
+        assert [message for _, message in session.events(HardStop)] == [HardStop(100)]
+        session.refuse(Ack.ERR_GENERAL, MotorMove(1, 0))
+        assert session.ask(GetCondition()).bits & m.CONDITION_CLOCK
+        said = repl.unasked()
+        assert "framestep: a program changed the processor's clock; the motors were" in said
+        assert "motor 1" in repl.exec("import framestep.repl; status()")
+        repl.exec("machine.freq(200000000)")
+        session.run(0.3)
+        assert not session.ask(GetCondition()).bits & m.CONDITION_CLOCK
+        session.forget()
+        before = session.made(1)
+        session.accept(MotorMove(1, session.position(1) + 500))
+        session.wait_idle()
+        assert session.made(1) - before == 500
+        assert session.events(HardStop) == []
+
+
+def test_a_pin_that_usb_does_not_let_go_of_is_reported():
+    with EmulatedBoard(trace=False) as board:
+        said = board.emulator.repl().exec(STUCK)
+        text, first, second = said.splitlines()
+        assert text == "framestep: USB does not let go of GPIO 15, so do not use that pin"
+        assert 50 <= int(first) < 60
+        assert int(second) < 2, "it has given up"

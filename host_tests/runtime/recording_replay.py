@@ -272,6 +272,9 @@ class Hal:
     def ready(self):
         return True
 
+    def clock_kept(self):
+        return True
+
     def place(self, pin):
         """Return the number of a pin's bit, as in hal/host.py."""
         if "chain" not in self.board:

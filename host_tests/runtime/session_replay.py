@@ -90,6 +90,9 @@ class Hal:
     def ready(self):
         return True
 
+    def clock_kept(self):
+        return True
+
     def take_lost_commands(self):
         return 0
 

@@ -106,6 +106,10 @@ class Hal:
         """
         raise NotImplementedError
 
+    def clock_kept(self):
+        """Return whether the clock that times the pulses is as at the start."""
+        raise NotImplementedError
+
     def quiet(self):
         """Return whether nothing may be printed unasked, as a tool uses the REPL's raw mode."""
         raise NotImplementedError

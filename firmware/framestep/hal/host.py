@@ -231,6 +231,7 @@ class HostHal:
         self.on_edge = None
         self.colour = 0  # of the LED, 0xRRGGBB
         self.taken = -1  # what the next reclaim() finds
+        self.clock_changed = False  # as by a program on the REPL
         self.floats = 0
         self.board = rig.board
         self.driver_wire = wire(self) if wire else SilentWire()
@@ -372,6 +373,9 @@ class HostHal:
 
     def ready(self):
         return True
+
+    def clock_kept(self):
+        return not self.clock_changed
 
     def quiet(self):
         return False

@@ -15,7 +15,8 @@ if not CPYTHON:
 REFUSALS = {
     m.ERR_MOVING: "it moves, is being homed, or an operation of Dragonframe has it",
     m.ERR_GENERAL: (
-        "it may not move: E-stop held, rig file wrong, driver failed, motor disabled or coupled"
+        "it may not move: E-stop held, rig file wrong, driver failed, clock changed, motor "
+        "disabled or coupled"
     ),
     m.ERR_RANGE: "there is no such motor or value",
     m.ERR_SOFT_UP: "that is past the upper soft limit",

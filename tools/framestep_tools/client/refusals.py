@@ -13,6 +13,7 @@ from framestep.moves.run_plan import LONGEST_ROLL
 from framestep.moves.shoot import LONGEST_MS
 from framestep.moves.upload.store import FARTHEST_FRAME
 from framestep.protocol.messages import (
+    CONDITION_CLOCK,
     CONDITION_DRIVER,
     CONDITION_ESTOP,
     CONDITION_RIG_FILE_INVALID,
@@ -78,6 +79,7 @@ _STOPPED = (
         "the rig file has a mistake, see the REPL: nothing moves until it is corrected",
     ),
     (CONDITION_ESTOP, "the E-stop is held"),
+    (CONDITION_CLOCK, "a program on the REPL changed the processor's clock: reset the board"),
     (CONDITION_DRIVER, "a driver does not work (the REPL says which and why)"),
 )
 _UNSENT = -(2**31)  # means a frame that was not sent (field note 5.3)

@@ -24,8 +24,9 @@ from framestep.hal.esp32.chain import Chain
 from framestep.hal.stream import Stream
 from framestep.pulse.engine import CYCLES  # type: ignore[attr-defined]
 from framestep.pulse.kernel import StepKernel
-from framestep.pulse.stepper import RUNNING
+from framestep.pulse.stepper import RUNNING, TICKS
 
+_NO_TICK_MS = const(1000)  # I2S has ended: nothing more will be played
 LAST_PIN = const(39)
 CHAIN = const(64)
 _OUTPUTS = const(30)  # of the chain: as many as fit a small integer
@@ -227,10 +228,14 @@ class Esp32Hal:
             return
         self._landed = True
         left = self.chain.ahead()
-        while left:
+        state = self.kernel.state
+        idle = 0  # ms since the last tick
+        while left and idle < _NO_TICK_MS:
+            tick = state[TICKS]
             self.serve()
             sleep_ms(1)
-            if not self.kernel.state[RUNNING]:
+            idle = idle + 1 if state[TICKS] == tick else 0
+            if not state[RUNNING]:
                 left -= 1
         self.chain.deinit()
 
@@ -319,6 +324,9 @@ class Esp32Hal:
 
     def ready(self):
         return not self._cut
+
+    def clock_kept(self):
+        return True  # I2S times the pulses by a clock of its own
 
     def quiet(self):
         return False  # the passes run in the foreground, so nobody uses the REPL meanwhile

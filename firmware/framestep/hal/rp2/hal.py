@@ -59,7 +59,7 @@ class Rp2Hal:
         self._raw_repl = getattr(rp2, "raw_repl", bool)  # an older image below an overlay has none
         self._stack = set_limit(REPL_STACK)
         self.motors = len(board["step"])
-        hz = machine.freq()
+        hz = self._hz = machine.freq()
         while hz > FASTEST_HZ:
             hz //= 2
         cycles_per_us = hz // 1000000
@@ -91,6 +91,9 @@ class Rp2Hal:
         self.ticker = None
         self.passes = Timer(-1)  # made now, as there may be no memory for it later
         self.led = parts.led(board, self.motors)
+
+    def clock_kept(self):
+        return machine.freq() == self._hz
 
     def quiet(self):
         return self._raw_repl()

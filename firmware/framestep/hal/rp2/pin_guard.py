@@ -91,7 +91,7 @@ class Claim:
     """`with Claim(2, 3): ...` sets up these pins while USB holds none, and notes their state
     afterwards.
 
-    Waits up to two milliseconds. Interrupts are off within: for quick work only.
+    Waits up to two milliseconds, see free(). Interrupts are off within: for quick work only.
     """
 
     def __init__(self, *pins):

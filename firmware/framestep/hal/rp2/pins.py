@@ -5,6 +5,7 @@ Only pins 0 to 29, whose bits fit a small integer.
 """
 
 import sys
+from time import ticks_diff, ticks_ms
 
 from machine import Pin, disable_irq, enable_irq
 
@@ -14,6 +15,9 @@ _GPIO_IN = const(1)  # words from the start of SIO
 _USB_PAGE = const(0x50110)  # of 4 kB (RP2040 datasheet 4.1.4)
 _MUXING = const(29)  # words from its start
 _TO_DIGITAL_PAD = const(4)  # the line comes from a pin
+_PATIENCE_MS = const(50)
+
+_stuck = False  # USB has held a pin for too long
 
 # Registers that raise and lower the output pins of a mask (RP2040 datasheet 2.3.1.7, RP2350 3.1.11)
 SET_REGISTER = 0xD0000018 if "RP2350" in sys.implementation._machine else 0xD0000014
@@ -57,10 +61,18 @@ def held() -> bool:
 
 
 def free():
-    """Turn interrupts off at a moment when USB holds no pin. Return the state for enable_irq()."""
+    """Turn interrupts off at a moment when USB holds no pin. Return the state for enable_irq().
+
+    USB holds one for a millisecond or two. If it goes on, say so once and wait no more.
+    """
+    global _stuck
+    begun = ticks_ms()
     state = disable_irq()
-    while held():
+    while held() and not _stuck:
         enable_irq(state)
+        if ticks_diff(ticks_ms(), begun) >= _PATIENCE_MS:
+            _stuck = True
+            print("framestep: USB does not let go of GPIO 15, so do not use that pin")
         state = disable_irq()
     return state
 

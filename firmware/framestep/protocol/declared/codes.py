@@ -105,6 +105,7 @@ CONDITION_EXCEEDED = const(0x80)
 CONDITION_OVERLAY = const(0x100)  # modules on the file system replace the image's
 CONDITION_OVERLAY_LEFT_OUT = const(0x200)  # such modules are there, but the image's own run
 CONDITION_LOAD = const(0x400)  # a tick or a queue came within a fifth of a fault
+CONDITION_CLOCK = const(0x800)  # a program has changed the processor's clock, nothing moves
 
 EXCEEDED_NOTHING = const(results.EXCEEDED_NOTHING)
 EXCEEDED_VELOCITY = const(results.EXCEEDED_VELOCITY)

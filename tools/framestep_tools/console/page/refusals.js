@@ -27,6 +27,7 @@ async function whatStops(ask) {
   const { bits } = await ask("GetCondition");
   if (bits & M.CONDITION_RIG_FILE_INVALID) return "the rig file has a mistake: nothing moves until it is right";
   if (bits & M.CONDITION_ESTOP) return "the E-stop is held";
+  if (bits & M.CONDITION_CLOCK) return "a program on the REPL changed the processor's clock: reset the board";
   if (bits & M.CONDITION_DRIVER) return "a driver does not work; the REPL says which and why";
   return null;
 }
