@@ -12,10 +12,12 @@ from host_tests.console.looking import (
     FINDINGS,
     go_to,
     log,
+    newest,
     position,
     steps,
     wait_connected,
     wait_far,
+    wait_moving,
     wait_rest,
 )
 from host_tests.console.pictures import (
@@ -140,9 +142,10 @@ def test_nothing_is_claimed_of_a_device_that_has_gone(stage):
     expect(position(page)).to_have_text("–")
     expect(page.locator("section.view:visible")).to_have_attribute("inert", "")
     expect(page.locator("#who")).to_have_text("Not connected")
-    expect(page.locator("#stop")).to_be_disabled()
     expect(page.locator("#moving")).to_have_text("Nothing is connected.")
     expect(log(page)).to_contain_text("The link has ended: the connection to socket://")
+    page.locator("#stop").click()
+    expect(log(page)).to_contain_text("NOT STOPPED: cannot open socket://")
 
 
 def test_nothing_is_claimed_of_a_device_that_does_not_answer(stage):
@@ -158,6 +161,37 @@ def test_nothing_is_claimed_of_a_device_that_does_not_answer(stage):
         expect(page.locator("#stop")).to_be_enabled()
     expect(motor).to_contain_text("at rest")
     expect(page.get_by_role("alert")).to_be_hidden()
+
+
+def test_two_pages(stage):
+    """STOP works from both, and what each says is true."""
+    device = stage.simulated(motors=1)
+    console = stage.console(device.url)
+    first = stage.page(console.url)
+    wait_connected(first)
+    first.get_by_label("Move to step").fill("1000000")
+    first.get_by_label("Move to step").press("Enter")
+    wait_moving(first)
+    second = stage.page(console.url)
+    expect(second.locator("#state")).to_contain_text("Another page has the device.")
+    expect(second.locator("#moving")).to_contain_text("Another page has the device")
+    expect(second.get_by_role("alert")).to_be_hidden()
+    second.get_by_role("button", name="STOP").click()
+    expect(newest(second)).to_have_text("Stopped: all motors ramp down.")
+    expect(log(first)).to_contain_text("Another page has stopped the motors.")
+    wait_rest(first)
+    second.get_by_role("button", name="Take the device over").click()
+    wait_connected(second)
+    expect(first.locator("#state")).to_contain_text("Another page has the device.")
+    expect(first.get_by_role("alert")).to_be_hidden()
+    expect(log(first)).to_contain_text("Another page has taken the device over.")
+    expect(log(first)).not_to_contain_text("The link has ended")
+    second.get_by_label("Move to step").fill("0")
+    second.get_by_label("Move to step").press("Enter")
+    wait_moving(second)
+    first.keyboard.press("Escape")
+    expect(log(second)).to_contain_text("Another page has stopped the motors.")
+    wait_rest(second)
 
 
 def test_without_a_server_over_web_serial(stage, tmp_path):

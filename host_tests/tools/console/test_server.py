@@ -432,6 +432,86 @@ def test_framestep_stop_stops_what_a_page_jogs(stage, capsys):
         client.wait_idle(PATIENCE_S)
 
 
+def stopped_by(stage):
+    """Return what the server says to a page that stops without the device."""
+    with stage.link(f"{stage.token}&stop=1") as other:
+        return json.loads(other.recv(PATIENCE_S))
+
+
+def test_another_page_stops_without_taking_the_device(stage):
+    with stage.client() as client:
+        page = client.port.link
+        client.request(MotorJog(1, 10_000, FAR))
+        client.request(MotorMove(2, 1_000_000))
+        page.send('{"keep": true}')
+        assert stopped_by(stage) == {"stop": "Stopped: all motors ramp down.", "bad": False}
+        said, _ = texts(page)
+        assert said == [{"stopped": "Another page has stopped the motors."}]
+        client.wait_idle(PATIENCE_S)  # this page still has the device
+        with pytest.raises(RequestRefused, match="ERR_GENERAL"):
+            client.request(MotorJog(1, 10_000, FAR))  # as if it did not know yet
+        page.send('{"released": true}')
+        while stage.server.device.bridge.stopped:
+            time.sleep(0.01)
+        client.request(MotorJog(1, 10_000, FAR))
+        assert client.request(MotorStatus()).moving == [1]
+
+
+def test_a_page_stops_what_goes_on_without_a_page(stage):
+    with stage.client() as client:
+        client.port.link.send('{"keep": true}')
+        client.request(MotorMove(2, client.request(MotorGetPosition()).steps[1] + 1_000_000))
+    assert stopped_by(stage) == {"stop": "Stopped: all motors ramp down.", "bad": False}
+    while stage.server.device.bridge:  # until nothing moves
+        time.sleep(0.01)
+
+
+def test_a_page_stops_what_another_program_moves():
+    stage = Stage(serial=True)
+    try:
+        with talking(stage.device) as other:
+            other.request(MotorMove(1, 1_000_000))
+            with ThreadPoolExecutor(1) as pool:
+                said = pool.submit(stopped_by, stage)
+                other.wait_idle(PATIENCE_S)
+                assert not said.result(PATIENCE_S)["bad"]
+            assert other.stopped
+    finally:
+        stage.close()
+
+
+def test_a_stop_that_nothing_acknowledges_says_so(shared, monkeypatch):
+    nowhere = "socket://127.0.0.1:1"
+    monkeypatch.setattr(shared.server.device, "_open_port", lambda: open_port(nowhere, 1.0))
+    found = stopped_by(shared)
+    assert found["bad"]
+    assert re.fullmatch(
+        r"NOT STOPPED: cannot open socket://127\.0\.0\.1:1: .*\. Press the E-stop, or .*",
+        found["stop"],
+    )
+    with pytest.raises(InvalidStatus), shared.link("guessed&stop=1"):
+        pass
+
+
+@pytest.mark.parametrize("by", ["the page that has the device", "another page"])
+def test_another_program_knows_of_a_stop(by):
+    """It would repeat its jog."""
+    stage = Stage(serial=True)
+    try:
+        with stage.client() as client, talking(stage.device) as other:
+            other.request(MotorJog(1, 10_000, FAR))
+            if by == "another page":
+                stopped_by(stage)
+            else:
+                client.request(MotorStopAll())
+            end = time.monotonic() + PATIENCE_S
+            while not other.stopped and time.monotonic() < end:
+                other.pump(0.02)
+            assert other.stopped
+    finally:
+        stage.close()
+
+
 @pytest.mark.parametrize("request_", [MotorJog(1, 10_000, FAR), VirtJogOnLine(1, 100)], ids=str)
 def test_a_page_that_hangs_lets_go(shared, monkeypatch, request_):
     """Its script sends nothing any more, but its link exists. Until it says that it holds nothing,

@@ -5,12 +5,14 @@ does: it reads from the requests which motors are being jogged. The page decides
 other motions may go on without it.
 
 Other programs can use the port (framestep_tools.client.shared_port), as with every framestep
-command: `framestep stop` stops what the page moves.
+command: `framestep stop` stops what the page moves. The page's own stops are passed on to them, so
+that none repeats its jog. Another page stops everything by `stop_all`.
 """
 
 import asyncio
 import contextlib
 import os
+import queue
 import struct
 import threading
 from collections.abc import Callable
@@ -20,8 +22,8 @@ from framestep.protocol import messages
 
 from ..client.client import BrokenOff
 from ..client.open_port import close_port, is_socket
-from ..client.shared_port import SharedPort
-from ..client.wire import FrameDecoder, encode
+from ..client.shared_port import STOPS, SharedPort
+from ..client.wire import Frame, FrameDecoder, encode
 from ..payloads import REQUESTS, Ack, MotorStatus, MotorStopAll, Payload, Status
 
 _LOOK_S = 0.05  # the reader waits this long for a byte before it checks whether to end
@@ -37,9 +39,10 @@ class Jogs:
         self._decoder = FrameDecoder()
         self._stops: dict[Payload, None] = {}  # that end them, in their order
 
-    def note(self, data: bytes) -> None:
-        """Note the bytes on their way to the device."""
-        for frame in self._decoder.feed(data):
+    def note(self, data: bytes) -> list[Frame]:
+        """Note the bytes on their way to the device. Return the frames in them."""
+        frames = list(self._decoder.feed(data))
+        for frame in frames:
             kind = REQUESTS.get(frame.type)
             if kind is MotorStopAll:
                 self._stops.clear()
@@ -51,6 +54,7 @@ class Jogs:
                     self._stops[request.stop()] = None
                 else:
                     self._stops.pop(request, None)
+        return frames
 
     def __bool__(self) -> bool:
         return bool(self._stops)
@@ -66,8 +70,8 @@ class Bridge:
     """An open port.
 
     All of these are called in the event loop: `on_bytes` with the device's bytes; `on_end` once,
-    with the reason, if the port is gone; `on_stopped` with the reason when another program has
-    stopped motors. From then on the page's jogs are refused until `released` is called.
+    with the reason, if the port is gone; `on_stopped` with the reason when another program or page
+    has stopped motors. From then on the page's jogs are refused until `released` is called.
     """
 
     def __init__(self, port: Any, name: str):
@@ -86,6 +90,9 @@ class Bridge:
         self._closing = False
         self._closed = False
         self._decoder = FrameDecoder()
+        self._answers = FrameDecoder()
+        self._awaited: dict[int, asyncio.Future[Frame]] = {}  # answers, by their IDs
+        self._own_stops: queue.SimpleQueue[Frame] = queue.SimpleQueue()  # for other programs
         self._shared_port: SharedPort | None = None
         if not is_socket(name):  # a socket has room for one client, and another program may be it
             self._let_others_through()
@@ -107,8 +114,9 @@ class Bridge:
         if self._stopped and (refused := _refused_jogs(data)):
             self.on_bytes(refused)  # the page sent it before it knew of the stop
             return
-        self._jogs.note(data)
+        frames = self._jogs.note(data)
         await self._write(data)
+        self._tell_others(frames)
 
     # ---- other programs, in the reader's thread
 
@@ -145,6 +153,30 @@ class Bridge:
         self._stopped = True
         await self.stop_jogs()
         self.on_stopped(why)
+
+    async def stop_all(self, why: str) -> None:
+        """Stop everything for another page, and send this one the reason. Raises OSError if the
+        device does not acknowledge it."""
+        self._stopped = True
+        self._jogs.stops()
+        number = self._next_id
+        answer = self._awaited[number] = self._loop.create_future()
+        try:
+            await self._ask([MotorStopAll()])
+            self.on_stopped(why)
+            self._tell_others([Frame(number, MotorStopAll.TYPE, MotorStopAll().pack())])
+            await asyncio.wait([answer], timeout=_ANSWER_S)
+        finally:
+            del self._awaited[number]
+        if not answer.done():
+            raise OSError(f"{self.name} does not answer")
+        if answer.result().payload[:2] != struct.pack("<H", Ack.OK):
+            raise OSError(f"{self.name} has refused it")
+
+    def _tell_others(self, frames: list[Frame]) -> None:
+        for frame in frames:
+            if frame.type in STOPS:
+                self._own_stops.put(frame)
 
     async def stop_jogs(self) -> None:
         """End all jogs; a run goes on."""
@@ -212,7 +244,7 @@ class Bridge:
                     data += self._port.read(self._port.in_waiting)
                     if self._shared_port is None:
                         self._let_others_through()
-                    self._loop.call_soon_threadsafe(self.on_bytes, data)
+                    self._loop.call_soon_threadsafe(self._hear, data)
                 if self._shared_port:
                     self._shared_port.look()
                     self._pass_on(self._shared_port, data)
@@ -224,8 +256,18 @@ class Bridge:
                 why = str(BrokenOff(f"the connection to {self.name} broke off"))
                 self._loop.call_soon_threadsafe(self.on_end, why)
 
+    def _hear(self, data: bytes) -> None:
+        self.on_bytes(data)
+        if self._awaited:
+            for frame in self._answers.feed(data):
+                answer = self._awaited.get(frame.id)
+                if answer and not answer.done():
+                    answer.set_result(frame)
+
     def _pass_on(self, shared_port: SharedPort, data: bytes) -> None:
         """Forward messages to other programs. The page ignores their IDs."""
+        while not self._own_stops.empty():
+            shared_port.pass_on(self._own_stops.get())
         for frame in self._decoder.feed(data):
             if frame.id == 0:
                 shared_port.pass_on(frame)

@@ -4,10 +4,15 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
+from ..client import shared_port
+from ..client.client import Client
+from ..errors import ToolError
+from ..payloads import MotorStopAll
 from .axes_text import AxesText
 from .board_work import BoardWork
 from .bridge import Bridge
 
+_ENTER_S = 1.0
 SILENCE_S = 1.5  # a jog ends if its page sends nothing for this long
 
 
@@ -45,3 +50,22 @@ class ConsoleDevice:
         if self.bridge:
             await self.bridge.close()
             self.bridge = None
+
+    async def stop(self, why: str) -> None:
+        """Stop everything for a page that does not have the device, and leave it to who has it: the
+        page that gets the reason, or another program. Raises ToolError, OSError."""
+        if self.bridge is None:
+            try:
+                await asyncio.to_thread(self._stop_without_a_page)
+                return
+            except (ToolError, OSError):
+                if self.bridge is None:  # else a page has got the port meanwhile
+                    raise
+        await self.bridge.stop_all(why)
+
+    def _stop_without_a_page(self) -> None:
+        """Like `framestep stop`: through the program that has the port, if there is one."""
+        found = shared_port.find(self.name)
+        port = shared_port.enter(found, _ENTER_S) if found else None
+        with Client(port or self._open_port(), _ENTER_S) as client:
+            client.request(MotorStopAll())

@@ -4,12 +4,16 @@ It listens on this computer only, or on request in the local network too. It ref
 requests: a Host other than this computer (DNS rebinding: a foreign name that leads here), a
 WebSocket with the Origin of another page, and one without the token. The token is part of the
 address that the server prints, and new each time.
+
+A link with `stop=1` stops everything, whichever page or program has the device, and takes it from
+nobody. The server answers `{"stop": "what came of it", "bad": false}` and closes the link.
 """
 
 import asyncio
 import contextlib
 import hmac
 import http
+import json
 import secrets
 import socket
 from pathlib import PurePosixPath
@@ -18,6 +22,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from ..errors import ToolError
@@ -128,14 +133,29 @@ class ConsoleServer:
 
     # ---- requests of a browser
 
+    async def _stop(self, page: ServerConnection) -> None:
+        """Stop everything for a page that does not have the device."""
+        try:
+            await self.device.stop("Another page has stopped the motors.")
+            found = {"stop": "Stopped: all motors ramp down.", "bad": False}
+        except (ToolError, OSError) as error:
+            text = f"NOT STOPPED: {error}. Press the E-stop, or switch the motors' supply off."
+            found = {"stop": text, "bad": True}
+        with contextlib.suppress(ConnectionClosed):
+            await page.send(json.dumps(found))
+            await page.close()
+
     async def _connected(self, page: ServerConnection) -> None:
+        if _asked(page, "stop"):
+            await self._stop(page)
+            return
         visit = Visit(self.device, page)
         if _asked(page, "take") and self._visit:
             await self._visit.end("another page has taken the device over")
         try:
             await asyncio.wait_for(self._turn.acquire(), _TURN_S)
         except (TimeoutError, asyncio.TimeoutError):
-            await visit.end("another page of the console has the device: close that one first")
+            await visit.end("another page has the device")
             return
         try:
             self._visit = visit

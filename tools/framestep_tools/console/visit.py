@@ -3,10 +3,10 @@
 Binary messages are bytes of the protocol, in both directions. Texts are JSON. The page asks
 `{"id": 1, "do": "read_rig"}` and gets `{"id": 1, "result": {…}}` or `{"id": 1, "error": "…"}`.
 `{"keep": true}` lets all motion but jogs go on without the page. The server first sends
-`{"device": …}`. It sends `{"stopped": "why"}` when another program has stopped motors; the page
-answers `{"released": true}` once it holds no jog. After the task `terminal` the server sends the
-REPL's output, `{"repl": "…"}`, and `{"repl_ended": "why"}`; the page sends `{"typed": "…"}`. Before
-it closes, the server sends `{"ended": "why"}`.
+`{"device": …}`. It sends `{"stopped": "why"}` when another program or page has stopped motors; the
+page answers `{"released": true}` once it holds no jog. After the task `terminal` the server sends
+the REPL's output, `{"repl": "…"}`, and `{"repl_ended": "why"}`; the page sends `{"typed": "…"}`.
+Before it closes, the server sends `{"ended": "why"}`.
 """
 
 import asyncio

@@ -30,8 +30,9 @@ addViews([
   new RigView(device),
 ], "framestep console", () => operation.stopped(), () => series.goesOn);
 
-/** Connect by `open`, and repeat if that fails. null: the user connects by Web Serial. */
-export function start(open) {
-  begin(open, serialIsThere() ? "Connect over USB to begin." : "Open the address that framestep console prints; this browser has no Web Serial.");
+/** Connect by `open`, and repeat if that fails. null: the user connects by Web Serial. stopElsewhere: stops everything while
+ * this page does not have the device. */
+export function start(open, stopElsewhere = null) {
+  begin(open, serialIsThere() ? "Connect over USB to begin." : "Open the address that framestep console prints; this browser has no Web Serial.", stopElsewhere);
   return { device, moves, operation };
 }

@@ -18,6 +18,8 @@ let openLink = null; // returns {link, hello}; null if the user connects by hand
 let tries = true;
 let shown = null;
 let lost = ""; // why the device is gone
+let elsewhere = false; // another page has the device
+let stopElsewhere = null; // stops everything while this page does not have it
 let takes = false; // take the device from another page with the next try
 let onstop = () => {};
 let goesOn = () => false;
@@ -53,10 +55,17 @@ async function serve() {
     } catch (error) {
       if (error.message !== said) device.tell(error.message, true);
       said = error.message;
-      takeOver.hidden = !/another page/.test(said);
+      isElsewhere(said);
     }
     await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
   }
+}
+
+function isElsewhere(why) {
+  elsewhere = /another page/.test(why);
+  takeOver.hidden = !elsewhere;
+  if (elsewhere) lost = "";
+  render();
 }
 
 const byCable = h("button", {
@@ -80,6 +89,7 @@ device.addEventListener("connected", () => {
   byCable.hidden = true;
   takeOver.hidden = true;
   lost = "";
+  elsewhere = false;
   keep.checked = device.hello.kept;
   keepLine.hidden = !device.client.keeps;
   for (const view of views) view.connected?.();
@@ -91,17 +101,22 @@ device.addEventListener("gone", ({ detail }) => {
   byCable.hidden = !serialIsThere();
   if (!detail.known) return;
   lost = "The link to the device has ended.";
-  device.tell(`The link has ended: ${detail.why}.`, true);
-  takeOver.hidden = !/another page/.test(detail.why);
+  isElsewhere(detail.why);
+  device.tell(elsewhere ? `${detail.why[0].toUpperCase()}${detail.why.slice(1)}.` : `The link has ended: ${detail.why}.`, true);
   if (openLink && tries && !device.restarts) setTimeout(serve, AGAIN_MS);
 });
 
 // ---- stop, and motion without this page
 
-export function stop() {
+export async function stop() {
   holds.releaseAll();
   onstop();
-  device.ask("MotorStopAll");
+  if (device.client || !stopElsewhere) {
+    device.ask("MotorStopAll");
+    return;
+  }
+  const { stop: text, bad } = await stopElsewhere();
+  device.tell(text, bad);
 }
 
 place("stop").addEventListener("click", stop);
@@ -132,6 +147,7 @@ window.addEventListener("pagehide", unseen);
 
 /** Say what moves. */
 function motion() {
+  if (elsewhere) return "Another page has the device and shows what moves.";
   if (!device.connected) return "Nothing is connected.";
   if (!device.knowsWhatMoves) return "What moves is not known.";
   const moving = [];
@@ -143,6 +159,7 @@ function motion() {
 /** Return the state of the whole: [class of the banner, text]. */
 function whole() {
   const { conditions, moving } = device.state;
+  if (elsewhere) return ["", "Another page has the device. STOP works from here, too."];
   if (!device.connected) return ["", "Not connected."];
   if (conditions & M.CONDITION_ESTOP) return ["bad", "The E-stop is held: nothing moves until it is released."];
   const fault = FAULTS.filter((bit) => conditions & bit);
@@ -167,7 +184,7 @@ function render() {
   if ([...list.children].map((item) => item.textContent).join("\n") !== texts.join("\n")) {
     list.replaceChildren(...texts.map((text) => h("li", {}, text)));
   }
-  place("stop").disabled = !device.connected;
+  place("stop").disabled = !device.connected && !stopElsewhere;
   shown?.render();
 }
 
@@ -241,9 +258,12 @@ const setTheme = () => {
 theme.addEventListener("change", setTheme);
 setTheme();
 
-/** Connect by `open`, and repeat if that fails. null: the user connects by Web Serial, and `greeting` says so. */
-export function start(open, greeting) {
+/** Connect by `open`, and repeat if that fails. null: the user connects by Web Serial, and `greeting` says so.
+ * stopsElsewhere: stops everything while this page does not have the device; resolves with {stop: text, bad}. */
+export function start(open, greeting, stopsElsewhere = null) {
   openLink = open;
+  stopElsewhere = stopsElsewhere;
+  render();
   if (open) serve();
   else device.tell(greeting);
 }

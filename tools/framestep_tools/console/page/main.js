@@ -5,4 +5,8 @@ import { WebSocketLink } from "./websocket_link.js";
 
 const token = new URLSearchParams(location.search).get("token");
 const scheme = location.protocol === "https:" ? "wss" : "ws";
-start(token && ((take) => WebSocketLink.open(`${scheme}://${location.host}/link?token=${encodeURIComponent(token)}${take ? "&take=1" : ""}`)));
+const address = token && `${scheme}://${location.host}/link?token=${encodeURIComponent(token)}`;
+start(
+  address && ((take) => WebSocketLink.open(`${address}${take ? "&take=1" : ""}`)),
+  address && (() => WebSocketLink.stop(address)),
+);

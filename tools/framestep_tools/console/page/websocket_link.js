@@ -6,7 +6,7 @@ import { LinkError } from "./client.js";
 export class WebSocketLink {
   onbytes = () => {};
   onend = () => {};
-  /** Another program has stopped motors, with the reason: end all holds. */
+  /** Another program or page has stopped motors, with the reason: end all holds. */
   onstopped = () => {};
   #terminal = null; // {text, end} of the REPL's terminal
   #socket;
@@ -17,6 +17,18 @@ export class WebSocketLink {
   /** Connect. Resolves with {link, hello} once the server has the device's port. */
   static open(address) {
     return new Promise((resolve, reject) => new WebSocketLink(address, resolve, reject));
+  }
+
+  /** Stop everything, whichever page or program has the device. Resolves with {stop: text, bad}. */
+  static stop(address) {
+    return new Promise((resolve) => {
+      const socket = new WebSocket(`${address}&stop=1`);
+      socket.onmessage = ({ data }) => resolve(JSON.parse(data));
+      socket.onclose = () => resolve({
+        stop: "NOT STOPPED: framestep console does not answer. Press the E-stop, or switch the motors' supply off.",
+        bad: true,
+      });
+    });
   }
 
   constructor(address, resolve, reject) {
