@@ -5,6 +5,8 @@ Nothing may pass ±2^31: on the board a sum wraps, and the motor goes the other 
 
 import struct
 
+from framestep.base.results import ERR_POSTROLL, ERR_PREROLL, ERR_RANGE, OK
+
 try:
     from host_tests.runtime import session_replay as session
     from host_tests.runtime.realtime_replay import axis, run
@@ -18,11 +20,6 @@ words = session.words
 TOP = 2**31 - 1
 BOTTOM = -(2**31)
 LOWEST = BOTTOM + 1  # the lowest position of an upload
-ERR_RANGE = 0x14
-ERR_NOT_IN_POSITION = 0x16
-ERR_PREROLL = 0x17
-ERR_POSTROLL = 0x18
-OK = 0x10
 
 
 def reset(position):

@@ -17,7 +17,21 @@ from framestep.io.safety import Safety
 from framestep.motion.reals import copy_word
 from framestep.motors.feeder import WORK_WORDS
 from framestep.protocol.frames import FrameWriter
-from framestep.pulse.stepper import FIRST, HEADER_WORDS, NEXT, WORK
+from framestep.pulse.stepper import (
+    BLOCK_WORDS,
+    BRAKE,
+    DECEL,
+    DOWN,
+    FIRST,
+    HEADER_WORDS,
+    MODE,
+    NEXT,
+    POSITION,
+    RUN,
+    STOP,
+    VELOCITY,
+    WORK,
+)
 from framestep.rig import Rig
 
 try:
@@ -29,13 +43,6 @@ except ImportError:
 
     heap_unlock = heap_lock
 
-MODE = 1
-VELOCITY = 3
-POSITION = 7
-DOWN = 10
-BRAKE = 20
-DECEL = 19
-BLOCK_WORDS = 33
 RIG = {
     "outputs": [{"pin": 2, "safe": "on"}, {"pin": 3, "on": "low", "safe": "hold"}, {"pin": 29}],
     "inputs": [{"pin": 28}, {"pin": 4, "on": "high", "pull": "down"}, {"pin": 29 - 1 - 1}],
@@ -177,7 +184,7 @@ def main():
             continue
         if kind == "moves":
             block = bench.motors[a].block
-            block[MODE] = 1 if b else 0
+            block[MODE] = RUN if b else 0
             block[VELOCITY] = b
             block[DOWN] = -1 if b < 0 and b & 2 else 0
             continue
@@ -199,7 +206,7 @@ def main():
         count = bench.writer.take(out, len(out))
         # MicroPython's b"".hex() is not a string
         sent = bytes(memoryview(out)[:count]).hex() if count else "-"
-        slowing = [motor.block[DECEL] for motor in bench.motors.motors if motor.block[MODE] == 2]
+        slowing = [motor.block[DECEL] for motor in bench.motors.motors if motor.block[MODE] == STOP]
         print(
             kind,
             slowing,

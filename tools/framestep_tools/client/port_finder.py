@@ -165,11 +165,6 @@ def siblings(path: str) -> list[Port]:
     return [port for port in ports if board and port.board == board]
 
 
-def is_path(port: Port, path: str) -> bool:
-    """Return whether a path leads to this port."""
-    return _same(port, path)
-
-
 def _only(ports: list[Port], what: str) -> str:
     if len(ports) > 1:
         raise PortError(

@@ -49,6 +49,13 @@ class VirtJog(Request[Ack], number=MSG_VIRT_JOG, moves=True, jogs=True):
 
 
 MSG_VIRT_JOG_ON_LINE = 0x0206
+_OF_LINE = {  # the virtual motor whose stop ends a jog along this axis
+    codes.LINE_X: codes.VIRT_MOTOR_EW,
+    codes.LINE_Y: codes.VIRT_MOTOR_NS,
+    codes.LINE_Z: codes.VIRT_MOTOR_TRACK,
+    codes.LINE_PAN: codes.VIRT_MOTOR_PAN,
+    codes.LINE_TILT: codes.VIRT_MOTOR_TILT,
+}
 
 
 class VirtJogOnLine(Request[Ack], number=MSG_VIRT_JOG_ON_LINE, moves=True, jogs=True):
@@ -59,7 +66,7 @@ class VirtJogOnLine(Request[Ack], number=MSG_VIRT_JOG_ON_LINE, moves=True, jogs=
 
     def stop(self) -> VirtStop:
         """VIRT_STOP of the matching virtual motor (field note 9.6)."""
-        return VirtStop((2, 3, 1, 4, 5)[self.axis] if self.axis < 5 else 0)
+        return VirtStop(_OF_LINE.get(self.axis, 0))
 
 
 MSG_VIRT_GET_POSITION = 0x0205
