@@ -2,6 +2,8 @@
 
 import subprocess
 
+import pytest
+
 from framestep_emulator import device_file
 
 
@@ -81,6 +83,14 @@ def test_double_buffered_endpoints(paths):
     result = subprocess.run(["node", script], capture_output=True, text=True)
     assert result.returncode == 0, result.stdout + result.stderr
     assert int(result.stdout.split()[0]) >= 8
+
+
+@pytest.mark.parametrize("script", ["usbhost", "timer"])
+def test_what_other_firmware_needs(paths, script):
+    """Answers between received packets, control packets of 16 bytes; the timer at another rate."""
+    script = paths.root / f"tools/framestep_emulator/board/test/{script}.mjs"
+    result = subprocess.run(["node", script], capture_output=True, text=True)
+    assert result.returncode == 0, result.stdout + result.stderr
 
 
 def test_waiting_takes_the_boards_time(emulator):
