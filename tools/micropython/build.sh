@@ -309,6 +309,7 @@ image() {
     rp2_build "$IMAGE" "$tree" "MicroPython with framestep in it" -DMICROPY_BOARD="$(basename "$BOARD_DIR")" \
         -DMICROPY_BOARD_DIR="$BOARD_DIR" -DMICROPY_MANIFEST_FRAMESTEP="$FRAMESTEP" \
         -DCMAKE_C_COMPILER_LAUNCHER="$ROOT/tools/micropython/in_ram.sh"
+    "$ROOT/tools/micropython/in_ram.sh" --check arm-none-eabi-nm "$IMAGE" "$tree"
     "$CACHE/venv/bin/python" "$tree/tools/uf2conv.py" -c -b 0x10000000 -f "$UF2_FAMILY" -o "$IMAGE/firmware.uf2" \
         "$IMAGE/firmware.bin" >/dev/null
 }
