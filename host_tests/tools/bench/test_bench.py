@@ -5,10 +5,12 @@ import io
 
 import numpy as np
 import pytest
+import typer
 from rich.console import Console
 
 from framestep_tools.bench import esp32
-from framestep_tools.bench.figures import AT_200, FIGURES, keyed, table
+from framestep_tools.bench.__main__ import conclude
+from framestep_tools.bench.figures import AT_200, FIGURES, keyed, missed, table
 from framestep_tools.bench.moves import FPS, MOTORS, RAMP, ROLL_MS, STEADY_RATES, mixed_move
 from framestep_tools.judge.reference import Reference
 from framestep_tools.judge.trace import PinDecoder, Trace, load_board
@@ -78,6 +80,32 @@ def test_table(explain):
     assert "≥ 10 000" in rows["upload_frames_8"]
     assert "12 345" in rows["upload_frames_8"]
     assert ("gc.mem_alloc" in out.getvalue()) == explain
+
+
+def test_missed_goals_end_the_bench():
+    """With a list of them and a status of 1."""
+    good = {
+        figure.key: figure.at_least if figure.at_least is not None else figure.at_most or 0
+        for figure in FIGURES
+    }
+    fast = good | AT_200
+    assert missed({125: good, 200: fast}) == []
+    lines = missed({125: good | {"tick_us_8": 61.25}, 200: fast | {"rx_bytes_per_s": 599_999}})
+    assert lines == [
+        "tick_us_8 at 125 MHz: 61.2 µs, the goal is ≤ 60",
+        "rx_bytes_per_s at 200 MHz: 599 999 bytes/s, the goal is ≥ 600 000",
+    ]
+    out = io.StringIO()
+    console = Console(file=out, width=150)
+    conclude(console, [], report=False)
+    conclude(console, lines, report=True)
+    with pytest.raises(typer.Exit) as ended:
+        conclude(console, lines, report=False)
+    assert ended.value.exit_code == 1
+    assert out.getvalue().splitlines() == [
+        "all goals are reached",
+        *2 * ["2 goals are missed:", *(f"  {line}" for line in lines)],
+    ]
 
 
 def test_mixed_move():

@@ -13,7 +13,7 @@ from ..building import images
 from ..building.board_files import ROOT
 from ..errors import Command
 from . import esp32, tick_cost
-from .figures import TRUST, keyed, table
+from .figures import TRUST, keyed, missed, table
 from .loops import loop_table, loops
 from .measure import measure
 
@@ -28,6 +28,9 @@ app = Command("bench")
 def main(
     explain: Annotated[
         bool, typer.Option("--explain", help="say how each figure is measured")
+    ] = False,
+    report: Annotated[
+        bool, typer.Option("--report", help="end with status 0 even if goals are missed")
     ] = False,
     out: Annotated[Path, typer.Option(help="file for the figures", metavar="FILE")] = RESULT,
 ) -> None:
@@ -62,6 +65,19 @@ def main(
     console.print(TRUST)
     console.print(esp32.table(chain, explain))
     console.print(f"figures with the cache model in {out}")
+    conclude(console, missed(modelled) + esp32.missed(chain), report)
+
+
+def conclude(console: Console, lines: list[str], report: bool) -> None:
+    """End with the goals that are missed, and with a status of 1 if there are any."""
+    if not lines:
+        console.print("all goals are reached")
+        return
+    console.print(f"{len(lines)} goals are missed:")
+    for line in lines:
+        console.print(f"  {line}")
+    if not report:
+        raise typer.Exit(1)
 
 
 if __name__ == "__main__":

@@ -182,6 +182,15 @@ def measure() -> dict[str, float]:
     return figures
 
 
+def missed(figures: Mapping[str, float]) -> list[str]:
+    """Return a line for each goal that is missed."""
+    return [
+        figure.shortfall(figures[figure.key])
+        for figure in FIGURES
+        if figure.reached(figures[figure.key]) is False
+    ]
+
+
 def table(figures: Mapping[str, float], explain: bool = False) -> Table:
     """Return a table of the figures and their goals."""
     result = Table(title="ESP32, simulated: code takes no time", title_justify="left")

@@ -32,6 +32,10 @@ class Figure:
             return f"≥ {number(self.at_least)}"
         return "–" if self.at_most is None else f"≤ {number(self.at_most)}"
 
+    def shortfall(self, value: float, where: str = "") -> str:
+        """Return a line that says by how much the goal is missed."""
+        return f"{self.key}{where}: {number(value)} {self.unit}, the goal is {self.goal}"
+
     def reached(self, value: float) -> bool | None:
         """Return whether the goal is reached, or None without a goal."""
         if self.at_least is not None:
@@ -247,6 +251,16 @@ def table(
         cells += [number(ideal[figure.key]), figure.unit]
         result.add_row(*cells, *([figure.how] if explain else []))
     return result
+
+
+def missed(modelled: Mapping[int, Mapping[str, float]]) -> list[str]:
+    """Return a line for each goal that is missed at a clock (MHz), with the flash-cache model."""
+    return [
+        figure.at(mhz).shortfall(figures[figure.key], f" at {mhz} MHz")
+        for mhz, figures in modelled.items()
+        for figure in FIGURES
+        if figure.at(mhz).reached(figures[figure.key]) is False
+    ]
 
 
 TRUST = (
