@@ -1,6 +1,7 @@
 """RUN_MOVE (field notes 5.2, 6.1 to 6.11): refusals, where the motors wait, and where they are at
 each frame."""
 
+import math
 from fractions import Fraction
 
 import numpy as np
@@ -155,19 +156,20 @@ def test_the_motors_wait_half_the_pre_rolls_way_before_the_first_frame(fps, way)
 
 
 def test_a_pre_roll_of_no_time_takes_the_motors_own_acceleration():
-    """field note 6.2: v²/2a, in v/a rounded up to a millisecond."""
+    """field note 6.2: v²/2a, rounded up to a step, at constant acceleration."""
     run = Run(range(0, 1000, 100), acceleration=50_000)
     run.prepare(pre=0, post=0)
     run.bench.until(READY)
-    assert run.bench.place() == pytest.approx(-(2500**2) / 2 / 50_000, abs=0.5)
-    assert run.run.plan.pre_ms == 2500 * 1000 // 50_000 + 1
+    way = math.ceil(2500**2 / 2 / 50_000)
+    assert run.bench.place() == -way
+    assert run.run.plan.pre_ms == 2 * way * 1000 // 2500 + 1
 
 
 def test_motors_that_need_less_time_for_it_wait_for_the_slowest():
     """All reach the first frame at the same time."""
     run = Run(range(0, 1000, 100), range(0, 100, 10), acceleration=50_000)
     run.play(pre=0).rest()
-    assert run.waits == [-62, -1]
+    assert run.waits == [-63, -1]
     assert [run.at(0.1, motor) for motor in (0, 1)] == [0, 0]
 
 

@@ -22,6 +22,7 @@ from framestep.base.native import const
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
+from framestep.motors.motor import MAX_ACCELERATION
 from framestep.moves.frame_clock import FrameClock
 from framestep.moves.path import registers
 from framestep.moves.path.registers import (
@@ -29,18 +30,32 @@ from framestep.moves.path.registers import (
     LONGER_FRAME_TICKS,
     ROLL_TICKS,
     SPEEDS,
+    TOPS,
     ZERO,
+    T,
     X,
+    Y,
 )
 from framestep.moves.run_plan import PreparedRun
 from framestep.pulse import stepper
 
-_LONG_ROLL = const(64)  # ticks
 _AHEAD = const(3)  # the next phase is queued when fewer than this wait
 # Smoothing a frame takes 0.4 ms a motor, so these motors get theirs in the next pass, or a host
 # would wait.
 _LATER = const(0x3FFFFFF0)
 
+# Whether a ramp of ROLL_TICKS between rest and the velocity X may be a step longer or shorter than
+# one of constant acceleration, or one and a half with the rounding of its other end: 6 times that,
+# over ROLL_TICKS², is added to its acceleration at one end and taken from it at the other. It keeps
+# within the acceleration Y, and no part of it is faster than X, or than the motor's velocity T.
+_GENTLE_RAMP = formula(
+    registers,
+    """
+    speed = max(X, -X)
+    assert (ROLL_TICKS * Y - speed) * ROLL_TICKS >= 9
+    assert max(speed, 4 * (T - speed)) * ROLL_TICKS >= 9
+    """,
+)
 # Waiting time of a motor whose ramp is shorter than X.
 _WAIT = formula(
     registers,
@@ -111,7 +126,7 @@ class RunMove(PreparedRun):
             )
         if reals.sign(r, ROLL_TICKS):
             self.store.position(motor, self.first, player.position, 0)
-            beyond = self._possible(beyond)
+            beyond = self._possible(beyond, motor)
             axis.append_coasting_phase(ROLL_TICKS, ZERO, own, r, player.position, 0, 0, beyond)
 
     def started(self, tick):
@@ -191,7 +206,7 @@ class RunMove(PreparedRun):
             if self.last:
                 beyond = 0
                 if plan.frames:
-                    beyond = self._possible(player.velocity(X, motor, self.end, self.step))
+                    beyond = self._possible(player.velocity(X, motor, self.end, self.step), motor)
                 self.find_end(motor, self.end)
                 axis.append_coasting_phase(self.period, own, own, r, self.lasts, motor, 0, beyond)
                 positions = self.rests
@@ -201,14 +216,14 @@ class RunMove(PreparedRun):
             player.end_phases(plan.bits)
             self.closed = True
 
-    def _possible(self, beyond):
-        """Return how far beyond an end of the lap a motor may go, or 0 if ROLL_TICKS are too few.
-
-        It takes an additional acceleration of 6 / ROLL_TICKS² steps, which must be negligible.
-        """
-        if reals.floor(self.player.numbers, ROLL_TICKS, _LONG_ROLL) < _LONG_ROLL:
-            return 0
-        return beyond
+    def _possible(self, beyond, motor):
+        """Return how far beyond an end of the lap the motor may go: 0 if its ramp to or from there,
+        in ROLL_TICKS, would exceed its limits."""
+        r = self.player.numbers
+        reals.copy(r, X, SPEEDS + 2 * motor)
+        reals.copy(r, T, TOPS + 2 * motor)
+        reals.fetch(r, Y, self.player.axes[motor].numbers, MAX_ACCELERATION)
+        return beyond if compute(0, 0, r, _GENTLE_RAMP) else 0
 
     def play_head(self, tick, frame):
         reported = self.reported

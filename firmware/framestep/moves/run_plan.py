@@ -27,7 +27,7 @@ from framestep.moves.on_frame import find_blocking_switch
 from framestep.moves.operation import Operation
 from framestep.moves.path import registers
 from framestep.moves.path.move_check import FASTEST_FPS
-from framestep.moves.path.registers import FRAME_TICKS, ROLL_TICKS, SPEEDS, X, Y
+from framestep.moves.path.registers import FRAME_TICKS, ROLL_TICKS, SPEEDS, T, X, Y
 from framestep.moves.upload.store import READY as UPLOADED
 
 LONGEST_ROLL = const(600000)  # ms
@@ -42,13 +42,20 @@ _FRAME_TICKS = formula(
     FRAME_TICKS = FRAME_TICKS / THOUSAND
     """,
 )
-# The shortest ramp between rest and the velocity X, with the acceleration Y. It takes at least 2
-# ms, since the next phase must not begin in the ramp's first tick.
+# The shortest ramp between rest and the velocity X, with at most the acceleration Y. Motors rest on
+# whole steps, so its way is a whole number of them: the next one, or, if they are many, one that is
+# T further; on less than half a step they stay where they are. It takes at least 2 ms, since the
+# next phase must not begin in the ramp's first tick.
 _SHORTEST_RAMP = formula(
     registers,
     """
-    assert max(X, -X) > ZERO
-    ROLL_TICKS = max(max(X, -X) / Y, 2)
+    speed = max(X, -X)
+    assert speed > ZERO
+    way = speed * speed / Y / 2
+    room = min(max(way - 16, 0), T)
+    steps = -floor(-way - room)
+    steps = min(steps, floor(2 * way) * 2 ** 20)
+    ROLL_TICKS = max(max(2 * steps, way + way) / speed, 2)
     """,
 )
 
@@ -323,6 +330,8 @@ class PreparedRun(Operation):
                 if ms == 0 and plan.frames:
                     player.velocity(X, motor, index, plan.step)
                     reals.fetch(r, Y, player.axes[motor].numbers, MAX_ACCELERATION)
+                    # with smoothing, the room that _GENTLE_RAMP of run.py needs
+                    reals.put(r, T, 9 if player.view is player.values else 0, -1)
                     if compute(0, 0, r, _SHORTEST_RAMP):
                         longest = max(longest, reals.floor(r, ROLL_TICKS, LONGEST_ROLL) + 1)
                 reals.fetch(rolls, 2 * motor, r, ROLL_TICKS)

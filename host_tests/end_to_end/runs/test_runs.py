@@ -4,10 +4,12 @@ in part."""
 import numpy as np
 import pytest
 
+from framestep.pulse import stepper
 from framestep_tools import payloads as p
 from framestep_tools.judge.judge import frame_times_ns, judge
+from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played, section
-from host_tests.end_to_end.session import assert_within, deceleration, run_request
+from host_tests.end_to_end.session import Session, assert_within, deceleration, run_request
 
 # ---- RUN_MOVE, GO, RT_END ------------------------------------------------------------------------
 
@@ -344,3 +346,33 @@ def test_port_closed_before_go(loaded):
     loaded.come_back()
     loaded.run(0.1)
     loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
+
+
+@pytest.mark.parametrize("smoothing", [True, False])
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    "velocity, acceleration, each",
+    [(26, 183, 15), (15, 183, 15), (15, 183, 14), (15, 100, 15), (100, 400, 95), (60, 1500, 60)],
+)
+def test_the_shortest_ramps_of_slow_motors(velocity, acceleration, each, sign, smoothing):
+    """The kernel keeps to the motor's velocity and acceleration, though the motor waits on a whole
+    step and the smoothed path begins beside one."""
+    board = SimulatedBoard({"smoothing": smoothing})
+    session = Session(board)
+    session.speed(1, velocity, acceleration)
+    session.accept(p.MotorResetPosition(1, sign))
+    session.upload({1: [0, sign * each, 2 * sign * each]})
+    session.ready(run_request(1, 1, 3, 0, 0))
+    session.accept(p.RtGo())
+    block = board._board.controller.axes.axes[0].block
+    times, found = [], []
+    while session.moving or len(found) < 100:
+        session.run(0.001)
+        times.append(session.now)
+        found.append(block[stepper.VELOCITY] / stepper.ONE * 1000)
+    # from its first frame to the second a smoothed path may have a step more
+    assert max(map(abs, found)) <= max(velocity, each + smoothing) * 1.01
+    times, found = np.array(times), np.array(found)
+    rates = np.abs(found[10:] - found[:-10]) / (times[10:] - times[:-10])
+    assert 0.4 * acceleration < rates.max() <= 1.03 * acceleration
+    assert np.abs(found).max() > 0.9 * each

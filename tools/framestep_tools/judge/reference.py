@@ -17,7 +17,7 @@ from framestep.moves.path import path, smoothing
 from .judge import frame_times_ns
 
 _FAR = 2**30 - 1  # means no soft limit
-_LONG_ROLL_MS = 64  # a shorter one begins and ends on whole steps
+_UNLIMITED = float("inf")
 Limits = tuple[int | None, int | None]  # lower and upper soft limit, steps
 
 
@@ -68,6 +68,8 @@ class Reference:
     first, last     indices of the frames played, the whole upload if not given
     limits          soft limits (lower, upper) of motors that have them, in steps
     velocities      the motors' velocity settings, steps/s, which they do not exceed at a frame
+    accelerations   their settings, steps/s²: a ramp that would exceed them by beginning or ending
+                    beside a whole step begins or ends on it
     smooth          setting `smoothing` of the rig file
 
     Times are seconds after the first frame played. Outside the rolls a motor is at rest.
@@ -84,6 +86,7 @@ class Reference:
         limits: Mapping[int, Limits] | None = None,
         velocities: Mapping[int, int] | None = None,
         smooth: bool = True,
+        accelerations: Mapping[int, int] | None = None,
     ):
         self.smooth = smooth
         self._pieces: dict[int, tuple[np.ndarray, np.ndarray]] = {}
@@ -111,9 +114,11 @@ class Reference:
             lasts = p[-1] + np.floor(v[-1] * period + 1 / 2)
             ends = lasts + np.floor((1 + v[-1] * post_ms / 1000) / 2)
             p = p + beyond
-            if pre_ms < _LONG_ROLL_MS:
+            top = (velocities or {}).get(motor, _UNLIMITED)
+            steepest = (accelerations or {}).get(motor, _UNLIMITED)
+            if not _gentle(pre_ms / 1000, abs(v[0]), top, steepest):
                 p[0] -= beyond[0]
-            if post_ms >= _LONG_ROLL_MS:
+            if _gentle(post_ms / 1000, abs(v[-1]), top, steepest):
                 lasts += beyond[-1]
             t = np.append(t, frame_times_ns(len(frames) + 1, fps_milli)[-1] * 1e-9)
             p, v = np.append(p, lasts), np.append(v, v[-1])
@@ -152,6 +157,25 @@ class Reference:
         if derivative == 1:
             return c[1] + x * (2 * c[2] + x * 3 * c[3])
         return 2 * c[2] + x * 6 * c[3]
+
+
+def shortest_roll_s(velocity: float, acceleration: float, smooth: bool = True) -> float:
+    """Return the seconds of the shortest roll to or from a velocity (_SHORTEST_RAMP in
+    framestep/moves/run_plan.py), 0 for none."""
+    if not velocity:
+        return 0.0
+    way = velocity**2 / acceleration / 2
+    room = min(max(way - 16, 0), 4.5 if smooth else 0)
+    steps = np.ceil(way + room) if way >= 0.5 else way
+    return max(float(2 * steps / abs(velocity)), 0.002)
+
+
+def _gentle(seconds: float, velocity: float, top: float, acceleration: float) -> bool:
+    """Return whether a ramp has room for a step and a half (_GENTLE_RAMP in moves/run.py)."""
+    if not seconds:
+        return False
+    room = (seconds * acceleration - velocity) * seconds
+    return room >= 9 and max(velocity, 4 * (top - velocity)) * seconds >= 9
 
 
 def _cubics(t: np.ndarray, p: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from framestep.protocol.messages import SET_LOWER, SET_UPPER
 from ..client.client import Client, RequestRefused
 from ..client.refusals import explain
 from ..client.state import too_steep
-from ..judge.reference import Reference, slopes
+from ..judge.reference import Reference, shortest_roll_s, slopes
 from ..payloads import GetExceeded, MotorResetPosition, MotorSetLimits, MotorSetSpeed, RtRunMove
 from ..simulator.boards import LockstepPort, SimulatedBoard
 from .move_file import Move
@@ -27,7 +27,7 @@ from .rig_axes import Axes
 from .turns import said_of
 
 FITS, STEEP, REFUSED = "fits", "too steep", "refused"
-_SHORTEST_ROLL_S = 0.002  # for a motor that moves (framestep.moves.run_plan)
+
 _WINDOW = 4
 _REACHED = 0.01  # steps; a motor makes a step once the path is there
 _ROUNDED = 1e-3  # a ramp may be steeper by this part, because rest is on a whole step
@@ -191,7 +191,7 @@ def _path(move: Move, motor: int, run: RtRunMove, setting: Setting, smooth: bool
     if first == last:
         ends = ends * 0
     pre_ms, post_ms = (
-        ms or (max(abs(v) / setting.acceleration, _SHORTEST_ROLL_S) * 1000 if v else 0)
+        ms or 1000 * shortest_roll_s(float(v), setting.acceleration, smooth)
         for ms, v in zip((run.preroll_ms, run.postroll_ms), ends, strict=True)
     )
     # A move that is too fast for that is refused, but shown as it would have to be played.
@@ -207,6 +207,7 @@ def _path(move: Move, motor: int, run: RtRunMove, setting: Setting, smooth: bool
         {motor: limits},
         velocities,
         smooth,
+        {motor: setting.acceleration},
     )
 
 
