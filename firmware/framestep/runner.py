@@ -19,7 +19,7 @@ from machine import Timer
 from micropython import heap_lock, heap_unlock, stack_use
 
 from framestep.base.native import const, micropython
-from framestep.base.results import BY, EXCEEDED_MEMORY, FRAME, MOTOR, ROOM, WHAT
+from framestep.base.results import BY, EXCEEDED_MEMORY, EXCEEDED_RATE, FRAME, MOTOR, ROOM, WHAT
 from framestep.controller import LED_FAULT, glow
 from framestep.faults import ALL, FAULTS, outcome
 from framestep.hal import DEEPEST, PASS, SHALLOW
@@ -274,6 +274,13 @@ class Runner:
             print(
                 "framestep: the upload does not fit into memory; bytes needed and free:",
                 exceeded[BY],
+                exceeded[ROOM],
+            )
+        elif unreported & UNREPORTED and exceeded[WHAT] == EXCEEDED_RATE:
+            print(
+                "framestep: too many frames in 1000 s; asked:",
+                exceeded[BY],
+                "possible:",
                 exceeded[ROOM],
             )
         elif unreported & UNREPORTED and exceeded[WHAT]:

@@ -41,6 +41,7 @@ from framestep.protocol.messages import (
     EXCEEDED_MEMORY,
     EXCEEDED_POSTROLL,
     EXCEEDED_PREROLL,
+    EXCEEDED_RATE,
     EXCEEDED_SLOWED,
     EXCEEDED_UPPER,
     EXCEEDED_VELOCITY,
@@ -122,6 +123,11 @@ def exceeded(what, motor, frame, by, room=0):
     if what == EXCEEDED_MEMORY:
         return [
             "the last upload does not fit into memory: it needs %d bytes, %d are free" % (by, room)
+        ]
+    if what == EXCEEDED_RATE:
+        return [
+            "the last move was refused: %d frames in 1000 s are more than the %d that are possible"
+            % (by, room)
         ]
     if what not in EXCEEDED:
         return []

@@ -25,7 +25,7 @@ MOTOR = const(1)
 FRAME = const(2)  # scene frame
 # excess in steps/s or steps/s²; SLOWED: the rate used, thousandths of a frame per second
 BY = const(3)  # MEMORY: the bytes needed
-ROOM = const(4)  # MEMORY: the bytes that were free
+ROOM = const(4)  # MEMORY: the bytes that were free; RATE: the greatest
 EXCEEDED_WORDS = const(5)
 
 EXCEEDED_NOTHING = const(0)
@@ -38,3 +38,5 @@ EXCEEDED_LOWER = const(6)  # the lower one,
 EXCEEDED_PREROLL = const(7)  # a limit or the acceleration in the pre-roll,
 EXCEEDED_POSTROLL = const(8)  # in the post-roll
 EXCEEDED_MEMORY = const(9)  # refused: the upload does not fit
+# refused: too many frames per second; BY asked, ROOM possible, in thousandths
+EXCEEDED_RATE = const(10)

@@ -122,7 +122,9 @@ class JogAll(Operation):
         operations = self.operations
         if store.state != UPLOADED:
             return ERR_GENERAL
-        if fps_milli < 1 or fps_milli > FASTEST_FPS or frame < store.start or frame > store.end:
+        if fps_milli > FASTEST_FPS:
+            return self.player.refuse_rate(fps_milli)
+        if fps_milli < 1 or frame < store.start or frame > store.end:
             return ERR_RANGE
         under_way = operations.running
         if under_way and (operations.operation is not self or operations.state == ENDING):

@@ -128,7 +128,9 @@ class PreparedRun(Operation):
         player = self.player
         if store.state != UPLOADED:
             return ERR_GENERAL
-        if fps_milli < 1 or fps_milli > FASTEST_FPS or pre_ms < 0 or post_ms < 0:
+        if fps_milli > FASTEST_FPS:
+            return player.refuse_rate(fps_milli)
+        if fps_milli < 1 or pre_ms < 0 or post_ms < 0:
             return ERR_RANGE
         if pre_ms > LONGEST_ROLL or post_ms > LONGEST_ROLL or open_angle > 360 or close_angle > 360:
             return ERR_RANGE

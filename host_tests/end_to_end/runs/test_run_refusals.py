@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
+from framestep import texts
+from framestep.protocol import messages as m
 from framestep_tools import payloads as p
+from framestep_tools.client.client import RequestRefused
+from framestep_tools.client.refusals import explain
 from framestep_tools.judge.judge import judge
 from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played
 from host_tests.end_to_end.session import run_request, simulated
@@ -22,6 +26,23 @@ def test_run_refused_for_its_numbers(loaded):
         p.RtRunMove(24000, 1, 5, 500, 2**31),
     )
     assert loaded.moving == []
+
+
+@pytest.mark.parametrize(
+    "request_", [run_request(200.001, 1, 5), run_request(1000, 1, 5), p.RtJogAll(200_001, 3)]
+)
+def test_a_rate_above_the_board_s_is_refused_with_the_reason(loaded, request_):
+    with pytest.raises(RequestRefused) as caught:
+        loaded.ask(request_)
+    rate = request_.fps_milli / 1000
+    said = f"{rate:g} frames/s: expected more than 0, at most 200"
+    assert said in str(explain(loaded.client, caught.value))
+    found = loaded.ask(p.GetExceeded())
+    assert (found.what, found.by, found.room) == (m.EXCEEDED_RATE, request_.fps_milli, 200_000)
+    assert str(request_.fps_milli) in texts.exceeded(found.what, 0, 0, found.by, found.room)[0]
+    loaded.accept(p.RtPositionFrame(1))  # nothing else has changed
+    loaded.wait_idle()
+    loaded.accept(run_request(200, 1, 2, 1000, 1000))
 
 
 def test_too_fast_is_refused_at_its_rate(loaded):

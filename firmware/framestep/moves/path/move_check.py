@@ -403,6 +403,15 @@ class MoveCheck:
         exceeded[results.BY] = 0
         return code
 
+    def refuse_rate(self, fps_milli):
+        """Note in `exceeded` that a frame rate is above FASTEST_FPS. Return the code."""
+        exceeded = self.exceeded
+        exceeded[results.WHAT] = results.EXCEEDED_RATE
+        exceeded[results.MOTOR] = exceeded[results.FRAME] = 0
+        exceeded[results.BY] = fps_milli
+        exceeded[results.ROOM] = FASTEST_FPS
+        return results.ERR_RANGE
+
     def note_excess(self, limit):
         """BY = the excess of |X|, steps/s or steps/s², over a limit. Destroys X."""
         compute(0, 0, self.numbers, _ROUNDED_UP)

@@ -117,6 +117,7 @@ EXCEEDED_LOWER = const(results.EXCEEDED_LOWER)
 EXCEEDED_PREROLL = const(results.EXCEEDED_PREROLL)
 EXCEEDED_POSTROLL = const(results.EXCEEDED_POSTROLL)
 EXCEEDED_MEMORY = const(results.EXCEEDED_MEMORY)
+EXCEEDED_RATE = const(results.EXCEEDED_RATE)
 
 SET_LOWER = const(0x01)  # of MSG_EXCEEDED, settings of a motor: it has a lower soft limit,
 SET_UPPER = const(0x02)  # an upper one;

@@ -54,6 +54,7 @@ function beyond(exceeded, values, axes) {
     case M.EXCEEDED_ACCELERATION:
       if (exceeded.acceleration === undefined) break;
       return `${where} would need ${axis.fullRate(exceeded.acceleration + by, "s²")}${rate}, its acceleration is ${axis.fullRate(exceeded.acceleration, "s²")}: ${SPEED}`;
+    case M.EXCEEDED_RATE: return `${by / 1000} frames/s are more than the ${exceeded.room / 1000} that the board can play`;
     case M.EXCEEDED_BOARD: return `${where} would need a change of velocity that the board cannot make: fewer steps or frames/s`;
     case M.EXCEEDED_UPPER: return `${where} would be past its upper soft limit${limited(axis, exceeded.upper, exceeded.bits & M.SET_UPPER)}`;
     case M.EXCEEDED_LOWER: return `${where} would be past its lower soft limit${limited(axis, exceeded.lower, exceeded.bits & M.SET_LOWER)}`;
