@@ -243,3 +243,27 @@ def test_the_bridge_accepts_no_text_without_a_file(stage):
     page.get_by_role("button", name="Save").click()
     expect(log(page)).to_contain_text("saved in this browser")
     assert not any("write_axes" in json.dumps(str(sent)) for sent in page.sent)
+
+
+def test_another_programs_move(opened):
+    """The page asks framestep console, which converts it by axes.toml."""
+    page, _ = opened
+    go_to(page, "Moves")
+    text = "# 25 fps\nAxes = Camera Pan, Track\n-90,5 10\n-91,0 20\n"
+    page.get_by_label("Move", exact=True).set_input_files(
+        {"name": "shot.kup", "mimeType": "text/plain", "buffer": text.encode()}
+    )
+    expect(page.locator("main")).to_contain_text(
+        "shot.kup: frames 1 to 2 at 25 frames/s for 2 motors"
+    )
+    expect(page.get_by_label("Frames per second").first).to_have_value("25")
+    page.get_by_role("button", name="Upload").click()
+    expect(log(page)).to_contain_text("Frames 1 to 2 for 2 motors are uploaded.")
+    go_to(page, "Moves")
+    frames = card(page, "Frames")
+    frames.get_by_label("Go to frame").fill("2")
+    frames.get_by_role("button", name="Go there").click()
+    go_to(page, "Motors")
+    expect(position(page, 1)).to_have_text("1600")
+    expect(position(page, 2)).to_have_text("200")
+    wait_rest(page)

@@ -42,7 +42,7 @@ def board():
 def move(tmp_path):
     path = tmp_path / "move.csv"
     lines = [f"{5 + i},{a},{b}\n" for i, (a, b) in enumerate(zip(PAN, FOCUS, strict=True))]
-    path.write_text("frame,pan,focus\n" + "".join(lines))
+    path.write_text("frame,1,2\n" + "".join(lines))
     return path
 
 
@@ -182,7 +182,7 @@ def test_what_are_no_frames(text):
         ("shoot 4-6 --move MOVE", 1, "the move has frames 5 to 14, not 4"),
         ("shoot 8 --motors 1", 2, "--motors needs --move"),
         ("shoot 8 --velocity 5 --acceleration 5", 2, "--velocity needs --move"),
-        ("shoot 8 --move MOVE --motors 1,3", 2, "expected motors of the move, 1 to 2"),
+        ("shoot 8 --move MOVE --motors 1,3", 2, "expected motors of the move, 1, 2"),
         ("shoot x --move MOVE", 2, "expected frames such as 7, 1-48 or 1-5,9, found 'x'"),
         ("shoot 8 --move MOVE --exposure 0.01", REFUSED,
          "motor 1 at frame 8 would need"),

@@ -12,7 +12,9 @@ from framestep_tools.errors import ToolError
 from framestep_tools.move.axes_file import Axis
 from framestep_tools.move.move_conversion import to_move
 from framestep_tools.move.move_formats import FORMATS, of_content
+from framestep_tools.move.move_formats.arc import axes_toml
 from host_tests.tools.move.move_samples import ARC, MAYA, run
+from host_tests.tools.move.test_camera_formats import AE, BVH, CHAN, FLAIR, SCENE
 
 VALID = [
     ARC,
@@ -21,10 +23,15 @@ VALID = [
     "seconds;track;pan\n0;0;2\n0,5;1,25;2,01\n",
     "Axes = Track, Pan\r\n0 2\r\n1.25 2.01\r\n",
     "0 2\n1.25 2.01\n",
+    CHAN,
+    FLAIR,
+    AE,
+    BVH,
+    SCENE,
 ]
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=500, deadline=None)
 @given(
     st.sampled_from(VALID),
     st.integers(0, 1500),
@@ -45,6 +52,8 @@ def test_a_spoilt_file_is_read_or_refused(text, at, length, put):
             to_move(recording, axes, "f", 24.0 if recording.seconds else None)
     with suppress(ToolError):
         of_content(spoilt, "f")
+    with suppress(ToolError):
+        axes_toml(spoilt, "f")
 
 
 @pytest.mark.parametrize(
@@ -99,7 +108,11 @@ def test_a_spoilt_file_is_read_or_refused(text, at, length, put):
             ["--format", "csv"],
             "line 1: expected a header that begins with frame or seconds",
         ),
-        ("bones\n", [], "not recognised as any of arc, anim, kuper, csv, raw"),
+        (
+            "bones\n",
+            [],
+            "not recognised as any of arc, anim, ae, bvh, flair, kuper, csv, raw",
+        ),
         ("", [], "the file is empty"),
         ("animVersion 1.1;\n", [], "expected a curve with keys over time, found none"),
         (MAYA.replace("pal", "vhs"), [], "timeUnit: expected one of game, film, pal"),
@@ -162,7 +175,7 @@ def test_one_sentence_says_what_is_wrong_and_nothing_is_written(text, options, s
     ("args", "status", "said"),
     [
         (["import", "SOURCE", "-o", "SOURCE"], 2, "is the file to read"),
-        (["import", "SOURCE", "-o", "OUT", "--format", "flair"], 2, "'flair' is not one of arc, "),
+        (["import", "SOURCE", "-o", "OUT", "--format", "flare"], 2, "'flare' is not one of arc, "),
         (["import", "nothing", "-o", "OUT"], 1, "cannot read the move nothing: No such file"),
         (["import", "SOURCE", "-o", "no/where.csv"], 1, "cannot write no/where.csv: No such file"),
         (["export", "SOURCE", "-o", "OUT"], 1, "no format has the ending (none); name one by"),

@@ -211,7 +211,17 @@ def test_a_blank_line_before_the_xml_declaration(shot):
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_the_rate_travels_with_the_move(name, shot, capsys):
     """From an .anim at 25 frames/s into the move, from there into each file that can name it."""
-    (shot / "axes.toml").write_text(LINEAR.replace('"track"', '"a.x"').replace('"pan"', '"a.y"'))
+    names = {
+        "chan": ("tx", "rx"),
+        "ae": ("Zoom", "Rotation"),
+        "bvh": ("a.Xposition", "a.Xrotation"),
+    }
+
+    def axes(track, pan):
+        text = LINEAR.replace('"track"\n', f'"track"\nin_file = "{track}"\n')
+        (shot / "axes.toml").write_text(text.replace('"pan"\n', f'"pan"\nin_file = "{pan}"\n'))
+
+    axes("a.x", "a.y")
     curves = "".join(
         f"anim {axis} {axis} a 0 0 0; animData {{ input time; output unitless; "
         f"keys {{ 1 {value} linear linear; 3 {value} linear linear; }} }}\n"
@@ -219,10 +229,11 @@ def test_the_rate_travels_with_the_move(name, shot, capsys):
     )
     move = imported(shot, "animVersion 1.1; timeUnit pal;\n" + curves)
     assert move.fps == 25
-    out, back = shot / "out", shot / "back.csv"
+    axes(*names.get(name, ("a.x", "a.y")))
+    out, back = shot / f"out{FORMATS[name].ENDINGS[0]}", shot / "back.csv"
     assert run(shot, "export", str(shot / "move.csv"), "-o", str(out), "--format", name) == 0
     assert run(shot, "import", str(out), "-o", str(back)) == 0
-    carries = name in ("anim", "csv")
+    carries = name in ("anim", "csv", "ae", "bvh", "flair")
     assert read_move(back).fps == (25 if carries else None)
     capsys.readouterr()
     given = ["import", str(out), "-o", str(back), "--fps", "24"]

@@ -100,7 +100,7 @@ def check(
         with extra("a picture"):
             import matplotlib  # noqa: F401
     known = load_axes(axes)
-    content = read_content(file, known)
+    content = read_content(file, known, fps)
     begin, end = section(content, first, last, reverse)
     run = RtRunMove(
         fps_milli=round(fps_for(content, fps) * 1000), start_frame=begin, end_frame=end,

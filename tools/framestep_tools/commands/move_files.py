@@ -7,7 +7,8 @@ import typer
 
 from .common import AxesFile, SpokenCommand, fps_of, note
 
-_FORMATS = "arc, anim, kuper, csv, raw"  # spelled out, so that --help loads none of them
+# spelled out, so that --help loads none of them
+_FORMATS = "arc, anim, ae, bvh, flair, kuper, csv, raw, chan"
 
 
 def _format(name: str | None) -> str | None:
@@ -83,7 +84,10 @@ def import_move(
         int | None, typer.Option(help="number of the first frame", min=-(10**9), max=10**9)
     ] = None,
 ) -> None:
-    """Convert another program's file to a move in steps."""
+    """Convert another program's file to a move in steps.
+
+    An Arc scene (.arcx) with -o axes.toml gives the names and units of its motors.
+    """
     from ..errors import ToolError
     from ..move import rig_axes
     from ..move.axes_file import read_axes
@@ -96,6 +100,11 @@ def import_move(
     source = or_example(file)
     text, said = read_text(source)
     chosen = FORMATS[file_format] if file_format else of_content(text, str(source))
+    if output.suffix.lower() == ".toml":
+        if chosen.NAME != "arc":
+            raise ToolError(f"{output}: only an Arc scene (.arcx) gives an axes.toml")
+        print(f"{output}: {_write_axes(text, source, output)}")
+        return
     recording = chosen.read(text, str(source), decimal)
     found = rig_axes.find(axes)
     if not found or not rig_axes.exists(found):
@@ -114,6 +123,18 @@ def import_move(
         + (f" at {move.fps:.10g} frames/s" if move.fps else "")
         + f" for {len(known)} motor{'s' * (len(known) > 1)}, from {chosen.NAME}"
     )
+
+
+def _write_axes(text: str, source: Path, output: Path) -> str:
+    """Write the axes.toml of an Arc scene, and return the names of its axes."""
+    from ..move.axes_file import axes_of
+    from ..move.move_formats.arc import axes_toml
+    from ..move.text_file import write_text
+
+    written = axes_toml(text, str(source))
+    axes = axes_of(written, output)
+    write_text(output, written)
+    return ", ".join(f"{axis.name} (motor {axis.motor})" for axis in axes)
 
 
 def export_move(
@@ -137,9 +158,10 @@ def export_move(
 ) -> None:
     """Write a move in steps as another program's file."""
     from ..move import rig_axes
+    from ..move.any_file import read_any
     from ..move.axes_file import read_axes
     from ..move.move_conversion import to_table
-    from ..move.move_file import or_example, read_move
+    from ..move.move_file import or_example
     from ..move.move_formats import FORMATS, of_name
     from ..move.text_file import write_text
 
@@ -149,7 +171,7 @@ def export_move(
         raise typer.BadParameter(f"--fps is for csv and anim; {chosen.NAME} has frames")
     found = rig_axes.find(axes) or rig_axes.FILE
     known = read_axes(found, every_motor=True)
-    content = read_move(or_example(move), rig_axes.Axes(known, found))
+    content = read_any(or_example(move), rig_axes.Axes(known, found), fps)
     table = to_table(content, known)
     write_text(output, chosen.write(table, fps))
     note(*content.said)

@@ -24,8 +24,8 @@ UPLOAD_WINDOW = 4
 MoveFile = Annotated[
     Path,
     typer.Argument(
-        help="CSV: frame, then a column per motor, headed by its axis or number; camera_move.csv "
-        "is an example to try",
+        help="CSV in steps: frame, then a column per motor, headed by its axis or number; or what "
+        "framestep import reads; camera_move.csv is an example to try",
         metavar="CSV",
         show_default=False,
     ),
@@ -94,19 +94,23 @@ def upload(
     )
 
 
-def read_files(file: Path, dmx: Path | None, axes: "Axes") -> "tuple[Move, Lights | None]":
-    """Read a move, or the example of that name, and its lights. Raises MoveFileError."""
+def read_files(
+    file: Path, dmx: Path | None, axes: "Axes", fps: float | None = None
+) -> "tuple[Move, Lights | None]":
+    """Read a move, or the example of that name, and its lights. fps: for a file in seconds. Raises
+    ToolError."""
     from ..move.light_file import read_lights
 
-    return read_content(file, axes), read_lights(dmx) if dmx else None
+    return read_content(file, axes, fps), read_lights(dmx) if dmx else None
 
 
-def read_content(file: Path, axes: "Axes") -> "Move":
-    """Read a move, or the example of that name, and print what its user should know. Raises
-    MoveFileError."""
-    from ..move.move_file import or_example, read_move
+def read_content(file: Path, axes: "Axes", fps: float | None = None) -> "Move":
+    """Read a move, or the example of that name, and print what its user should know. fps: for a
+    file in seconds. Raises ToolError."""
+    from ..move.any_file import read_any
+    from ..move.move_file import or_example
 
-    content = read_move(or_example(file), axes)
+    content = read_any(or_example(file), axes, fps)
     note(*content.said)
     return content
 
@@ -244,7 +248,7 @@ def play(
     if shutter_angle is not None and camera is not Camera.STILLS:
         raise typer.BadParameter("--shutter-angle needs --camera stills")
     known = load_axes(axes)
-    content, lights = read_files(file, dmx, known)
+    content, lights = read_files(file, dmx, known, fps)
     begin, end = section(content, first, last, reverse)
     run = RtRunMove(
         fps_milli=round(fps_for(content, fps) * 1000),

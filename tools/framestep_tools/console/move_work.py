@@ -79,6 +79,31 @@ class MoveWork:
         fps = asked.get("fps") if chosen.NAME in ("csv", "anim") else None
         return {"text": chosen.write(table, fps)}
 
+    def read_move(self, text: str) -> dict[str, Any]:
+        """Return the move in another program's file, as JSON like the one above, with names of the
+        motors, fps (null: not known) and said: what a user should know.
+
+        Values of the JSON: name and text of the file, fps (null: it is not known).
+        """
+        from ..move.any_file import any_of
+        from ..move.text_file import decoded
+
+        asked = _values(text)
+        name, content, fps = asked.get("name"), asked.get("text"), asked.get("fps")
+        if not isinstance(name, str) or not isinstance(content, str):
+            raise ToolError("the page has sent no file")
+        axes = rig_axes.Axes(axes_of(self._text(), "axes.toml") if self._text() else ())
+        read = decoded(content.encode(), f"cannot read {name}")
+        move = any_of(read, name, axes, fps if isinstance(fps, int | float) and fps > 0 else None)
+        return {
+            "start": move.start_frame,
+            "motors": list(move.positions),
+            "names": list(move.names.values()),
+            "positions": list(move.positions.values()),
+            "fps": move.fps,
+            "said": list(move.said),
+        }
+
     def _text(self) -> str:
         return self._axes.read()["text"] if self._axes else ""
 

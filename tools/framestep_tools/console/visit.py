@@ -22,7 +22,7 @@ from .device import ConsoleDevice
 from .move_work import MoveWork
 
 _LOOK_S = 0.1
-_OF_MOVES = ("check_move", "export_move")
+_OF_MOVES = ("check_move", "export_move", "read_move")
 _WITH_TEXT = ("check_rig", "write_rig", "write_axes", *_OF_MOVES)
 _TASKS = ("read_rig", "load", "live", "rest", "terminal", "close_terminal", *_WITH_TEXT)
 

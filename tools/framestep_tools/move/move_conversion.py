@@ -69,9 +69,18 @@ def to_move(
             axis.check(steps[-1], number + i)
         positions[axis.motor] = steps
     names = {axis.motor: axis.name for axis in axes}
+    said = list(recording.said)
+    if not any(channel.name for channel in recording.axes):
+        said.append(
+            ", ".join(
+                f"{channel} is {axis.name}"
+                for axis, channel in zip(axes, channels, strict=True)
+                if channel
+            )
+        )
     taken = {id(channel) for channel in channels}
     left = [str(channel) for channel in recording.axes if id(channel) not in taken]
-    return Move(number, names, positions, named or fps, recording.said), left
+    return Move(number, names, positions, named or fps, tuple(said)), left
 
 
 def same_rate(one: float, other: float) -> bool:

@@ -189,6 +189,11 @@ class Axes:
 
     # ---- what is printed
 
+    @property
+    def list(self) -> list[Axis]:
+        """Every axis, in the order of motors."""
+        return [self._of[motor] for motor in sorted(self._of)]
+
     def axis(self, motor: int) -> Axis | None:
         """Return a motor's axis, or None."""
         return self._of.get(motor)

@@ -11,8 +11,10 @@ const UNIT = /^(.*\S)\s*[[(]\s*(steps|mm|cm|m|in|ft|deg|rad|°)\s*[\])]$/i;
 const GROUPED = /^[+-]?[1-9]\d{0,2}\.\d{3}$/; // may be thousands
 const MARKS = [[[0xef, 0xbb, 0xbf], "utf-8"], [[0xff, 0xfe], "utf-16le"], [[0xfe, 0xff], "utf-16be"]];
 
-/** A file is not a move. The text names the line. */
-export class MoveError extends Error {}
+/** A file is not a move. The text names the line. foreign: it may be another program's. */
+export class MoveError extends Error {
+  foreign = false;
+}
 
 /** Return the text of a file, whose byte order mark may name another encoding than UTF-8. Throws MoveError. */
 export async function textOf(file) {
@@ -106,7 +108,9 @@ export function parseMove(text, name, axes) {
   while (rows.length && rows.at(-1)[1].every((cell) => cell === "")) rows.pop();
   const header = trimmed(rows[0]?.[1] ?? [], 0);
   if (header.length < 2 || header[0].toLowerCase() !== "frame") {
-    throw new MoveError(`${name}, line ${rows[0]?.[0] ?? 1}: expected the header frame,<motor 1>,<motor 2>…, found “${shown(header)}”`);
+    const error = new MoveError(`${name}, line ${rows[0]?.[0] ?? 1}: expected the header frame,<motor 1>,<motor 2>…, found “${shown(header)}”`);
+    error.foreign = rows.length > 0;
+    throw error;
   }
   if (rows.length < 2) throw new MoveError(`${name}: expected a line for each frame, found none`);
   const { motors, counted } = motorsOf(header.slice(1), axes, name);

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Protocol
 
 from ..text_file import MoveFileError
-from . import arc, csv_table, kuper, maya_anim, raw
+from . import ae_keyframes, arc, bvh, chan, csv_table, flair, kuper, maya_anim, raw
 from .recording import Recording, Table
 
 
@@ -32,17 +32,33 @@ class Format(Protocol):
         ...
 
 
-# Formats with more distinctive marks come first
+# Formats with more distinctive marks come first. Nothing but its ending tells chan from raw.
 FORMATS: dict[str, Format] = {
-    module.NAME: module for module in (arc, maya_anim, kuper, csv_table, raw)
+    module.NAME: module
+    for module in (arc, maya_anim, ae_keyframes, bvh, flair, kuper, csv_table, raw, chan)
 }
+
+# {begin of a text: what it is, and the way out}
+_OTHERS = {
+    "#usda": "a USD scene",
+    "; FBX": "an FBX scene",
+    '{"asset"': "a glTF scene",
+}
+_WAY_OUT = (
+    "which framestep does not read: export the camera's curves as .chan (Nuke), .anim (Maya), BVH, "
+    "or CSV by a script (docs/use/formats.md)"
+)
 
 
 def of_content(text: str, path: str) -> Format:
     """Recognise the format of a file's text. Raises MoveFileError if it looks like none."""
     if not text.strip():
         raise MoveFileError(f"{path}: the file is empty")
-    for candidate in FORMATS.values():
+    for begin, what in _OTHERS.items():
+        if "".join(text[:200].split()).startswith("".join(begin.split())):
+            raise MoveFileError(f"{path}: it is {what}, {_WAY_OUT}")
+    ending = Path(path).suffix.lower()
+    for candidate in sorted(FORMATS.values(), key=lambda each: ending not in each.ENDINGS):
         if candidate.recognises(text):
             return candidate
     raise MoveFileError(

@@ -9,6 +9,7 @@
 docs/use/formats.md has the sources.
 """
 
+import json
 import re
 import xml.etree.ElementTree as ET
 from itertools import pairwise
@@ -36,13 +37,7 @@ def recognises(text: str) -> bool:
 
 def read(text: str, path: str, decimal: str | None = None) -> Recording:
     """Read the file's axes that have keyframes. Raises MoveFileError, with the axis."""
-    try:
-        root = ET.fromstring(_DECLARATION.sub("", text).strip())
-    except ET.ParseError as error:
-        raise MoveFileError(f"{path}: not valid XML: {error}") from None
-    if _local(root) != "scene":
-        raise MoveFileError(f"{path}: expected <scene> as the outermost element, found {root.tag}")
-    axes = [element for element in root if _local(element) == "axis"]
+    axes = _axes(text, path)
     channels = []
     for i, axis in enumerate(axes, 1):
         name = axis.get("name", "")
@@ -51,13 +46,56 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
             channels.append(channel)
     if not channels and any("stepsPerUnit" in axis.attrib for axis in axes):
         raise MoveFileError(
-            f"{path}: it is an Arc scene, the set-up of a rig, and not a move: "
-            "export the move (.arcm)"
+            f"{path}: it is an Arc scene, the set-up of a rig, and not a move: export the move "
+            "(.arcm), or make an axes.toml of the scene by -o axes.toml"
         )
     if not channels:
         raise MoveFileError(f"{path}: expected an axis with keyframes, found none")
     texts = (p.get("x", "") for axis in axes for p in axis if _local(p) == "points")
     return Recording(channels, step=last_decimal(texts))
+
+
+def _axes(text: str, path: str) -> list[ET.Element]:
+    """Return the axes of a scene. Raises MoveFileError."""
+    try:
+        root = ET.fromstring(_DECLARATION.sub("", text).strip())
+    except ET.ParseError as error:
+        raise MoveFileError(f"{path}: not valid XML: {error}") from None
+    if _local(root) != "scene":
+        raise MoveFileError(f"{path}: expected <scene> as the outermost element, found {root.tag}")
+    return [element for element in root if _local(element) == "axis"]
+
+
+def axes_toml(text: str, path: str) -> str:
+    """Return the axes.toml of a scene's rig: its axes with steps per unit and a connection's
+    channel, which is the motor. Raises MoveFileError if there is none."""
+    found = []
+    for axis in _axes(text, path):
+        channel = axis.get("connectionChannel", "")
+        if "stepsPerUnit" not in axis.attrib or channel in ("", "0", "-1"):
+            continue
+        where = f"{path}, axis {axis.get('name') or len(found) + 1}"
+        steps = number(axis.get("stepsPerUnit", ""), f"{where}, stepsPerUnit")
+        if not channel.isdecimal():
+            raise MoveFileError(
+                f"{where}: connectionChannel: expected a motor's number, found {shown([channel])}"
+            )
+        lines = [
+            "[[axis]]",
+            f"name = {json.dumps(axis.get('name') or f'motor {channel}', ensure_ascii=False)}",
+            f"motor = {int(channel)}",
+            f"steps_per_unit = {abs(steps)!r}",
+        ]
+        unit = axis.get("units", "").strip().lower()
+        lines += [f'unit = "{unit}"'] * (unit in UNITS)
+        lines += ["invert = true"] * (steps < 0)
+        for key, what in (("runMaxVelocity", "s"), ("runMaxAcceleration", "s²")):
+            if key in axis.attrib:
+                lines.append(f"# {key} in Arc: {shown([axis.attrib[key]])[1:-1]} units/{what}")
+        found.append("\n".join(lines) + "\n")
+    if not found:
+        raise MoveFileError(f"{path}: expected an axis with stepsPerUnit, found none")
+    return "\n".join(found)
 
 
 def _channel(axis: ET.Element, name: str, where: str, column: int) -> Channel | None:

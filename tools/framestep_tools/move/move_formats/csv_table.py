@@ -13,7 +13,7 @@ from ..table import Table as Text
 from ..table import contents, separator_of, with_header
 from ..text_file import MoveFileError, shown
 from .curves import Samples
-from .recording import Channel, Recording, Table
+from .recording import Channel, Recording, Table, check_frames
 from .units import unit_of, without_unit
 
 NAME = "csv"
@@ -34,6 +34,13 @@ _BEHIND_SIGN = re.compile(r"^\s*(?:#|//)\s*")
 def recognises(text: str) -> bool:
     """Return whether a file's text looks like this format."""
     return _header_line(text) is not None
+
+
+def is_in_seconds(text: str) -> bool:
+    """Return whether a text that looks like this format has times, not frames."""
+    at = _header_line(text)
+    clock = _clock_of(_BEHIND_SIGN.sub("", text.split("\n")[at])) if at is not None else "frame"
+    return _CLOCKS[clock] is not None
 
 
 def _header_line(text: str) -> int | None:
@@ -97,14 +104,7 @@ def units_row(table: Text) -> list[str]:
 def _check_places(table: Text, first: int, places: list[float], clock: float | None) -> None:
     name = table.rows[0][0]
     if clock is None:
-        for i, place in enumerate(places):
-            where = table.where(first + i, name)
-            if place != int(place):
-                raise MoveFileError(f"{where}: expected a whole number, found {place:g}")
-            if i and place != places[i - 1] + 1:
-                raise MoveFileError(
-                    f"{where}: expected frame {places[i - 1] + 1:.0f}, found {place:.0f}"
-                )
+        check_frames(table, first, places, name)
         return
     for i, (before, place) in enumerate(pairwise(places), 1):
         if place <= before:

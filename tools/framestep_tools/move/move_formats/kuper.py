@@ -3,6 +3,7 @@ a line."""
 
 import re
 
+from ..table import Table as Text
 from ..table import contents, without_header
 from ..text_file import MoveFileError, shown
 from . import raw
@@ -25,7 +26,7 @@ def recognises(text: str) -> bool:
 
 def read(text: str, path: str, decimal: str | None = None) -> Recording:
     """Read the file's axes. Raises MoveFileError, with line and column."""
-    lines, _ = contents(text)
+    lines, comments = contents(text)
     header = _HEADER.match(lines[0][1]) if lines else None
     names = _BETWEEN_NAMES.split(header[1].strip()) if header else []
     if not header or not all(names):
@@ -43,7 +44,7 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
             for i, (name, column) in enumerate(zip(names, columns, strict=True), 1)
         ],
         step=1.0,
-        fps=table.fps,
+        fps=Text(path, [], [], comments).fps,
     )
 
 

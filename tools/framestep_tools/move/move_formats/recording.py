@@ -1,10 +1,12 @@
 """Common representation of moves: every format is read into it and written from it."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from ..table import Table as Text
+from ..text_file import MoveFileError
 from .units import factor, without_unit
 
 FIRST_FRAME = 1  # in files that do not number their frames
@@ -124,3 +126,57 @@ class Table:
     def frames(self) -> range:
         """Scene frames of the move."""
         return range(self.start_frame, self.start_frame + len(self.columns[0].values))
+
+
+# ---- parts of formats
+
+
+def check_frames(table: Text, first: int, frames: list[float], name: str) -> None:
+    """Raise MoveFileError unless frames are whole and count by one. first: their first row."""
+    for i, frame in enumerate(frames):
+        where = table.where(first + i, name)
+        if frame != int(frame):
+            raise MoveFileError(f"{where}: expected a whole number, found {frame:g}")
+        if i and frame != frames[i - 1] + 1:
+            raise MoveFileError(
+                f"{where}: expected frame {frames[i - 1] + 1:.0f}, found {frame:.0f}"
+            )
+
+
+def check_increasing(before: float | None, frame: float, where: str) -> None:
+    """Raise MoveFileError unless a keyframe comes after the one before it."""
+    if before is not None and frame <= before:
+        raise MoveFileError(f"{where}: expected a frame after {before:g}, found {frame:g}")
+
+
+def slots(
+    table: Table, names: Sequence[str], units: Mapping[str, str], format_name: str
+) -> dict[str, Column]:
+    """Return the columns of a format that has only these names, in its units. Capitals do not
+    matter. Raises MoveFileError for another name or a unit of another kind."""
+    found = {}
+    for column in table.columns:
+        name = next((name for name in names if name.lower() == column.name.lower()), None)
+        if name is None:
+            raise MoveFileError(
+                f"{format_name} has only {', '.join(names)}; found {column.name!r}: name one by "
+                '"in_file"'
+            )
+        unit = units.get(name, column.unit)
+        if factor(column.unit, unit) is None:
+            raise MoveFileError(f"{format_name} has {name} in {unit}, not in {column.unit}")
+        found[name] = column.converted(unit)
+    return found
+
+
+def frame_rows(frames: range, columns: Sequence[Column | None]) -> str:
+    """Return a line per frame: its number, and the columns' values, 0 for None."""
+    texts = [column.texts() if column else ["0"] * len(frames) for column in columns]
+    widths = [max(map(len, column)) for column in texts]
+    return "".join(
+        "  ".join(
+            [str(frame), *(t[i].rjust(width) for t, width in zip(texts, widths, strict=True))]
+        )
+        + "\n"
+        for i, frame in enumerate(frames)
+    )

@@ -11,6 +11,7 @@ import { RunOptions } from "../run_options.js";
 import { upload } from "../upload.js";
 
 const FARTHEST_FRAME = 1_000_000;
+const LONGEST_TEXT = 900_000; // characters of a request that the server takes
 const JOG_ALL_KEY = "along the move";
 
 function motorCount({ motors }) {
@@ -33,7 +34,7 @@ export class MovesView {
   #speeds = h("form", { hidden: true, onsubmit: (event) => this.#setSpeeds(event) },
     field("Velocity of all its motors, steps/s", this.#velocity), field("Acceleration, steps/s²", this.#acceleration),
     h("button", {}, "Set for all its motors"));
-  #file = h("input", { type: "file", accept: ".csv,.txt,text/csv" });
+  #file = h("input", { type: "file", accept: ".csv,.tsv,.txt,.arcm,.anim,.chan,.bvh,.kup,.asc,.mov,.raw,.xml,.fla,.cart,.aetxt,text/csv" });
   #upload = h("button", { class: "main", disabled: true }, "Upload");
   #progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": "Upload" });
   #about = h("p", { class: "faint" }, "A CSV file as for framestep upload: a column frame, then a column per motor in steps, headed by its name or number.");
@@ -147,10 +148,25 @@ export class MovesView {
 
   async #takeText(text, name) {
     try {
-      const move = parseMove(text, name, this.#device.axes);
+      const move = await this.#parse(text, name);
       await this.take(move, name, move.fps);
     } catch (error) {
       this.#device.tell(error.message, true);
+    }
+  }
+
+  /** Return the move in a text. Another program's is read by framestep console, if that serves the page. */
+  async #parse(text, name) {
+    try {
+      return parseMove(text, name, this.#device.axes);
+    } catch (error) {
+      const { client } = this.#device;
+      if (!error.foreign) throw error;
+      if (!client?.keeps) throw new Error(`${error.message}; framestep console reads other programs' files`);
+      const asked = JSON.stringify({ name, text, fps: read(this.#fps) });
+      if (asked.length > LONGEST_TEXT) throw new Error(`${name} is too long for this page: framestep import reads it`);
+      const { start, motors, names, positions, fps, said } = await client.ask("read_move", { text: asked });
+      return { startFrame: start, endFrame: start + positions[0].length - 1, motors, names, positions, fps, counted: said.join("; ") };
     }
   }
 

@@ -1,0 +1,102 @@
+"""check, play, upload, export and the console read what import reads."""
+
+import json
+
+import pytest
+
+from framestep_tools.console.axes_text import AxesText
+from framestep_tools.console.move_work import MoveWork
+from framestep_tools.errors import ToolError
+from framestep_tools.move import rig_axes
+from framestep_tools.move.any_file import read_any
+from framestep_tools.move.move_file import read_move
+from host_tests.tools.move.move_samples import ARC, LINEAR, run
+from host_tests.tools.move.test_camera_formats import AE, BVH, CHAN, FLAIR
+
+FILES = {
+    "a.arcm": (ARC, "track", "pan", []),
+    "a.chan": (CHAN, "tx", "ry", []),
+    "a.txt": (FLAIR, "XV", "ROLL", []),
+    "ae.txt": (AE, "Position X", "Y Rotation", []),
+    "a.bvh": (BVH, "Camera.Xposition", "Camera.Yrotation", []),
+    "raw.txt": ("0.5 2\n0.6 2.5\n", "track", "pan", []),
+    "s.csv": ("seconds;track;pan\n0;0,5;2\n0,04;0,6;2,5\n", "track", "pan", ["--fps", "25"]),
+    "k.kup": ("# 24 fps\nAxes = Track, Pan\n0,5 2\n0,6 2,5\n", "track", "pan", []),
+}
+
+
+@pytest.fixture(params=sorted(FILES))
+def file(request, shot):
+    text, track, pan, options = FILES[request.param]
+    axes = LINEAR.replace('"track"\n', f'"track"\nin_file = "{track}"\n')
+    (shot / "axes.toml").write_text(axes.replace('"pan"\n', f'"pan"\nin_file = "{pan}"\n'))
+    path = shot / request.param
+    path.write_text(text)
+    return path, options
+
+
+def test_each_file_is_the_move_that_import_makes_of_it(file, shot, capsys):
+    path, options = file
+    out = shot / "move.csv"
+    assert run(shot, "import", str(path), "-o", str(out), *options) == 0
+    axes = rig_axes.load(shot / "axes.toml")
+    fps = float(options[1]) if options else None
+    assert read_any(path, axes, fps) == read_move(out, axes)
+    capsys.readouterr()
+    speeds = ["--velocity", "20000", "--acceleration", "200000"]
+    assert run(shot, "check", str(path), "--json", *speeds, *options) in (0, 1)
+    found = json.loads(capsys.readouterr().out)
+    assert [motor["name"] for motor in found["motors"]] == ["track", "pan"]
+    assert found["fps"] == round(read_move(out, axes).fps or 24, 3)
+    assert run(shot, "export", str(path), "-o", str(shot / "x.csv"), *options) == 0
+
+
+def test_the_page_reads_it_as_well(file, shot):
+    path, options = file
+    asked = {"name": path.name, "text": path.read_text(), "fps": float((options or [0, 24])[1])}
+    found = MoveWork(AxesText(shot / "axes.toml")).read_move(json.dumps(asked))
+    move = read_any(path, rig_axes.load(shot / "axes.toml"), asked["fps"])
+    assert found["start"] == move.start_frame
+    assert found["motors"] == [1, 2]
+    assert found["positions"] == list(move.positions.values())
+    assert (found["names"], found["fps"]) == (["track", "pan"], move.fps)
+    assert found["said"] == list(move.said)
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ("{}", "the page has sent no file"),
+        ('{"name": "f", "text": "\\u0000"}', "cannot read f: it is not text"),
+        ('{"name": "f", "text": "0 1\\n"}', "f is in units, and there is no axes.toml, which"),
+    ],
+)
+def test_what_the_page_cannot_have_read(asked, said):
+    with pytest.raises(ToolError, match=said):
+        MoveWork(None).read_move(asked)
+
+
+def test_a_file_in_units_needs_axes_and_one_in_steps_does_not(shot, capsys):
+    (shot / "steps.csv").write_text("frame,a\n1,5\n2,6\n")
+    (shot / "units.txt").write_text("0.5 2\n0.6 2\n")
+    (shot / "seconds.csv").write_text("seconds,track,pan\n0,0.5,2\n")
+    nothing = rig_axes.Axes()
+    assert read_any(shot / "steps.csv", nothing).positions == {1: [5, 6]}
+    with pytest.raises(ToolError, match=r"is in units, and there is no axes.toml.*column 1, col"):
+        read_any(shot / "units.txt", nothing)
+    assert run(shot, "check", str(shot / "seconds.csv")) == 1
+    assert "is in seconds: name the frames per second by --fps" in capsys.readouterr().err
+    assert run(shot, "check", str(shot / "units.txt")) == 0
+    assert "column 1 is track, column 2 is pan" in capsys.readouterr().err
+
+
+def test_another_rate_than_the_files_is_said(shot, capsys):
+    (shot / "m.csv").write_text("# fps: 25\nframe,track\n1,5\n2,6\n")
+    assert run(shot, "check", str(shot / "m.csv"), "--json") == 0
+    assert json.loads(capsys.readouterr().out)["fps"] == 25
+    assert run(shot, "check", str(shot / "m.csv"), "--json", "--fps", "24") == 0
+    out, error = capsys.readouterr()
+    assert json.loads(out)["fps"] == 24
+    assert error == ("the move is at 25 frames/s, --fps says 24: it takes 1.04 times as long\n")
+    assert run(shot, "check", str(shot / "m.csv"), "--json", "--fps", "25.0") == 0
+    assert capsys.readouterr().err == ""

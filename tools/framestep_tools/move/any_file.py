@@ -1,0 +1,41 @@
+"""Moves from any file that framestep reads: its own, in steps, and other programs', in units."""
+
+import os
+
+from ..errors import ToolError
+from .move_conversion import to_move
+from .move_file import Move, move_of
+from .move_formats import FORMATS, csv_table, of_content
+from .rig_axes import FILE, Axes
+from .text_file import Text, read_text
+
+
+def read_any(path: str | os.PathLike, axes: Axes, fps: float | None = None) -> Move:
+    """Read a move. fps: frames per second, for a file in seconds. Raises ToolError."""
+    return any_of(read_text(path), path, axes, fps)
+
+
+def any_of(read: Text, path: str | os.PathLike, axes: Axes, fps: float | None = None) -> Move:
+    """Return the move in a file's text, as `read_any` does. path: for errors."""
+    if is_in_steps(read.text):
+        return move_of(read, path, axes)
+    name = str(path)
+    recording = of_content(read.text, name).read(read.text, name)
+    if not axes.list:
+        raise ToolError(
+            f"{path} is in units, and there is no {FILE}, which assigns its axes "
+            f"({', '.join(recording.names)}) to motors; docs/use/axes.md shows one"
+        )
+    move, left = to_move(recording, axes.list, name, fps if recording.seconds else None)
+    said = [*read.said, *move.said]
+    if left:
+        said.append(f"left out, no axis names them: {', '.join(left)}")
+    return Move(move.start_frame, move.names, move.positions, move.fps, tuple(said))
+
+
+def is_in_steps(text: str) -> bool:
+    """Return whether a file is a move in steps: its first heading is frame, or no format is
+    recognised."""
+    if csv_table.recognises(text):
+        return not csv_table.is_in_seconds(text)
+    return not any(each.recognises(text) for each in FORMATS.values())
