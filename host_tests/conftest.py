@@ -4,6 +4,7 @@ with the reason."""
 import contextlib
 import gc
 import os
+import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,11 @@ from pathlib import Path
 import hypothesis
 import pytest
 from hypothesis.internal.conjecture import providers
+
+# Helpers, too, show the values of an assertion.
+pytest.register_assert_rewrite(
+    *(f"host_tests.{path.stem}" for path in Path(__file__).parent.iterdir() if path.stem[0] != "_")
+)
 
 from host_tests import machine_code
 
@@ -25,6 +31,7 @@ from host_tests.near import Near
 from host_tests.processor_time import ProcessorTime
 from host_tests.runtimes import Runtime
 
+FAILED = ROOT / "build" / "failed"  # logs of tests that failed
 _IN_CI = bool(os.environ.get("CI"))
 
 # Hide the axes.toml of whoever runs the tests.
@@ -72,6 +79,8 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     config.pluginmanager.register(ProcessorTime())
+    # A build of minutes reports its steps on the terminal, not to the capture.
+    images.reporting = config.pluginmanager.getplugin("capturemanager").global_and_fixture_disabled
     if config.getoption("--target") == "esp32":
         from framestep_tools.simulator import boards
         from host_tests.end_to_end import session
@@ -101,7 +110,7 @@ _WAITS = "console/"
 def _turns(items):
     """Return {path: its turn}."""
     folder = Path(__file__).parent
-    names = {item.path.relative_to(folder).as_posix(): item.path for item in items}
+    names = {Path(os.path.relpath(item.path, folder)).as_posix(): item.path for item in items}
 
     def first(name):
         return next((i for i, begin in enumerate(_FIRST) if name.startswith(begin)), len(_FIRST))
@@ -143,6 +152,9 @@ def pytest_runtest_makereport(item, call):
     """In CI nothing may be skipped, by whatever means. After a failure no present emulated board is
     used again."""
     report = yield
+    session = sys.modules.get("host_tests.end_to_end.session")
+    if report.failed and session and (said := session.logs_of(item.nodeid, FAILED)):
+        report.sections.append(("what the session sent, and what came", said))
     if report.failed and Emulator.pool:
         Emulator.pool.fail()
     if _IN_CI and report.skipped and not hasattr(report, "wasxfail"):

@@ -5,8 +5,12 @@ The tests use only what comes over the protocol port or from the pins; only `set
 inside.
 """
 
+import os
 import re
+import weakref
 from array import array
+from collections import deque
+from pathlib import Path
 
 import numpy as np
 
@@ -26,10 +30,61 @@ from framestep_tools.payloads import (
     RtRunMove,
 )
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
+from framestep_tools.traffic.log import DEVICE, HOST, LogWriter, Recorder
+from framestep_tools.traffic.sniffer import describe_entry
 
 DIALECTS = ("spec", "dmc-lite")
 SETTLE_S = 0.05  # from the last report to the last edges
+_SHOWN = 12  # lines of a log, with a failure
 BOOT_S = 10  # a board with one port appears before it has loaded its code
+
+
+class _LoggedPort(LockstepPort):
+    """Keeps what has passed, (time, who, bytes), for the log of a test that fails."""
+
+    def __init__(self, board):
+        self.passed = deque(maxlen=20_000)
+        self.test = ""  # the last one that has sent something
+        super().__init__(board)
+
+    def read(self, size=1):
+        data = super().read(size)
+        if data:
+            self.passed.append((self.clock(), DEVICE, data))
+        return data
+
+    def write(self, data):
+        self.test = os.environ.get("PYTEST_CURRENT_TEST", "")
+        self.passed.append((self.clock(), HOST, bytes(data)))
+        return super().write(data)
+
+    def write_log(self, path):
+        """Write the log of all that has passed, as `framestep sniff` does. Return its lines."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        times = [0.0]
+        with path.open("w") as file:
+            recorder = Recorder(LogWriter(file, self.test, describe_entry).add, lambda: times[-1])
+            recorder.port(True)
+            for time, who, data in self.passed:
+                times.append(time)
+                recorder.passed(who, data)
+            recorder.end()
+        return path.read_text().splitlines()
+
+
+_ports = weakref.WeakSet()  # of all sessions that are in use
+
+
+def logs_of(test: str, folder: Path) -> str:
+    """Write the logs of the sessions in which a test has sent something last. Return the end of
+    each, and where it is."""
+    said = ""
+    ports = [port for port in _ports if port.test.startswith(f"{test} (")]
+    for number, port in enumerate(ports, 1):
+        path = folder / f"{re.sub('[^a-zA-Z0-9_.-]+', '-', test)}-{number}.log"
+        last = [line[:200] for line in port.write_log(path)[-_SHOWN:]]
+        said += "\n".join([*last, f"all of it: {path}", "once more: framestep replay FILE PORT\n"])
+    return said
 
 
 class Session:
@@ -42,7 +97,8 @@ class Session:
         self.board = board
         self.motors = motors
         self.reply_s = reply_s
-        self.port = LockstepPort(board)
+        self.port = _LoggedPort(board)
+        _ports.add(self.port)
         self.client = Client(self.port)
         self._trace = Trace({})  # the edges so far
         self.client.wait_event(DeviceInfo, BOOT_S)  # field note 1.5
@@ -77,14 +133,17 @@ class Session:
 
     def accept(self, *requests):
         """Send requests; each must be accepted."""
-        for request in requests:
-            code = self.code(request)
-            assert code == Ack.OK, (request, code)
+        self.refuse(Ack.OK, *requests)
 
     def refuse(self, code, *requests):
         """Send requests; each must be refused with this code."""
         for request in requests:
-            assert self.code(request) == code, request
+            sent = self.now
+            found = self.code(request)
+            assert found == code, (
+                f"sent at {sent:.3f} s of the board's time: {request}; "
+                f"came: {_name(found)}; expected: {_name(code)}"
+            )
 
     def bytes_for(self, data, seconds=0.02):
         """Return the answer to raw bytes, as frames. Unasked messages are among them."""
@@ -183,6 +242,11 @@ class Session:
         """MOVE TIMEs of the position reports, without repetitions."""
         times = [message.move_time for _, message in self.events(Positions)]
         return [t for i, t in enumerate(times) if i == 0 or times[i - 1] != t]
+
+
+def _name(code):
+    name = Ack(code).name if code in set(Ack) else "an unknown code"
+    return f"{name} (0x{code:04X})"
 
 
 def simulated(rig=None, motors=8):

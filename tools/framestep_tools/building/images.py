@@ -8,9 +8,10 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from typing import Any
 
 from framestep_tools.board.uf2 import FLASH, RP2040, from_flash
 from framestep_tools.building.board_files import (
@@ -43,6 +44,10 @@ _BEGINNING = {
 }
 
 
+# Within it the steps of a build appear on standard error. Tests, whose output is captured, set it.
+reporting: Callable[[], AbstractContextManager[Any]] | None = None
+
+
 class BuildError(ToolError):
     """A build is missing and cannot be made here. The text says why."""
 
@@ -50,15 +55,17 @@ class BuildError(ToolError):
 def _run(*command: str, show: bool = False, **environment: str) -> str:
     """Run a command and return its standard output. show: pass its progress on to our standard
     error."""
-    result = subprocess.run(
-        command,
-        cwd=ROOT,
-        env={**os.environ, **environment},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=None if show else subprocess.PIPE,
-        text=True,
-    )
+    show = show or reporting is not None
+    with reporting() if reporting else nullcontext():
+        result = subprocess.run(
+            command,
+            cwd=ROOT,
+            env={**os.environ, **environment},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=None if show else subprocess.PIPE,
+            text=True,
+        )
     if result.returncode != 0:
         said = "its messages are above" if show else f"\n{result.stderr.strip()}"
         raise BuildError(f"{' '.join(command)} failed: {said}")
