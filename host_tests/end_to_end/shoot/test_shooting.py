@@ -146,7 +146,7 @@ def test_on_a_terminal(framestep, move, monkeypatch):
     assert framestep(f"shoot 8-9 --move {move} {FAST} --exposure 0.1")[0] == 0
     text = shown.file.getvalue()
     assert "2 of 2 frames" in text
-    assert "focus" in text
+    assert "motor 2" in text
 
 
 # ---- wrong input

@@ -57,7 +57,8 @@ def columns_of(headings: Sequence[str], axes: Axes, path: str) -> Columns:
             )
         heading_of[motor] = heading
         motors.append(motor)
-        names[motor] = axis.name if axis else heading
+        by_number = f"motor {motor}" if _NUMBER.fullmatch(name) else heading
+        names[motor] = axis.name if axis else by_number
     ordered = dict(sorted(names.items()))
     return Columns(motors, ordered, ", ".join(counted))
 

@@ -8,6 +8,7 @@ const MOTORS = 32;
 const COMMENT = /^\s*(?:\/\/|#)(.*)/;
 const RATE = /(?:fps|frame ?rate|frames per second)\W{0,3}(\d+(?:\.\d+)?(?:\/\d+)?)\b|\b(\d+(?:\.\d+)?(?:\/\d+)?) ?(?:fps|frames\/s|frames per second)/i;
 const UNIT = /^(.*\S)\s*[[(]\s*(steps|mm|cm|m|in|ft|deg|rad|°)\s*[\])]$/i;
+const NUMBER = /^(?:motor[ _]?)?(\d{1,9})$/i;
 const GROUPED = /^[+-]?[1-9]\d{0,2}\.\d{3}$/; // may be thousands
 const MARKS = [[[0xef, 0xbb, 0xbf], "utf-8"], [[0xff, 0xfe], "utf-16le"], [[0xfe, 0xff], "utf-16be"]];
 
@@ -67,7 +68,7 @@ function motorsOf(headings, axes, name) {
     if (unit.toLowerCase() !== "steps") throw new MoveError(`${where}: a move has steps, this is in ${unit}: framestep import converts it`);
     const same = (change) => axes.list.filter((axis) => change(axis.name) === change(bare));
     const [axis] = [same((text) => text), same((text) => text.toLowerCase())].find((found) => found.length === 1) ?? [];
-    const number = bare.match(/^(?:motor[ _]?)?(\d{1,9})$/i);
+    const number = bare.match(NUMBER);
     let motor = number ? Number(number[1]) : axis?.motor;
     if (number && (motor < 1 || motor > MOTORS)) throw new MoveError(`${where}: expected a motor from 1 to ${MOTORS}`);
     if (number && axis && axis.motor !== motor) throw new MoveError(`${where}: axes.toml has an axis of this name for motor ${axis.motor}: write motor ${motor} or motor ${axis.motor}`);
@@ -140,7 +141,7 @@ export function parseMove(text, name, axes) {
     startFrame: frame - positions[0].length + 1,
     endFrame: frame,
     motors: order.map((at) => motors[at]),
-    names: order.map((at) => axes.of(motors[at]).settings?.name ?? header[at + 1]),
+    names: order.map((at) => axes.of(motors[at]).settings?.name ?? (NUMBER.test(header[at + 1]) ? `motor ${motors[at]}` : header[at + 1])),
     positions: order.map((at) => positions[at]),
     fps: comments.map(rateIn).find((rate) => rate !== null) ?? null,
     counted,
