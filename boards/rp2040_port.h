@@ -10,6 +10,8 @@
 #define MICROPY_VFS_FAT (0) // SD cards
 #undef MICROPY_PY_MACHINE_I2C_TARGET
 #define MICROPY_PY_MACHINE_I2C_TARGET (0)
+#undef MICROPY_PY_MACHINE_I2S
+#define MICROPY_PY_MACHINE_I2S (0) // sound
 #undef MICROPY_PY_RE
 #define MICROPY_PY_RE (0) // regular expressions
 #undef MICROPY_PY_HEAPQ
