@@ -182,7 +182,7 @@ def test_one_sentence_says_what_is_wrong_and_nothing_is_written(text, options, s
         (
             ["export", "SOURCE", "-o", "x.arcm", "--fps", "9"],
             2,
-            "--fps is for csv and anim; arc has",
+            "--fps is for csv, anim, ae, bvh, flair; arc has no rate",
         ),
         (
             ["export", "MOVE", "-o", "x.csv", "--fps", "inf"],

@@ -1,10 +1,12 @@
 """Jumps by full turns in a rotation."""
 
+import math
+
 import pytest
 
 from framestep_tools.move.axes_file import Axis
 from framestep_tools.move.turns import said_of, turns_in
-from host_tests.tools.move.move_samples import run
+from host_tests.tools.move.move_samples import imported, run
 
 
 @pytest.mark.parametrize(
@@ -15,6 +17,7 @@ from host_tests.tools.move.move_samples import run
         ([0, 720, 725], [(0, 2, 720)]),
         ([0, 10, 200, 190, 0], []),
         ([0, 269], []),
+        ([0, 1080], []),
         ([5], []),
     ],
 )
@@ -31,6 +34,71 @@ def test_only_an_axis_that_turns_makes_turns():
     assert said_of(steps, Axis("pan", 1, 3590 / 6.28, "rad"), 7)
     assert not said_of(steps, Axis("track", 1, 10, "mm"), 7)
     assert not said_of(steps, None, 7)
+
+
+WRAPPED = [170, 175, 179, -176, -170, -179, 179, 170]
+GOES_ON = [170, 175, 179, 184, 190, 181, 179, 170]
+
+
+@pytest.mark.parametrize(
+    ("header", "place", "value", "options"),
+    [
+        ("frame,pan (deg)", lambda i: i + 1, lambda y: f"{y}", []),
+        ("frame,pan (rad)", lambda i: i + 1, lambda y: f"{y * math.pi / 180:.12f}", []),
+        ("seconds,pan", lambda i: f"{i / 24:.6f}", lambda y: f"{y}", ["--fps", "24"]),
+        ("seconds,pan", lambda i: f"{i / 12:.6f}", lambda y: f"{y}", ["--fps", "24"]),
+    ],
+)
+def test_rotations_go_on_beyond_a_turn(header, place, value, options, shot, capsys):
+    (shot / "axes.toml").write_text(
+        '[[axis]]\nname = "pan"\nmotor = 1\nsteps_per_unit = 100\nunit = "deg"\n'
+    )
+    text = "".join(f"{place(i)},{value(y)}\n" for i, y in enumerate(WRAPPED))
+    move = imported(shot, f"{header}\n{text}", *options)
+    every = 2 if "i / 12" in text or move.frames > 8 else 1
+    assert move.positions[1][::every] == [100 * y for y in GOES_ON]
+    last = 6 if every == 1 else 11
+    first = 4 if every == 1 else 7
+    assert (
+        f"pan jumps by full turns and goes on instead, from frames {first}, {first + 3 * every} "
+        in capsys.readouterr().err
+    ), last
+    steps = imported(shot, f"{header}\n{text}", *options, "--no-unwrap").positions[1]
+    assert steps[::every] == [100 * y for y in WRAPPED]
+    assert "full turns" not in capsys.readouterr().err
+
+
+def test_a_turn_between_distant_keyframes_is_meant(shot):
+    arc = (
+        '<scene><axis name="pan" units="deg"><points x="1" y="0"/><points x="{}" y="350"/>'
+        '<controlPoints x="1" y="0"/><controlPoints x="{}" y="350"/></axis></scene>'
+    )
+    (shot / "axes.toml").write_text(
+        '[[axis]]\nname = "pan"\nmotor = 1\nsteps_per_unit = 100\nunit = "deg"\n'
+    )
+    assert imported(shot, arc.format(49, 49)).positions[1][-1] == 35000
+    assert imported(shot, arc.format(2, 2)).positions[1] == [0, -1000]
+
+
+def test_a_length_makes_no_turns(shot):
+    move = imported(shot, "frame,track,pan\n1,0,2\n2,99,2\n3,0,2\n")
+    assert move.positions[1] == [0, 990, 0]
+
+
+@pytest.mark.parametrize(
+    ("steps", "said"),
+    [
+        ([0, 10, 20, 9000, 9010], "  it jumps by 898 mm (8980 steps) from frame 3 to 4, and moves"),
+        ([0, 10, 20, 30, 40], ""),
+        ([0, 9000, 18000, 28000, 37000], "  it needs 48 times its velocity: is the unit of the"),
+    ],
+)
+def test_check_says_what_cannot_be_followed(steps, said, shot, capsys):
+    rows = "".join(f"{i},{step}\n" for i, step in enumerate(steps, 1))
+    (shot / "move.csv").write_text("frame,track\n" + rows)
+    assert run(shot, "check", str(shot / "move.csv")) == (7 if said else 0)
+    second = capsys.readouterr().out.splitlines()[1]
+    assert second.startswith(said or "  velocity")
 
 
 def test_check_says_it_before_any_number(shot, capsys):

@@ -80,6 +80,13 @@ def import_move(
             callback=_decimal,
         ),
     ] = None,
+    unwrap: Annotated[
+        bool,
+        typer.Option(
+            "--unwrap/--no-unwrap",
+            help="rotations that jump by a full turn go on instead, or jump",
+        ),
+    ] = True,
     start: Annotated[
         int | None, typer.Option(help="number of the first frame", min=-(10**9), max=10**9)
     ] = None,
@@ -113,7 +120,7 @@ def import_move(
             f"({', '.join(recording.names)}) to motors; docs/use/axes.md shows one"
         )
     known = read_axes(found, every_motor=True)
-    move, left = to_move(recording, known, str(source), fps, start, _columns(column))
+    move, left = to_move(recording, known, str(source), fps, start, _columns(column), unwrap)
     write_move(output, move)
     note(*said, *move.said)
     if left:
@@ -149,8 +156,8 @@ def export_move(
     fps: Annotated[
         float | None,
         typer.Option(
-            help="csv: write seconds, at this many frames per second; anim: Maya's rate, else "
-            "the move's own",
+            help="csv: write seconds, at this many frames per second; anim, ae, bvh, flair: the "
+            "file's rate, else the move's own",
             parser=fps_of,
             metavar="N",
         ),
@@ -162,13 +169,13 @@ def export_move(
     from ..move.axes_file import read_axes
     from ..move.move_conversion import to_table
     from ..move.move_file import or_example
-    from ..move.move_formats import FORMATS, of_name
+    from ..move.move_formats import FORMATS, WITH_RATE, of_name
     from ..move.text_file import write_text
 
     _not_itself(move, output)
     chosen = FORMATS[file_format] if file_format else of_name(output)
-    if fps is not None and chosen.NAME not in ("csv", "anim"):
-        raise typer.BadParameter(f"--fps is for csv and anim; {chosen.NAME} has frames")
+    if fps is not None and chosen.NAME not in WITH_RATE:
+        raise typer.BadParameter(f"--fps is for {', '.join(WITH_RATE)}; {chosen.NAME} has no rate")
     found = rig_axes.find(axes) or rig_axes.FILE
     known = read_axes(found, every_motor=True)
     content = read_any(or_example(move), rig_axes.Axes(known, found), fps)

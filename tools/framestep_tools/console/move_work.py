@@ -62,7 +62,7 @@ class MoveWork:
     def export_move(self, text: str) -> dict[str, Any]:
         """Return the file's {"text"}. Further values of the JSON: format, fps."""
         from ..move.move_conversion import to_table
-        from ..move.move_formats import FORMATS
+        from ..move.move_formats import FORMATS, WITH_RATE
 
         asked = _values(text)
         chosen = FORMATS.get(asked.get("format", ""))
@@ -76,7 +76,7 @@ class MoveWork:
         table = to_table(
             _move(asked, rig_axes.Axes()), read_axes(self._axes.path, every_motor=True)
         )
-        fps = asked.get("fps") if chosen.NAME in ("csv", "anim") else None
+        fps = asked.get("fps") if chosen.NAME in WITH_RATE else None
         return {"text": chosen.write(table, fps)}
 
     def read_move(self, text: str) -> dict[str, Any]:

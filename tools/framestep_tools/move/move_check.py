@@ -8,6 +8,7 @@ come from the same path in floating point (reference.py).
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -24,12 +25,13 @@ from ..simulator.boards import LockstepPort, SimulatedBoard
 from .move_file import Move
 from .move_peaks import FRAMES, POST_ROLL, PRE_ROLL, Peak, Peaks, peaks
 from .rig_axes import Axes
-from .turns import said_of
+from .turns import jump_in, said_of
 
 FITS, STEEP, REFUSED = "fits", "too steep", "refused"
 
 _WINDOW = 4
 _REACHED = 0.01  # steps; a motor makes a step once the path is there
+_UNIT = 9.5  # times the velocity that is set: millimetres for centimetres are ten times
 _ROUNDED = 1e-3  # a ramp may be steeper by this part, because rest is on a whole step
 
 
@@ -60,7 +62,8 @@ class MotorVerdict:
     """What the run asks of a motor.
 
     verdict: FITS; STEEP, played as uploaded although it needs more than the motor's acceleration;
-    or REFUSED. reason: why it does not fit. turns: says where it jumps by full turns.
+    or REFUSED. reason: why it does not fit. turns: says where it jumps, by full turns or otherwise,
+    or that its unit may be wrong.
     """
 
     motor: int
@@ -114,6 +117,8 @@ def check(
         verdict, reason = _ask(replace(move, positions={motor: steps}), run, settings, device)
         path = _path(move, motor, run, setting, device.rig.get("smoothing", True))
         turns = said_of(steps, device.axes.axis(motor), move.start_frame)
+        if verdict != FITS and not turns:
+            turns = _what_it_is(move, motor, run, setting, device.axes)
         motors.append(
             MotorVerdict(
                 motor,
@@ -132,6 +137,23 @@ def check(
         if verdict == REFUSED:
             return replace(whole, reason=reason)
     return whole
+
+
+def _what_it_is(move: Move, motor: int, run: RtRunMove, setting: Setting, axes: Axes) -> list[str]:
+    """Say that positions which a motor cannot follow have a jump, or perhaps another unit."""
+    steps = move.positions[motor]
+    at = jump_in(steps)
+    if at is not None:
+        frame = move.start_frame + at
+        length = axes.length(motor, abs(steps[at + 1] - steps[at]))
+        return [
+            f"it jumps by {length} from frame {frame} to {frame + 1}, and moves evenly elsewhere"
+        ]
+    fastest = max((abs(b - a) for a, b in pairwise(steps)), default=0) * run.fps_milli / 1000
+    if fastest > _UNIT * setting.velocity:
+        times = fastest / setting.velocity
+        return [f"it needs {times:.0f} times its velocity: is the unit of the file right?"]
+    return []
 
 
 def _ask(

@@ -6,16 +6,19 @@ from collections.abc import Callable, Mapping
 
 from ..errors import ToolError
 from .axes_file import Axis
-from .frame_times import Frame, to_frames
+from .frame_times import to_frames
 from .move_file import Move
-from .move_formats.recording import FIRST_FRAME, Channel, Column, Recording, Table
+from .move_formats.recording import FIRST_FRAME, Channel, Column, Curve, Recording, Table
 from .move_formats.units import factor
+from .turns import unwrapped
 
 LONGEST = (
     1_000_000  # frames; more than any controller accepts, so probably a typing error in a file
 )
 _CLOSE = 1e-6  # frames: what calculation may lose
 _FEWEST_DECIMALS = 4
+_TURNING_S = 0.2  # samples of a rotation farther apart may be a turn that is meant
+_MOST_SHOWN = 8
 _COLUMN = re.compile(r"(?:column )?(\d{1,6})", re.IGNORECASE)
 
 
@@ -26,13 +29,15 @@ def to_move(
     fps: float | None = None,
     start: int | None = None,
     chosen: Mapping[str, str] | None = None,
+    unwrap: bool = True,
 ) -> tuple[Move, list[str]]:
     """Return a move of the axes in their motors' order, and the file's names without an axis.
 
     fps: frames per second; a file in seconds needs it, a file in frames may not name others.
     start: number of the first frame (None: the file's, or 1); chosen: heading or number of the
-    file's column by the name of an axis. Raises ToolError if an axis is not in the file, its unit
-    is of another kind, or a position is beyond its limits, with the frame.
+    file's column by the name of an axis; unwrap: rotations go on beyond full turns. Raises
+    ToolError if an axis is not in the file, its unit is of another kind, or a position is beyond
+    its limits, with the frame.
     """
     if recording.seconds and fps is None:
         raise ToolError(f"{path} is in seconds: name the frames per second by --fps")
@@ -61,15 +66,21 @@ def to_move(
         if not -(2**31) <= edge < 2**31:
             raise ToolError(f"{path}: frame numbers have to fit 32 bits signed, found {edge}")
     positions: dict[int, list[int]] = {}
+    said = list(recording.said)
     for axis, channel in zip(axes, channels, strict=True):
-        at = _position(axis, channel, frame, path)
+        curve = channel.curve.moved(frame) if channel else None
+        if channel and curve and unwrap:
+            nearest = max(1.0, _TURNING_S * (fps or 1.0)) + _CLOSE
+            curve, places = unwrapped(curve, channel.unit or axis.file_unit, nearest)
+            if places:
+                said.append(_of_turns(axis.name, [math.ceil(x) - whole + number for x in places]))
+        at = _position(axis, channel, curve, path)
         steps = []
         for i in range(count):
             steps.append(axis.steps(at(float(whole + i))))
             axis.check(steps[-1], number + i)
         positions[axis.motor] = steps
     names = {axis.motor: axis.name for axis in axes}
-    said = list(recording.said)
     if not any(channel.name for channel in recording.axes):
         said.append(
             ", ".join(
@@ -81,6 +92,15 @@ def to_move(
     taken = {id(channel) for channel in channels}
     left = [str(channel) for channel in recording.axes if id(channel) not in taken]
     return Move(number, names, positions, named or fps, tuple(said)), left
+
+
+def _of_turns(name: str, frames: list[int]) -> str:
+    """Say at which frames a rotation is unwrapped."""
+    shown = ", ".join(map(str, frames[:_MOST_SHOWN])) + " …" * (len(frames) > _MOST_SHOWN)
+    return (
+        f"{name} jumps by full turns and goes on instead, from frame{'s' * (len(frames) > 1)} "
+        f"{shown} (--no-unwrap of framestep import: it jumps)"
+    )
 
 
 def same_rate(one: float, other: float) -> bool:
@@ -151,11 +171,10 @@ def _named(axis: Axis, channels: list[Channel], path: str, choice: str | None) -
 
 
 def _position(
-    axis: Axis, channel: Channel | None, frame: Frame, path: str
+    axis: Axis, channel: Channel | None, curve: Curve | None, path: str
 ) -> Callable[[float], float]:
-    """Return a function from a frame to an axis's position in its unit. frame: of the file's
-    places."""
-    if channel is None:
+    """Return a function from a frame to an axis's position in its unit. curve: over frames."""
+    if channel is None or curve is None:
         hold = axis.hold or 0.0
         return lambda place: hold
     unit = channel.unit or axis.file_unit
@@ -164,7 +183,6 @@ def _position(
         raise ToolError(
             f"{path}, axis {channel.name}: its unit {unit} cannot be converted to {axis.unit}"
         )
-    curve = channel.curve.moved(frame)
     return lambda place: curve.at(place) * times
 
 

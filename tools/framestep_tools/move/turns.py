@@ -1,12 +1,16 @@
 """Full turns in an angle: programs count from -180 to 180 degrees and jump at the ends."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 from .axes_file import Axis
+from .move_formats.recording import Curve
 from .move_formats.units import factor
 
 _TURN = 360.0
+_JUMP = 10  # times as far as from any other frame to the next
+_MOST = 2  # turns; a longer jump is no matter of turns
 _BESIDE = 90.0  # degrees: what the axis may really turn from one frame to the next
 
 
@@ -24,9 +28,39 @@ def turns_in(degrees: Sequence[float]) -> list[Turn]:
     for i in range(len(degrees) - 1):
         jump = degrees[i + 1] - degrees[i]
         turns = round(jump / _TURN)
-        if turns and abs(jump - turns * _TURN) <= _BESIDE:
+        if 1 <= abs(turns) <= _MOST and abs(jump - turns * _TURN) <= _BESIDE:
             found.append(Turn(i, turns, jump))
     return found
+
+
+def unwrapped(curve: Curve, unit: str, nearest: float) -> tuple[Curve, list[float]]:
+    """Return a curve without jumps by full turns, and the places after them.
+
+    unit: of its values; without an angle there are no turns. nearest: samples or keyframes farther
+    apart may be a turn that is meant.
+    """
+    scale = factor(unit, "deg")
+    if scale is None:
+        return curve, []
+    places, by, off = [], [0.0], 0.0
+    jumps = {turn.at: turn.turns for turn in turns_in([y * scale for y in curve.points])}
+    for i in range(len(curve.points) - 1):
+        near = curve.known[i + 1] - curve.known[i] <= nearest
+        if i in jumps and near:
+            off -= jumps[i] * _TURN / scale
+            places.append(curve.known[i + 1])
+        by.append(off)
+    return (curve.raised(by), places) if places else (curve, [])
+
+
+def jump_in(steps: Sequence[int]) -> int | None:
+    """Return the index before the only jump in positions that otherwise go on evenly, or None."""
+    changes = [abs(b - a) for a, b in pairwise(steps)]
+    if len(changes) < 3:
+        return None
+    at = max(range(len(changes)), key=changes.__getitem__)
+    others = max(changes[:at] + changes[at + 1 :])
+    return at if changes[at] > max(_JUMP * others, _JUMP) else None
 
 
 def said_of(steps: Sequence[int], axis: Axis | None, start_frame: int) -> list[str]:

@@ -38,6 +38,8 @@ FORMATS: dict[str, Format] = {
     for module in (arc, maya_anim, ae_keyframes, bvh, flair, kuper, csv_table, raw, chan)
 }
 
+WITH_RATE = ("csv", "anim", "ae", "bvh", "flair")  # formats whose files name frames per second
+
 # {begin of a text: what it is, and the way out}
 _OTHERS = {
     "#usda": "a USD scene",

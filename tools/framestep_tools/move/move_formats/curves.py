@@ -37,6 +37,15 @@ class Samples:
         """Places of the samples."""
         return self.places
 
+    @property
+    def points(self) -> list[float]:
+        """Values of the samples."""
+        return self.values
+
+    def raised(self, by: Sequence[float]) -> "Samples":
+        """Return the samples with another amount added to each."""
+        return Samples(self.places, [y + more for y, more in zip(self.values, by, strict=True)])
+
     def moved(self, place: Callable[[float], float]) -> "Samples":
         """Return the same samples at other places."""
         return Samples([place(x) for x in self.places], self.values)
@@ -85,6 +94,10 @@ class Piece(Protocol):
         """Return the same values between keyframes at other places."""
         ...
 
+    def raised(self, start: float, end: float) -> "Piece":
+        """Return the values with these amounts added at the keyframes."""
+        ...
+
 
 @dataclass(frozen=True)
 class Hold:
@@ -100,6 +113,10 @@ class Hold:
         """Return the same."""
         return self
 
+    def raised(self, start: float, end: float) -> "Hold":
+        """Return the value with the amount at the first keyframe added."""
+        return Hold(self.value + start)
+
 
 @dataclass(frozen=True)
 class Unreadable:
@@ -112,6 +129,10 @@ class Unreadable:
         raise MoveFileError(self.why)
 
     def between(self, start: float, end: float) -> "Unreadable":
+        """Return the same."""
+        return self
+
+    def raised(self, start: float, end: float) -> "Unreadable":
         """Return the same."""
         return self
 
@@ -137,6 +158,15 @@ class Segment:
         begin, scale = self.start[0], (end - start) / (self.end[0] - self.start[0])
         points = (self.start, self.handle, self.other_handle, self.end)
         return Segment(*((start + (x - begin) * scale, y) for x, y in points))
+
+    def raised(self, start: float, end: float) -> "Segment":
+        """Return the curve with these amounts added to each end and its handle."""
+        return Segment(
+            (self.start[0], self.start[1] + start),
+            (self.handle[0], self.handle[1] + start),
+            (self.other_handle[0], self.other_handle[1] + end),
+            (self.end[0], self.end[1] + end),
+        )
 
     def _parameter(self, x: float) -> float:
         low, high = 0.0, 1.0
@@ -178,6 +208,18 @@ class Keyframes:
     def known(self) -> list[float]:
         """Places of the keyframes."""
         return [x for x, _ in self.keys]
+
+    @property
+    def points(self) -> list[float]:
+        """Values of the keyframes."""
+        return [y for _, y in self.keys]
+
+    def raised(self, by: Sequence[float]) -> "Keyframes":
+        """Return the keyframes with another amount added to each."""
+        keys = [(x, y + more) for (x, y), more in zip(self.keys, by, strict=True)]
+        return Keyframes(
+            keys, [piece.raised(by[i], by[i + 1]) for i, piece in enumerate(self.pieces)]
+        )
 
     def moved(self, place: Callable[[float], float]) -> "Keyframes":
         """Return the same values with the keyframes at other places."""

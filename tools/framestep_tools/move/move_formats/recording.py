@@ -38,6 +38,15 @@ class Curve(Protocol):
         """Return the curve with its samples or keyframes at other places."""
         ...
 
+    @property
+    def points(self) -> Sequence[float]:
+        """Values of its samples or keyframes."""
+        ...
+
+    def raised(self, by: Sequence[float]) -> "Curve":
+        """Return the curve with another amount added at each sample or keyframe."""
+        ...
+
 
 @dataclass(frozen=True)
 class Channel:
