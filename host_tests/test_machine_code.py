@@ -185,5 +185,5 @@ def test_devices(both):
 
 def test_the_core_runs_as_machine_code():
     assert not (missing := machine_code.missing()), f"install {missing}, to compile kernels"
-    for kernel in (compute.compute, samples.sample, Header.tick):
+    for kernel in (compute.execute, samples.sample, Header.tick):
         assert not isinstance(kernel, types.FunctionType)

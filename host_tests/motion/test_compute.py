@@ -32,7 +32,7 @@ def registers(a, b=(0, 0)):
 
 
 def computed(r, *operation):
-    return f.compute(0, 0, r, bytes(operation + END))
+    return f.compute(r, bytes(operation + END))
 
 
 @given(numbers(), numbers())
@@ -99,10 +99,10 @@ def test_floor(a):
 
 def test_what_does_not_hold_ends_the_formula():
     r = registers((2**29, -29), (2**29, -29))
-    assert f.compute(0, 0, r, bytes((f.ABOVE, 0, A, B) + (f.ADD, C, A, B) + END)) == 0
+    assert f.compute(r, bytes((f.ABOVE, 0, A, B) + (f.ADD, C, A, B) + END)) == 0
     assert r[C] == 0
     reals.put(r, A, 2, 0)
-    assert f.compute(0, 0, r, bytes((f.ABOVE, 0, A, B) + (f.ADD, C, A, B) + END)) == 1
+    assert f.compute(r, bytes((f.ABOVE, 0, A, B) + (f.ADD, C, A, B) + END)) == 1
     assert reals.value(r, C) == 3
 
 

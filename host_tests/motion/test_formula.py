@@ -22,7 +22,7 @@ def computed(text, *values):
     r = array("i", [0] * 24)
     for i, value in enumerate(values):
         put(r, 2 * i, value)
-    code = c.compute(0, 0, r, formula(NAMES, text))
+    code = c.compute(r, formula(NAMES, text))
     return code, [reals.value(r, i) for i in range(0, 16, 2)]
 
 
@@ -186,7 +186,7 @@ SUM = formula(
 
 
 def run(r):
-    return compute(0, 0, r, SUM), r[A]
+    return compute(r, SUM), r[A]
 """
 
 
@@ -223,6 +223,43 @@ def test_errors_of_the_build_give_file_and_line():
     ):
         folded(USER.replace("A + B", "A + C"))
     with pytest.raises(
-        FoldError, match=r"line 6: formula\(\) takes a module, or globals\(\), and a text"
+        FoldError, match=r"line 6: formula\(\) takes a module, or globals\(\), the names of"
     ):
         folded(USER.replace("    registers,\n", "    names(),\n"))
+
+
+# ---------------------------------------------------------------- parameters and results
+
+ROOM = {"ARGUMENTS": 10, "ARGUMENTS_END": 16, "SCRATCH": 20, "SCRATCH_END": 30, "LIMIT": 0}
+
+
+def test_parameters_and_results_have_registers_in_their_order():
+    made = formula(ROOM, "way, ticks -> rate", "rate = way / ticks + LIMIT")
+    assert (made.way, made.ticks, made.rate) == (10, 12, 14)
+    assert made.writes == {14}
+    with pytest.raises(AttributeError, match="speed is no parameter or result"):
+        _ = made.speed
+    after = formula(ROOM, "rate, way -> more", "more = rate + way", rate=made.rate)
+    assert (after.rate, after.way, after.more) == (14, 10, 12)
+
+
+@pytest.mark.parametrize(
+    "names, text, reason",
+    [
+        ("a -> b", "b = 1", "a is no register, and nothing uses it"),
+        ("a -> b", "LIMIT = a", "nothing gives the result b"),
+        ("-> b", "LIMIT = b", "the result b has no value yet"),
+        ("a, a", "LIMIT = a", "a is named twice"),
+        ("a, b, c, d", "LIMIT = a + b + c + d", "ARGUMENTS has room for fewer"),
+        ("count", "LIMIT = count", "count cannot name a parameter"),
+        ("A", "LIMIT = A", "A cannot name a parameter"),
+    ],
+)
+def test_wrong_parameters_and_results(names, text, reason):
+    with pytest.raises(FormulaError, match=reason):
+        formula(ROOM, names, text)
+
+
+def test_a_place_for_no_parameter_is_refused():
+    with pytest.raises(FormulaError, match="no parameter of this formula: b"):
+        formula(ROOM, "a", "LIMIT = a", b=12)

@@ -13,7 +13,7 @@ provide single operations for kernels that run from RAM.
 
 from array import array
 
-from framestep.base.native import const, micropython, ptr8, ptr32
+from framestep.base.native import CPYTHON, const, micropython, ptr8, ptr32
 
 END = const(0)
 ADD = const(1)  # to = a + b
@@ -140,8 +140,8 @@ def _angle(m: int, n: int, r: ptr32, to: int, a: int, b: int):
 
 
 @micropython.viper
-def compute(m: int, n: int, registers, formula: ptr8) -> int:
-    """Execute a formula. Returns 1, or 0 if an ABOVE or NOT_ABOVE does not hold: the rest is then
+def execute(m: int, n: int, registers, formula: ptr8) -> int:
+    """Compute a formula. Returns 1, or 0 if an ABOVE or NOT_ABOVE does not hold: the rest is then
     not computed.
 
     m: index in `formula` at which to begin, 0. m and n are parameters because viper keeps the first
@@ -364,3 +364,10 @@ def compute(m: int, n: int, registers, formula: ptr8) -> int:
             m = n
             e = -30
             to = b
+
+
+if CPYTHON:  # for a board the build replaces each call by one of execute()
+
+    def compute(registers, formula):
+        """Compute a formula with these registers; see execute()."""
+        return execute(0, 0, registers, formula)

@@ -1,15 +1,25 @@
 """Compiler of formulas, from text to the bytes that `compute` executes. Runs on CPython only.
 
-    SWING_IN = formula(registers, '''
-        cosine = sqrt((REACH - WRIST_EW) * (REACH + WRIST_EW))
-        assert cosine > REACH * NARROW  # else out of reach
-        SWING = angle(WRIST_EW, cosine) * SIDE + TURNS
+    _BRAKING = formula(registers, "velocity, room -> ticks", '''
+        way = velocity * velocity / LIMIT / 2
+        assert way <= room  # else it cannot stop there
+        ticks = 2 * way / velocity
     ''')
+    reals.copy(r, _BRAKING.velocity, RATE)
+    reals.fetch(r, _BRAKING.room, ...)
+    if compute(r, _BRAKING):
+        reals.floor(r, _BRAKING.ticks, ...)
 
-The build for a board replaces the call by the bytes (framestep_tools.building.constants). On
-CPython they are made when the module is imported. Names in capitals are registers: constants of the
-given module; JOINT[2] is the second number after JOINT. Names in small letters are the formula's
-own variables, which are kept in free registers, from SCRATCH to SCRATCH_END. A line is one of
+The first text names the formula's parameters and results. Each has a register, which the compiler
+chooses: ARGUMENTS and the ones behind it, in the order of the text. So the next formula may take
+the same ones: a result is to be used before. check() refuses what breaks that rule. With
+`velocity=_BEFORE.velocity` behind the texts a parameter is where another formula has left it.
+
+The build for a board replaces the call by the bytes, and _BRAKING.ticks by a number
+(framestep_tools.building.constants). On CPython they are made when the module is imported. Names in
+capitals are registers: constants of the given module; JOINT[2] is the second number after JOINT.
+Other names in small letters are the formula's own variables, which are kept in free registers, from
+SCRATCH to SCRATCH_END. A line is one of
 
     name = expression
     a, b = sincos(x)
@@ -61,10 +71,35 @@ class FormulaError(Exception):
         self.reason = reason
 
 
-def formula(names, text):
-    """Return the bytes of a formula. names: the module, or a dict, that has its registers. Raises
-    FormulaError."""
-    return _Formula(names if isinstance(names, dict) else vars(names)).compile(text)
+class Formula(bytes):
+    """A formula's bytes, with the registers of its parameters and results as attributes.
+
+    places: {name: register}; parameters, results: their names; given: those parameters that are
+    where another formula has left them; writes: all registers that it sets; space: of the build,
+    which registers these are.
+    """
+
+    places: dict
+    parameters: tuple
+    results: tuple
+    given: frozenset
+    writes: frozenset
+    space: str = ""
+
+    def __getattr__(self, name):
+        try:
+            return self.places[name]
+        except KeyError:
+            raise AttributeError(f"{name} is no parameter or result of this formula") from None
+
+
+def formula(names, *texts, **places):
+    """Return a Formula. names: the module, or a dict, that has its registers. texts: parameters and
+    results (see above), which may be left out, and the lines. places: registers of parameters.
+    Raises FormulaError."""
+    names = names if isinstance(names, dict) else vars(names)
+    *signature, text = texts
+    return _Formula(names).compile(text, *signature, places=places)
 
 
 def _literal(node):
@@ -101,11 +136,14 @@ class _Formula:
         self.code = []
         self.own = {}  # the formula's own names: (register, line)
         self.used = set()  # own names that have been read
+        self.set = set()  # own names that have been set
         self.free = []
+        self.writes = set()
         if "SCRATCH" in names:
             self.free = list(range(names["SCRATCH"], names["SCRATCH_END"], 2))
 
-    def compile(self, text):
+    def compile(self, text, signature="", places=()):
+        parameters, results = self._signature(signature, dict(places))
         ended = False
         for statement in self._statements(text):
             if ended:
@@ -115,11 +153,40 @@ class _Formula:
             else:
                 self._statement(statement)
         for name, (_, line) in self.own.items():
-            if name not in self.used:
+            if name not in self.used and name not in results:
                 raise FormulaError(line, f"{name} is no register, and nothing uses it")
+        for name in results:
+            if name not in self.set:
+                raise FormulaError(1, f"nothing gives the result {name}")
         if not ended:
             self._emit(kernel.END, 0, 0, 0)
-        return bytes(self.code)
+        made = Formula(self.code)
+        made.places = {name: self.own[name][0] for name in (*parameters, *results)}
+        made.parameters, made.results, made.given = parameters, results, frozenset(places)
+        made.writes = frozenset(self.writes)
+        return made
+
+    def _signature(self, text, places):
+        """Give each parameter and result its register. Return their names, two tuples."""
+        begins, _, ends = text.partition("->")
+        parameters, results = (
+            tuple(name.strip() for name in part.split(",") if name.strip())
+            for part in (begins, ends)
+        )
+        free = list(range(self.names.get("ARGUMENTS", 0), self.names.get("ARGUMENTS_END", 0), 2))
+        free = [register for register in free if register not in places.values()]
+        for name in dict.fromkeys(parameters + results):
+            if not name.isidentifier() or not name.islower() or hasattr(Formula, name):
+                raise FormulaError(1, f"{name} cannot name a parameter or a result")
+            if parameters.count(name) > 1 or results.count(name) > 1:
+                raise FormulaError(1, f"{name} is named twice")
+            if name not in places and not free:
+                raise FormulaError(1, "ARGUMENTS has room for fewer parameters and results")
+            self.own[name] = places.pop(name) if name in places else free.pop(0), 1
+        if places:
+            raise FormulaError(1, f"no parameter of this formula: {', '.join(places)}")
+        self.given = set(parameters)
+        return parameters, results
 
     @staticmethod
     def _statements(text):
@@ -143,6 +210,7 @@ class _Formula:
         free = list(self.free)
         mentioned = self._known(target) in self._registers(value)
         to = self._target(target)
+        self._is_set(target)
         # A register that the expression reads is changed only by the last operation.
         self._into(value, to, self._take(value) if mentioned and not self._is_simple(value) else to)
         self.free = [r for r in free if r != to]
@@ -177,6 +245,8 @@ class _Formula:
         operand = self._value(value.args[0])
         self.free = free
         sine, cosine = (self._target(name) for name in names)
+        for name in names:
+            self._is_set(name)
         if sine == cosine:
             raise FormulaError(node.lineno, "sine and cosine need a register each")
         self._emit(kernel.SINES, sine, operand, cosine)
@@ -223,6 +293,10 @@ class _Formula:
             self.own[node.id] = register, node.lineno
         return register
 
+    def _is_set(self, node):
+        if isinstance(node, ast.Name):
+            self.set.add(node.id)
+
     def _take(self, node):
         if not self.free:
             raise FormulaError(
@@ -237,6 +311,8 @@ class _Formula:
                 node.lineno, f"{ast.unparse(node)} is no register, and has no value yet"
             )
         if isinstance(node, ast.Name) and node.id in self.own:
+            if node.id not in self.given and node.id not in self.set:
+                raise FormulaError(node.lineno, f"the result {node.id} has no value yet")
             self.used.add(node.id)
         return register
 
@@ -254,6 +330,10 @@ class _Formula:
 
     def _emit(self, what, to, a, b):
         self.code += (what, to, a, b)
+        if what not in (kernel.END, kernel.ABOVE, kernel.NOT_ABOVE):
+            self.writes.add(to)
+        if what == kernel.SINES:
+            self.writes.add(b)
 
     def _value(self, node):
         """Return a register with the value of an expression: a name's own, else a free one."""

@@ -81,7 +81,7 @@ _CONSTANTS = formula(
     _SIXTH = _THIRD / 2
     """,
 )
-compute(0, 0, scratch, _CONSTANTS)
+compute(scratch, _CONSTANTS)
 
 # ---------------------------------------------------------------- one ramp
 
@@ -207,11 +207,11 @@ def _ramp(between):
     between: the formula that gives the velocities.
     """
     r = scratch
-    compute(0, 0, r, between)
+    compute(r, between)
     if reals.sign(r, _J) <= 0:
-        compute(0, 0, r, _LINEAR)
-    elif not compute(0, 0, r, _WITHOUT_FULL_ACCELERATION):
-        compute(0, 0, r, _WITH_FULL_ACCELERATION)
+        compute(r, _LINEAR)
+    elif not compute(r, _WITHOUT_FULL_ACCELERATION):
+        compute(r, _WITH_FULL_ACCELERATION)
 
 
 def _append_ramp(phases, last, down, targets, i):
@@ -220,11 +220,11 @@ def _append_ramp(phases, last, down, targets, i):
     if reals.compare(r, _T, _MIN_PHASE) < 0:
         return
     up = reals.compare(r, _FROM, _TO) < 0
-    if reals.sign(r, _J) <= 0 or not compute(0, 0, r, _S_CURVE):
+    if reals.sign(r, _J) <= 0 or not compute(r, _S_CURVE):
         if last:
             _append_aim(phases, _T, _FROM, _TO, down, targets, i)
             return
-        compute(0, 0, r, _STEADY)
+        compute(r, _STEADY)
         if not up:
             reals.negate(r, _G2, _G2)
         phases.append(RAMP, _T, _FROM, _G2, ZERO, down)
@@ -233,10 +233,10 @@ def _append_ramp(phases, last, down, targets, i):
         reals.negate(r, _G3, _G3)
         reals.negate(r, _G2, _G2)
     phases.append(RAMP, _T1, _FROM, ZERO, _G3, down)
-    compute(0, 0, r, _AFTER_JERK)
+    compute(r, _AFTER_JERK)
     if reals.compare(r, _T2, _MIN_PHASE) > 0:
         phases.append(RAMP, _T2, _FROM, _G2, ZERO, down)
-        compute(0, 0, r, _AFTER_FULL_ACCELERATION)
+        compute(r, _AFTER_FULL_ACCELERATION)
     if last:
         _append_aim(phases, _T1, _FROM, _TO, down, targets, i)
     else:
@@ -267,11 +267,11 @@ def _level(phases):
     reals.multiply(r, _G3, _J, _SIXTH)
     if rising > 0:
         reals.negate(r, _G3, _G3)
-    compute(0, 0, r, _ACCELERATION_ENDS)
+    compute(r, _ACCELERATION_ENDS)
     if reals.compare(r, _T, _MIN_JERK if reals.sign(r, _V) == rising else _MIN_PHASE) < 0:
         return
     phases.append(RAMP, _T, _V, _G2, _G3, False)
-    compute(0, 0, r, _AFTER_ACCELERATION)
+    compute(r, _AFTER_ACCELERATION)
 
 
 def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
@@ -307,7 +307,7 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
         if against:
             reals.negate(r, _V, _V)
         _ramp(_TO_REST)
-        if against or compute(0, 0, r, _CANNOT_STOP):
+        if against or compute(r, _CANNOT_STOP):
             if slowing:
                 phases.clear()
                 return STOP_FIRST
@@ -325,12 +325,12 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
     _choose_cruise()
     # The cruise covers what the two ramps leave; the last ramp covers what then remains.
     _ramp(_TO_CRUISE)
-    compute(0, 0, r, _LESS_DISTANCE)
+    compute(r, _LESS_DISTANCE)
     _append_ramp(phases, False, down, targets, i)
     _ramp(_CRUISE_TO_REST)
-    if compute(0, 0, r, _CRUISED):
+    if compute(r, _CRUISED):
         phases.append(RAMP, _T, _CRUISE, ZERO, ZERO, down)
-    compute(0, 0, r, _LAST_RAMP)
+    compute(r, _LAST_RAMP)
     _append_ramp(phases, True, down, targets, i)
     return PLANNED
 
@@ -344,11 +344,11 @@ def _choose_cruise():
             # The target is nearer than the end of the ramp to the new velocity: stop directly.
             reals.copy(r, _CRUISE, _V)
         return
-    compute(0, 0, r, _TRIANGLE)
+    compute(r, _TRIANGLE)
     if reals.sign(r, _J) > 0:
         # No closed form with both limits. Bisect below that velocity, since a jerk limit can only
         # lower it. The cruise makes up for the difference from the highest velocity possible.
-        compute(0, 0, r, _BISECT)
+        compute(r, _BISECT)
         for _ in range(16):
             if _too_long():
                 reals.copy(r, _HIGH, _CRUISE)
@@ -356,7 +356,7 @@ def _choose_cruise():
                 return
             else:
                 reals.copy(r, _LOW, _CRUISE)
-            compute(0, 0, r, _BETWEEN)
+            compute(r, _BETWEEN)
         if reals.sign(r, _LOW) > 0:
             reals.copy(r, _CRUISE, _LOW)
 
@@ -365,7 +365,7 @@ def _too_long():
     """Return whether the ramps to CRUISE and from there to rest cover more than S."""
     _ramp(_TO_CRUISE)
     _ramp(_CRUISE_TO_REST)
-    return compute(0, 0, scratch, _BOTH_TOO_LONG)
+    return compute(scratch, _BOTH_TOO_LONG)
 
 
 # ---------------------------------------------------------------- a stop
@@ -453,7 +453,7 @@ def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
     reals.put(r, _S, 0, 0)
     slowing = reals.sign(r, _V) * reals.sign(r, _G2) < 0
     if slowing:
-        compute(0, 0, r, _SLOWING)
+        compute(r, _SLOWING)
     else:
         _level(phases)
         reals.put(r, _D, 0, 0)
@@ -462,12 +462,12 @@ def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
         reals.negate(r, _V, _V)
     else:
         reals.negate(r, _S, _S)  # _level() counts a remaining distance
-    compute(0, 0, r, _BEGUN)
-    if not slowing or not compute(0, 0, r, _LAST_PART):
-        if compute(0, 0, r, _JERK_LASTS):
+    compute(r, _BEGUN)
+    if not slowing or not compute(r, _LAST_PART):
+        if compute(r, _JERK_LASTS):
             _append_stop(phases, down)
         else:
-            compute(0, 0, r, _STOP_WITHOUT_JERK)
+            compute(r, _STOP_WITHOUT_JERK)
     part = _find_end(targets, i, cubic, down)
     if part < 0:
         phases.clear()
@@ -485,11 +485,11 @@ def _append_stop(phases, down):
     part in FROM, and adds the distance of the whole stop to S.
     """
     r = scratch
-    compute(0, 0, r, _STOP_CURVE)
+    compute(r, _STOP_CURVE)
     if reals.compare(r, _T, _MIN_PHASE) > 0:
         phases.append(RAMP, _T, _V, _G2, _G3, down)
     if reals.compare(r, _T2, _MIN_PHASE) > 0:
-        compute(0, 0, r, _FULL_DECELERATION)
+        compute(r, _FULL_DECELERATION)
         phases.append(RAMP, _T2, _REST, _G2, ZERO, down)
 
 
@@ -511,5 +511,5 @@ def _find_end(targets, i, cubic, down):
     if not reals.add_words(targets, i, cubic, WHOLE, _whole, 0, 0):
         return 0  # rounding took it past the end of the range
     reals.put(r, _X, _whole[0], 0)
-    compute(0, 0, r, _FRACTION)
+    compute(r, _FRACTION)
     return reals.floor(r, _S, 0xFFFF)

@@ -26,7 +26,7 @@ from framestep.moves.on_frame import find_frame, find_switch_on_path
 from framestep.moves.operation import Operation
 from framestep.moves.path import path, registers
 from framestep.moves.path.move_check import FASTEST_FPS, HALF
-from framestep.moves.path.registers import FRAME_SCALE, NEXT, RATE, SPEEDS, TOP, T, X, Y
+from framestep.moves.path.registers import DURATION, FRAME_SCALE, NEXT, RATE, SPEEDS, TOP
 from framestep.moves.state_machine import ENDING, POSITIONING
 from framestep.moves.upload.store import READY as UPLOADED
 from framestep.pulse import stepper
@@ -45,26 +45,27 @@ _RATES = formula(
     SLOWEST = THOUSAND
     """,
 )
-_SLOWING_DISTANCE = formula(
-    registers, "X = (RATE * RATE - TOP * TOP) / TWICE"
-)  # to the top velocity
+# to the top velocity
+_SLOWING_DISTANCE = formula(registers, "-> frames", "frames = (RATE * RATE - TOP * TOP) / TWICE")
 
 # The stopping distance: whole frames, and hundredths of a frame.
 _STOPPING_DISTANCE = formula(
     registers,
+    "-> frames, hundredths",
     """
     distance = RATE * RATE / TWICE
-    Y = floor(distance)
-    X = (distance - Y) * 100
+    frames = floor(distance)
+    hundredths = (distance - frames) * 100
     """,
 )
-# The velocity at the next frame, as high as the last one, the top velocity and the distance from
-# there on (X) allow. If the top velocity is lowered during the jog, the axis slows down to it at
-# its normal acceleration.
+# The velocity at the next frame, as high as the last one, the top velocity and the frames from
+# there on allow. If the top velocity is lowered during the jog, the axis slows down to it at its
+# normal acceleration.
 _NEXT_RATE = formula(
     registers,
+    "frames",
     """
-    NEXT = sqrt(min(RATE * RATE + TWICE, X * TWICE))
+    NEXT = sqrt(min(RATE * RATE + TWICE, frames * TWICE))
     assert NEXT > TOP
     NEXT = max(sqrt(RATE * RATE - TWICE), TOP)
     """,
@@ -77,12 +78,12 @@ _NEXT_FRAME = formula(
     DISTANCE = 1
     both = RATE + NEXT
     assert both > ZERO
-    T = 2 / both
+    DURATION = 2 / both
     """,
 )
-_FROM_REST_TO_REST = formula(registers, "T = max(SLOWEST, 1 / TOP)")
+_FROM_REST_TO_REST = formula(registers, "DURATION = max(SLOWEST, 1 / TOP)")
 _FRAME_SCALE = formula(registers, "FRAME_SCALE = NEXT / 12")  # from slopes to steps per tick
-_THOUSANDTHS = formula(registers, "X = HERE * THOUSAND + 0.5")
+_THOUSANDTHS = formula(registers, "-> rounded", "rounded = HERE * THOUSAND + 0.5")
 
 
 class JogAll(Operation):
@@ -230,7 +231,7 @@ class JogAll(Operation):
         """Set TOP to the rate that the check has found possible."""
         r = self.player.numbers
         reals.put(r, TOP, self.player.rate, 0)
-        compute(0, 0, r, _RATES)
+        compute(r, _RATES)
 
     def _retarget(self, to):
         """Change the destination during a jog. If it lies behind, stop on a frame first and turn.
@@ -260,8 +261,8 @@ class JogAll(Operation):
             return
         landing = self._landing()
         r = self.player.numbers
-        compute(0, 0, r, _SLOWING_DISTANCE)
-        slows = reals.floor(r, X, HALF) + 1
+        compute(r, _SLOWING_DISTANCE)
+        slows = reals.floor(r, _SLOWING_DISTANCE.frames, HALF) + 1
         if (to - landing) * self.step >= 0 and slows <= (
             self.destination - self.last_queued
         ) * self.step:
@@ -274,10 +275,11 @@ class JogAll(Operation):
     def _landing(self):
         """Return the index of the first frame on which the motion can end."""
         r = self.player.numbers
-        compute(0, 0, r, _STOPPING_DISTANCE)
-        frames = reals.floor(r, Y, HALF)
+        compute(r, _STOPPING_DISTANCE)
+        frames = reals.floor(r, _STOPPING_DISTANCE.frames, HALF)
         # up to a hundredth of a frame too many comes from rounding
-        if reals.floor(r, X, HALF) >= 1 or frames == 0 and reals.sign(r, RATE):
+        rest = reals.floor(r, _STOPPING_DISTANCE.hundredths, HALF)
+        if rest >= 1 or frames == 0 and reals.sign(r, RATE):
             frames += 1
         return self.last_queued + self.step * frames
 
@@ -306,26 +308,28 @@ class JogAll(Operation):
         player = self.player
         r = player.numbers
         left = (self.destination - self.last_queued) * self.step
-        reals.put(r, X, left - 1, 0)
-        compute(0, 0, r, _NEXT_RATE)
-        moves = compute(0, 0, r, _NEXT_FRAME)
+        reals.put(r, _NEXT_RATE.frames, left - 1, 0)
+        compute(r, _NEXT_RATE)
+        moves = compute(r, _NEXT_FRAME)
         if self.hurry and left == 1:
             hurry_time(self, self.last_queued + self.step, False)
         elif not moves:
-            compute(0, 0, r, _FROM_REST_TO_REST)
+            compute(r, _FROM_REST_TO_REST)
         self.append_phase(self.last_queued, self.last_queued + self.step)
 
     def append_phase(self, begin, end):
-        """Append the phase up to the frame `end`: DISTANCE frames in T ticks, from RATE to NEXT.
+        """Append the phase up to the frame `end`: DISTANCE frames in DURATION, from RATE to NEXT.
 
         It begins HERE frames after the frame `begin`. Both are indexes.
         """
         player = self.player
         r = player.numbers
         self.phases.add(begin)
-        compute(0, 0, r, _FRAME_SCALE)
+        compute(r, _FRAME_SCALE)
         player.window[path.MOST] = path.FROM_REST
-        player.append_frame(self.bits, end, self.step, T, FRAME_SCALE, player.window, path.velocity)
+        player.append_frame(
+            self.bits, end, self.step, DURATION, FRAME_SCALE, player.window, path.velocity
+        )
         player.window[path.MOST] = path.MONOTONE
         reals.copy(r, RATE, NEXT)
         self.last_queued = end
@@ -339,9 +343,9 @@ class JogAll(Operation):
         if k < 0:
             return self.operations.move_time
         r = self.player.numbers
-        compute(0, 0, r, _THOUSANDTHS)
+        compute(r, _THOUSANDTHS)
         return (self.store.start + self.phases.rows[k + INDEX]) * 1000 + self.step * reals.floor(
-            r, X, HALF
+            r, _THOUSANDTHS.rounded, HALF
         )
 
     def finished(self):

@@ -15,30 +15,34 @@ from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY
 from framestep.moves.jog_phases import INDEX
 from framestep.moves.path import registers
 from framestep.moves.path.move_check import HALF
-from framestep.moves.path.registers import HERE, HERE_RATE, RATE, SPEEDS, P, Q, T, X, Y
+from framestep.moves.path.registers import HERE, HERE_RATE, RATE, SPEEDS
 
 ACCELERATION = const(4)  # frames/s² (field note 6.10)
 
-# The distance to the next frame, which is X frames after the row's INDEX. Due to rounding the
+# The distance to the next frame, which is so many frames after the row's INDEX. Due to rounding the
 # motion may be there already.
 _TO_NEXT_FRAME = formula(
     registers,
+    "frames",
     """
-    DISTANCE = X - HERE
+    DISTANCE = frames - HERE
     assert DISTANCE <= ZERO
     DISTANCE = 2 ** -20
     """,
 )
 # The stopping distance beyond the next frame, negative, so that floor() rounds it up.
-_STOPPING_DISTANCE = formula(registers, "X = -(RATE * RATE / (2 * LIMIT) - DISTANCE)")
+_STOPPING_DISTANCE = formula(
+    registers, "-> frames", "frames = -(RATE * RATE / (2 * LIMIT) - DISTANCE)"
+)
 
-# To rest X frames beyond the next one at a constant deceleration takes 2·distance/velocity. If that
-# is more than two seconds and the motion is slow enough, it goes on at a frame per second (field
-# note 6.10).
+# To rest some frames beyond the next one at a constant deceleration takes 2·distance/velocity. If
+# that is more than two seconds and the motion is slow enough, it goes on at a frame per second
+# (field note 6.10).
 _DECELERATE = formula(
     registers,
+    "frames",
     """
-    distance = X + DISTANCE
+    distance = frames + DISTANCE
     TWICE = RATE * RATE / distance
     assert 2 * distance > 2000 * RATE
     assert RATE < 2 / THOUSAND
@@ -48,74 +52,82 @@ _DECELERATE = formula(
 _IS_BRIEF = formula(registers, "assert DISTANCE < 8 * RATE")
 _ONE_MORE_FRAME = formula(registers, "DISTANCE = DISTANCE + 1")
 
-# The velocity at the next frame, X frames before the end, and the time to it.
+# The velocity at the next frame, so many frames before the end, and the time to it.
 _TWICE_THE_LIMIT = formula(registers, "TWICE = 2 * LIMIT")
-_NEXT_RATE = formula(registers, "NEXT = min(sqrt(X * TWICE), RATE)")
-_TIME = formula(registers, "T = 2 * DISTANCE / (RATE + NEXT)")
+_NEXT_RATE = formula(registers, "frames", "NEXT = min(sqrt(frames * TWICE), RATE)")
+_TIME = formula(registers, "DURATION = 2 * DISTANCE / (RATE + NEXT)")
 
-_THREE_QUARTERS = formula(registers, "P = T - T / 4")
-# X steps to the frame, Q steps per tick now.
+_THREE_QUARTERS = formula(registers, "-> least", "least = DURATION - DURATION / 4")
+# steps: to the frame; velocity: now, in steps per tick
 _BEFORE_OVERSHOOT = formula(
     registers,
+    "least, steps, velocity",
     """
-    X = X / Q * 3
-    assert X > ZERO
-    assert X < T
-    T = max(X, P)
+    early = steps / velocity * 3
+    assert early > ZERO
+    assert early < DURATION
+    DURATION = max(early, least)
     """,
+    least=_THREE_QUARTERS.least,
 )
 
-# P: acceleration from rest to TOP within a frame, which the check has allowed. Q is for _STEEPEST.
+# GENTLEST: acceleration from rest to TOP within a frame, which the check has allowed
 _GENTLEST = formula(
     registers,
     """
     LIMIT = 4 / THOUSAND / THOUSAND  # ACCELERATION
-    P = TOP * TOP / 2
-    Q = RATE * RATE
-    assert P < LIMIT
+    GENTLEST = TOP * TOP / 2
+    SQUARE = RATE * RATE
+    assert GENTLEST < LIMIT
     """,
 )
-# X steps in the frame before the end, Y in the frame after it, T: the motor's acceleration. LIMIT
-# is what the bend of the path leaves of T, for half as many steps again because of the slopes.
+# Steps in the frame before the end, and in the frame after it; a motor's acceleration. LIMIT is
+# what the bend of the path leaves of that, for half as many steps again because of the slopes.
 _STEEPEST = formula(
     registers,
+    "before, beyond, acceleration",
     """
-    bend = Y - X
+    bend = beyond - before
     bend = max(bend, -bend)
-    steps = max(max(X, -X), max(Y, -Y))
+    steps = max(max(before, -before), max(beyond, -beyond))
     assert steps > ZERO
-    LIMIT = min(LIMIT, (T - bend * Q) / (steps + steps / 2))
+    LIMIT = min(LIMIT, (acceleration - bend * SQUARE) / (steps + steps / 2))
     """,
 )
-_AT_LEAST_GENTLEST = formula(registers, "LIMIT = max(LIMIT, P)")
+_AT_LEAST_GENTLEST = formula(registers, "LIMIT = max(LIMIT, GENTLEST)")
 
 # A cubic from rest to rest has a top velocity of 1.5 times its mean, and a greatest acceleration of
-# 6·distance/T². One that begins in motion stays within both. One that has to turn (from Y) stays
-# within twice as much, if it has the time. X steps to go, top velocity P, top acceleration Q.
+# 6·distance/duration². One that begins in motion stays within both. One that has to turn stays
+# within twice as much, if it has the time. steps: to go; velocity, acceleration: a motor's limits.
 _A_FRAME_PER_SECOND = formula(
     registers,
     """
-    T = DISTANCE / 2 + DISTANCE
-    T = max(T, sqrt(T)) * THOUSAND
+    DURATION = DISTANCE / 2 + DISTANCE
+    DURATION = max(DURATION, sqrt(DURATION)) * THOUSAND
     """,
 )
 _AS_MOTORS_CAN = formula(
     registers,
+    "steps, velocity, acceleration -> size",
     """
-    X = max(X, -X) + 1
-    T = max(T, 1.5 * X / P)
-    T = max(T, sqrt(6 * X / Q))
+    size = max(steps, -steps) + 1
+    DURATION = max(DURATION, 1.5 * size / velocity)
+    DURATION = max(DURATION, sqrt(6 * size / acceleration))
     """,
 )
+# speed: at which it begins, steps per tick
 _TURNING = formula(
     registers,
+    "size, acceleration, speed",
     """
-    T = max(T, sqrt(12 * X / Q))
-    turn = 8 * Y
-    T = max(T, max(turn, -turn) / Q)
+    DURATION = max(DURATION, sqrt(12 * size / acceleration))
+    turn = 8 * speed
+    DURATION = max(DURATION, max(turn, -turn) / acceleration)
     """,
+    size=_AS_MOTORS_CAN.size,
+    acceleration=_AS_MOTORS_CAN.acceleration,
 )
-_AT_CONSTANT_DECELERATION = formula(registers, "T = min(T, 2 * DISTANCE / RATE)")
+_AT_CONSTANT_DECELERATION = formula(registers, "DURATION = min(DURATION, 2 * DISTANCE / RATE)")
 
 
 def land_from(jog, ticks):
@@ -136,17 +148,19 @@ def land_from(jog, ticks):
     end = at + step * (reals.floor(r, HERE, HALF) + 1)
     if (jog.destination - end) * step < 0:
         end = jog.destination
-    reals.put(r, X, (end - at) * step, 0)
-    compute(0, 0, r, _TO_NEXT_FRAME)
+    reals.put(r, _TO_NEXT_FRAME.frames, (end - at) * step, 0)
+    compute(r, _TO_NEXT_FRAME)
     # The end is `more` frames beyond the next one.
     _find_limit(jog, at, end)
-    compute(0, 0, r, _STOPPING_DISTANCE)
-    more = min(max(-reals.floor(r, X, HALF), 0), (jog.destination - end) * step)
+    compute(r, _STOPPING_DISTANCE)
+    more = min(
+        max(-reals.floor(r, _STOPPING_DISTANCE.frames, HALF), 0), (jog.destination - end) * step
+    )
     jog.destination = end + step * more
-    reals.put(r, X, more, 0)
-    jog.hurry = bool(compute(0, 0, r, _DECELERATE))
+    reals.put(r, _DECELERATE.frames, more, 0)
+    jog.hurry = bool(compute(r, _DECELERATE))
     if more:
-        if compute(0, 0, r, _IS_BRIEF):
+        if compute(r, _IS_BRIEF):
             for motor in range(player.count):
                 if (jog.bits >> motor) & 1:
                     # by way of that frame, where the motor may turn
@@ -154,15 +168,15 @@ def land_from(jog, ticks):
                     axes[motor].backlash.turn_to(player.position, 0, 0)
             end += step
             more -= 1
-            compute(0, 0, r, _ONE_MORE_FRAME)
-    reals.put(r, X, more, 0)
+            compute(r, _ONE_MORE_FRAME)
     if jog.hurry:
-        compute(0, 0, r, _TWICE_THE_LIMIT)
-    compute(0, 0, r, _NEXT_RATE)
+        compute(r, _TWICE_THE_LIMIT)
+    reals.put(r, _NEXT_RATE.frames, more, 0)
+    compute(r, _NEXT_RATE)
     if jog.hurry and not more:
         hurry_time(jog, end, True)
     else:
-        compute(0, 0, r, _TIME)
+        compute(r, _TIME)
     if not more:
         _stay_before(jog, end)
     jog.append_phase(at, end)
@@ -172,14 +186,14 @@ def land_from(jog, ticks):
 
 
 def _stay_before(jog, end):
-    """Shorten T, by a quarter at most, if a motor would overshoot the frame `end`.
+    """Shorten DURATION, by a quarter at most, if a motor would overshoot the frame `end`.
 
     It would if its velocity is more than three times the mean, as in a fast cubic that has been cut
     late.
     """
     player = jog.player
     r = player.numbers
-    compute(0, 0, r, _THREE_QUARTERS)
+    compute(r, _THREE_QUARTERS)
     for motor in range(player.count):
         if (jog.bits >> motor) & 1:
             axis = player.axes[motor]
@@ -188,9 +202,11 @@ def _stay_before(jog, end):
                 continue
             jog.store.position(motor, end, player.position, 0)
             axis.backlash.turn_to(player.position, 0, 0)
-            reals.put_difference(r, X, axis.backlash, MOTOR, axis.cubic, WHOLE)
-            reals.copy(r, Q, own)
-            compute(0, 0, r, _BEFORE_OVERSHOOT)
+            reals.put_difference(
+                r, _BEFORE_OVERSHOOT.steps, axis.backlash, MOTOR, axis.cubic, WHOLE
+            )
+            reals.copy(r, _BEFORE_OVERSHOOT.velocity, own)
+            compute(r, _BEFORE_OVERSHOOT)
 
 
 def _find_limit(jog, at, end):
@@ -203,30 +219,31 @@ def _find_limit(jog, at, end):
     r = player.numbers
     store = jog.store
     values = player.values
-    if not compute(0, 0, r, _GENTLEST):
+    if not compute(r, _GENTLEST):
         return
     for motor in range(player.count):
         if (jog.bits >> motor) & 1:
             store.position(motor, at, values, 0)
             store.position(motor, end, values, 1)
             store.position(motor, min(max(end + jog.step, 0), store.end - store.start), values, 2)
-            reals.put_difference(r, X, values, 1, values, 0)
-            reals.put_difference(r, Y, values, 2, values, 1)
-            reals.fetch(r, T, player.axes[motor].numbers, MAX_ACCELERATION)
-            compute(0, 0, r, _STEEPEST)
-    compute(0, 0, r, _AT_LEAST_GENTLEST)
+            reals.put_difference(r, _STEEPEST.before, values, 1, values, 0)
+            reals.put_difference(r, _STEEPEST.beyond, values, 2, values, 1)
+            numbers = player.axes[motor].numbers
+            reals.fetch(r, _STEEPEST.acceleration, numbers, MAX_ACCELERATION)
+            compute(r, _STEEPEST)
+    compute(r, _AT_LEAST_GENTLEST)
 
 
 def hurry_time(jog, end, cut):
-    """T = ticks to rest on the frame `end`, DISTANCE frames away, at a frame per second or as fast
-    as the motors can.
+    """DURATION = ticks to rest on the frame `end`, DISTANCE frames away, at a frame per second or
+    as fast as the motors can.
 
-    cut: start from where the queues have been cut, else from the last frame queued. T is never
-    longer than at a constant deceleration.
+    cut: start from where the queues have been cut, else from the last frame queued. DURATION is
+    never longer than at a constant deceleration.
     """
     player = jog.player
     r = player.numbers
-    compute(0, 0, r, _A_FRAME_PER_SECOND)
+    compute(r, _A_FRAME_PER_SECOND)
     for motor in range(player.count):
         if (jog.bits >> motor) & 1:
             axis = player.axes[motor]
@@ -236,13 +253,14 @@ def hurry_time(jog, end, cut):
                 reals.copy_word(player.values, 0, axis.cubic, WHOLE)
             jog.store.position(motor, end, player.position, 0)
             axis.backlash.turn_to(player.position, 0, 0)
-            reals.put_difference(r, X, axis.backlash, MOTOR, player.values, 0)
-            turns = reals.sign(r, X) * reals.sign(r, own) < 0
-            reals.fetch(r, P, axis.numbers, MAX_VELOCITY)
-            reals.fetch(r, Q, axis.numbers, MAX_ACCELERATION)
-            compute(0, 0, r, _AS_MOTORS_CAN)
+            steps = _AS_MOTORS_CAN.steps
+            reals.put_difference(r, steps, axis.backlash, MOTOR, player.values, 0)
+            turns = reals.sign(r, steps) * reals.sign(r, own) < 0
+            reals.fetch(r, _AS_MOTORS_CAN.velocity, axis.numbers, MAX_VELOCITY)
+            reals.fetch(r, _AS_MOTORS_CAN.acceleration, axis.numbers, MAX_ACCELERATION)
+            compute(r, _AS_MOTORS_CAN)
             if turns:
-                reals.copy(r, Y, own)
-                compute(0, 0, r, _TURNING)
+                reals.copy(r, _TURNING.speed, own)
+                compute(r, _TURNING)
     if reals.sign(r, RATE):
-        compute(0, 0, r, _AT_CONSTANT_DECELERATION)
+        compute(r, _AT_CONSTANT_DECELERATION)

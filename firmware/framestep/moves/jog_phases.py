@@ -14,7 +14,7 @@ from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.moves.path import registers
 from framestep.moves.path.move_check import HALF
-from framestep.moves.path.registers import DISTANCE, HERE, HERE_RATE, NEXT, RATE, SINCE, P, T, X, Y
+from framestep.moves.path.registers import DISTANCE, DURATION, HERE, HERE_RATE, NEXT, RATE, SINCE
 
 # Words of a row: a phase of the path, a cubic like the motors'
 
@@ -30,38 +30,43 @@ _PASSED = const(9)  # frames from INDEX to its start,
 _DISTANCE = const(11)  # and from there to its end
 INDEX = const(13)  # of the last frame before it
 
-# Add a phase of T ticks: X whole ticks, and the fraction in SINCE.
+# Add a phase of DURATION: whole ticks, and the fraction in SINCE.
 _TO_END = formula(
     registers,
+    "-> ticks",
     """
-    SINCE = SINCE + T
-    X = floor(SINCE)
-    SINCE = SINCE - X
+    SINCE = SINCE + DURATION
+    ticks = floor(SINCE)
+    SINCE = SINCE - ticks
     """,
 )
-# The phase begins Y ticks after a whole tick. X: ticks since that tick, then since its beginning.
+# The phase begins a fraction of a tick after a whole one. since: ticks since that whole tick;
+# ticks: since the phase's beginning.
 _HAS_BEGUN = formula(
     registers,
+    "since, fraction -> ticks",
     """
-    X = X - Y
-    assert X >= ZERO
+    ticks = since - fraction
+    assert ticks >= ZERO
     """,
 )
-# Place on a cubic X ticks after its beginning. It takes Y ticks for T frames, from the velocity
-# HERE_RATE to DISTANCE, and begins P frames after its row's INDEX.
+# Place on a cubic, so many ticks after its beginning. It takes `duration` ticks for `frames`, from
+# the velocity HERE_RATE to DISTANCE. HERE: frames from its beginning.
 _LOCATE = formula(
     registers,
+    "ticks, duration, frames",
     """
-    X = min(X, Y)
-    z = X / Y
-    mean = T / Y
+    ticks = min(ticks, duration)
+    z = ticks / duration
+    mean = frames / duration
     q = HERE_RATE + DISTANCE - mean - mean
     p = mean - HERE_RATE - q
     q = q * z
-    HERE = ((p + q) * z + HERE_RATE) * X + P
+    HERE = ((p + q) * z + HERE_RATE) * ticks + HERE
     HERE_RATE = HERE_RATE + (2 * p + q + 2 * q) * z
     HERE_RATE = max(HERE_RATE, ZERO)
     """,
+    ticks=_HAS_BEGUN.ticks,
 )
 
 
@@ -80,7 +85,7 @@ class JogPhases:
         reals.put(self.numbers, SINCE, 0, 0)
 
     def add(self, index):
-        """Add a phase: DISTANCE frames in T ticks, with velocities from RATE to NEXT.
+        """Add a phase: DISTANCE frames in DURATION, with velocities from RATE to NEXT.
 
         It begins HERE frames after `index`.
         """
@@ -89,15 +94,15 @@ class JogPhases:
         rows = self.rows
         rows[k + _WHOLE] = self.whole
         reals.fetch(rows, k + _FRACTION, r, SINCE)
-        reals.fetch(rows, k + _TIME, r, T)
+        reals.fetch(rows, k + _TIME, r, DURATION)
         reals.fetch(rows, k + _FROM, r, RATE)
         reals.fetch(rows, k + _TO, r, NEXT)
         reals.fetch(rows, k + _PASSED, r, HERE)
         reals.fetch(rows, k + _DISTANCE, r, DISTANCE)
         rows[k + INDEX] = index
         self.count += 1
-        compute(0, 0, r, _TO_END)
-        self.whole = after(self.whole, reals.floor(r, X, HALF))
+        compute(r, _TO_END)
+        self.whole = after(self.whole, reals.floor(r, _TO_END.ticks, HALF))
 
     def locate(self, ticks):
         """Find HERE and HERE_RATE, `ticks` ticks after the beginning of the jog.
@@ -113,16 +118,16 @@ class JogPhases:
             k = n % _ROWS * _ROW
             since = elapsed(ticks, rows[k + _WHOLE])
             if since < _HALF:
-                reals.put(r, X, since, 0)
-                reals.fetch(r, Y, rows, k + _FRACTION)
-                if compute(0, 0, r, _HAS_BEGUN):
+                reals.put(r, _HAS_BEGUN.since, since, 0)
+                reals.fetch(r, _HAS_BEGUN.fraction, rows, k + _FRACTION)
+                if compute(r, _HAS_BEGUN):
                     break
         else:
             return -1
-        reals.fetch(r, Y, rows, k + _TIME)
+        reals.fetch(r, _LOCATE.duration, rows, k + _TIME)
         reals.fetch(r, HERE_RATE, rows, k + _FROM)
         reals.fetch(r, DISTANCE, rows, k + _TO)
-        reals.fetch(r, T, rows, k + _DISTANCE)
-        reals.fetch(r, P, rows, k + _PASSED)
-        compute(0, 0, r, _LOCATE)
+        reals.fetch(r, _LOCATE.frames, rows, k + _DISTANCE)
+        reals.fetch(r, HERE, rows, k + _PASSED)
+        compute(r, _LOCATE)
         return k

@@ -26,15 +26,13 @@ from framestep.motors.motor import MAX_ACCELERATION
 from framestep.moves.frame_clock import FrameClock
 from framestep.moves.path import registers
 from framestep.moves.path.registers import (
+    FRAME_SPEED,
     FRAME_TICKS,
     LONGER_FRAME_TICKS,
     ROLL_TICKS,
     SPEEDS,
     TOPS,
     ZERO,
-    T,
-    X,
-    Y,
 )
 from framestep.moves.run_plan import PreparedRun
 from framestep.pulse import stepper
@@ -44,24 +42,26 @@ _AHEAD = const(3)  # the next phase is queued when fewer than this wait
 # would wait.
 _LATER = const(0x3FFFFFF0)
 
-# Whether a ramp of ROLL_TICKS between rest and the velocity X may be a step longer or shorter than
+# Whether a ramp of ROLL_TICKS between rest and a velocity may be a step longer or shorter than
 # one of constant acceleration, or one and a half with the rounding of its other end: 6 times that,
 # over ROLL_TICKS², is added to its acceleration at one end and taken from it at the other. It keeps
-# within the acceleration Y, and no part of it is faster than X, or than the motor's velocity T.
+# within the acceleration, and no part of it is faster than that velocity or the motor's, `top`.
 _GENTLE_RAMP = formula(
     registers,
+    "velocity, top, acceleration",
     """
-    speed = max(X, -X)
-    assert (ROLL_TICKS * Y - speed) * ROLL_TICKS >= 9
-    assert max(speed, 4 * (T - speed)) * ROLL_TICKS >= 9
+    speed = max(velocity, -velocity)
+    assert (ROLL_TICKS * acceleration - speed) * ROLL_TICKS >= 9
+    assert max(speed, 4 * (top - speed)) * ROLL_TICKS >= 9
     """,
 )
-# Waiting time of a motor whose ramp is shorter than X.
+# Waiting time of a motor whose ramp is shorter than the lap's.
 _WAIT = formula(
     registers,
+    "ramp -> ticks",
     """
-    X = X - ROLL_TICKS
-    assert X > ZERO
+    ticks = ramp - ROLL_TICKS
+    assert ticks > ZERO
     """,
 )
 
@@ -119,10 +119,10 @@ class RunMove(PreparedRun):
             reals.put(r, own, 0, 0)
         reals.fetch(r, ROLL_TICKS, plan.pre_rolls if onward else plan.post_rolls, 2 * motor)
         # motors with a shorter ramp wait, so that all reach the first frame together
-        reals.put(r, X, self.begin_ms, 0)
-        if compute(0, 0, r, _WAIT):
+        reals.put(r, _WAIT.ramp, self.begin_ms, 0)
+        if compute(r, _WAIT):
             axis.append_coasting_phase(
-                X, ZERO, ZERO, r, plan.begins if onward else plan.ends, motor
+                _WAIT.ticks, ZERO, ZERO, r, plan.begins if onward else plan.ends, motor
             )
         if reals.sign(r, ROLL_TICKS):
             self.store.position(motor, self.first, player.position, 0)
@@ -206,7 +206,9 @@ class RunMove(PreparedRun):
             if self.last:
                 beyond = 0
                 if plan.frames:
-                    beyond = self._possible(player.velocity(X, motor, self.end, self.step), motor)
+                    beyond = self._possible(
+                        player.velocity(FRAME_SPEED, motor, self.end, self.step), motor
+                    )
                 self.find_end(motor, self.end)
                 axis.append_coasting_phase(self.period, own, own, r, self.lasts, motor, 0, beyond)
                 positions = self.rests
@@ -220,10 +222,11 @@ class RunMove(PreparedRun):
         """Return how far beyond an end of the lap the motor may go: 0 if its ramp to or from there,
         in ROLL_TICKS, would exceed its limits."""
         r = self.player.numbers
-        reals.copy(r, X, SPEEDS + 2 * motor)
-        reals.copy(r, T, TOPS + 2 * motor)
-        reals.fetch(r, Y, self.player.axes[motor].numbers, MAX_ACCELERATION)
-        return beyond if compute(0, 0, r, _GENTLE_RAMP) else 0
+        reals.copy(r, _GENTLE_RAMP.velocity, SPEEDS + 2 * motor)
+        reals.copy(r, _GENTLE_RAMP.top, TOPS + 2 * motor)
+        numbers = self.player.axes[motor].numbers
+        reals.fetch(r, _GENTLE_RAMP.acceleration, numbers, MAX_ACCELERATION)
+        return beyond if compute(r, _GENTLE_RAMP) else 0
 
     def play_head(self, tick, frame):
         reported = self.reported

@@ -27,7 +27,7 @@ from framestep.moves.on_frame import find_blocking_switch
 from framestep.moves.operation import Operation
 from framestep.moves.path import registers
 from framestep.moves.path.move_check import FASTEST_FPS
-from framestep.moves.path.registers import FRAME_TICKS, ROLL_TICKS, SPEEDS, T, X, Y
+from framestep.moves.path.registers import FRAME_SPEED, FRAME_TICKS, ROLL_TICKS, SPEEDS
 from framestep.moves.upload.store import READY as UPLOADED
 
 LONGEST_ROLL = const(600000)  # ms
@@ -42,17 +42,18 @@ _FRAME_TICKS = formula(
     FRAME_TICKS = FRAME_TICKS / THOUSAND
     """,
 )
-# The shortest ramp between rest and the velocity X, with at most the acceleration Y. Motors rest on
+# The shortest ramp between rest and a velocity, with at most that acceleration. Motors rest on
 # whole steps, so its way is a whole number of them: the next one, or, if they are many, one that is
-# T further; on less than half a step they stay where they are. It takes at least 2 ms, since the
-# next phase must not begin in the ramp's first tick.
+# `more` further; on less than half a step they stay where they are. It takes at least 2 ms, since
+# the next phase must not begin in the ramp's first tick.
 _SHORTEST_RAMP = formula(
     registers,
+    "velocity, acceleration, more",
     """
-    speed = max(X, -X)
+    speed = max(velocity, -velocity)
     assert speed > ZERO
-    way = speed * speed / Y / 2
-    room = min(max(way - 16, 0), T)
+    way = speed * speed / acceleration / 2
+    room = min(max(way - 16, 0), more)
     steps = -floor(-way - room)
     steps = min(steps, floor(2 * way) * 2 ** 20)
     ROLL_TICKS = max(max(2 * steps, way + way) / speed, 2)
@@ -249,8 +250,8 @@ class PreparedRun(Operation):
         for motor in range(player.count):
             directions[motor] = 0
             if (plan.bits >> motor) & 1 and plan.frames and player.axes[motor].backlash[BACKLASH]:
-                player.velocity(X, motor, index, step)
-                directions[motor] = reals.sign(r, X) or player.first_direction(
+                player.velocity(FRAME_SPEED, motor, index, step)
+                directions[motor] = reals.sign(r, FRAME_SPEED) or player.first_direction(
                     motor, index, step, plan.frames + 1
                 )
 
@@ -305,8 +306,8 @@ class PreparedRun(Operation):
         r = player.numbers
         lasts = self.lasts
         self.store.position(motor, index, lasts, motor)
-        reals.multiply(r, X, SPEEDS + 2 * motor, FRAME_TICKS)
-        if not player.shift_by_x(lasts, motor, False):
+        reals.multiply(r, FRAME_SPEED, SPEEDS + 2 * motor, FRAME_TICKS)
+        if not player.shift(lasts, motor, FRAME_SPEED, False):
             return False
         reals.copy_word(self.rests, motor, lasts, motor)
         return player.apply_roll(motor, SPEEDS + 2 * motor, ROLL_TICKS, False, self.rests)
@@ -315,7 +316,7 @@ class PreparedRun(Operation):
         """Set FRAME_TICKS and LONGER_FRAME_TICKS."""
         r = self.player.numbers
         reals.put(r, FRAME_TICKS, MICROSECONDS // fps_milli, 0)
-        compute(0, 0, r, _FRAME_TICKS)
+        compute(r, _FRAME_TICKS)
 
     def _roll_times(self, plan, index, ms, rolls):
         """rolls = ticks of each motor's ramp between rest and its velocity at the frame `index`.
@@ -330,11 +331,12 @@ class PreparedRun(Operation):
             if (plan.bits >> motor) & 1:
                 reals.put(r, ROLL_TICKS, ms, 0)
                 if ms == 0 and plan.frames:
-                    player.velocity(X, motor, index, plan.step)
-                    reals.fetch(r, Y, player.axes[motor].numbers, MAX_ACCELERATION)
+                    player.velocity(_SHORTEST_RAMP.velocity, motor, index, plan.step)
+                    numbers = player.axes[motor].numbers
+                    reals.fetch(r, _SHORTEST_RAMP.acceleration, numbers, MAX_ACCELERATION)
                     # with smoothing, the room that _GENTLE_RAMP of run.py needs
-                    reals.put(r, T, 9 if player.view is player.values else 0, -1)
-                    if compute(0, 0, r, _SHORTEST_RAMP):
+                    reals.put(r, _SHORTEST_RAMP.more, 9 if player.view is player.values else 0, -1)
+                    if compute(r, _SHORTEST_RAMP):
                         longest = max(longest, reals.floor(r, ROLL_TICKS, LONGEST_ROLL) + 1)
                 reals.fetch(rolls, 2 * motor, r, ROLL_TICKS)
         return longest

@@ -41,7 +41,7 @@ from framestep.moves.on_frame import find_blocking_switch
 from framestep.moves.operation import Operation
 from framestep.moves.path import path, registers
 from framestep.moves.path.move_check import HALF
-from framestep.moves.path.registers import OPENING, RAMP, SPEEDS, WAIT, WINDOW, ZERO, T, X, Y
+from framestep.moves.path.registers import OPENING, RAMP, SPEEDS, WAIT, WINDOW, ZERO
 from framestep.moves.run_outputs import METER, SHUTTER
 from framestep.moves.upload.store import READY as UPLOADED
 from framestep.pulse import stepper
@@ -52,40 +52,51 @@ LONGEST_MS = const(3600000)
 DEFAULT_MS = const(1000)  # for EXPOSURE 0 (field note 7.3)
 _FARTHEST = const(0x3FFFFFFF)  # A and B are less than this many steps apart
 
-# An exposure of X ticks from angle T to angle T + Y.
+# An exposure from one angle to another that is so many degrees farther.
 _FULL_TURN = formula(
     registers,
+    "exposure, degrees, opens",
     """
-    degree = X / Y
+    degree = exposure / degrees
     WINDOW = degree * 360
-    OPENING = degree * T
+    OPENING = degree * opens
     """,
 )
-# The shutter opens X ticks after GO. Cues come Y microseconds later than pulses of the same tick.
-_WAIT = formula(registers, "WAIT = X - OPENING - RAMP + Y / THOUSAND")
-# The ramps are the first and the last eighth of the 360 degrees, which end X ticks after GO.
+_BEFORE_OPENING = formula(registers, "-> ticks", "ticks = OPENING + RAMP")
+# opens: ticks from GO until the shutter opens; late_us: how much later cues come than pulses of the
+# same tick
+_WAIT = formula(registers, "opens, late_us", "WAIT = opens - OPENING - RAMP + late_us / THOUSAND")
+# The ramps are the first and the last eighth of the 360 degrees, which end `ticks` after GO.
 _RAMPS_WITHIN = formula(
     registers,
+    "-> ticks",
     """
-    X = WAIT + WINDOW
+    ticks = WAIT + WINDOW
     RAMP = WINDOW / 8
     WINDOW = WINDOW - RAMP - RAMP
     """,
 )
-# From A to B are X steps. BLUR leaves out Y thousandths of them, half at either end. Half a step is
+# steps: from A to B. BLUR leaves out some thousandths of them, half at either end. Half a step is
 # added so that floor() rounds, in both directions alike.
-_LEFT_OUT = formula(registers, "X = max(X, -X) * Y / 2000 + 0.5")
+_LEFT_OUT = formula(
+    registers, "steps, permille -> cut", "cut = max(steps, -steps) * permille / 2000 + 0.5"
+)
 # The length of a ramp: half of the distance that the window covers in the same time.
-_RAMP_LENGTH = formula(registers, "X = max(X, -X) / (WINDOW + RAMP) * RAMP / 2 + 0.5")
-# X steps in T ticks exceed the top velocity Y, apart from rounding. X becomes the velocity.
+_RAMP_LENGTH = formula(
+    registers, "steps -> cut", "cut = max(steps, -steps) / (WINDOW + RAMP) * RAMP / 2 + 0.5"
+)
+_FULL_RAMPS = formula(registers, "-> ticks", "ticks = WINDOW + RAMP")
+# The velocity exceeds the top velocity, apart from rounding.
 _TOO_FAST = formula(
     registers,
+    "steps, ticks, top -> velocity",
     """
-    X = X / T
-    assert max(X, -X) > Y + Y / 2 ** 20
+    velocity = steps / ticks
+    assert max(velocity, -velocity) > top + top / 2 ** 20
     """,
+    ticks=_FULL_RAMPS.ticks,
 )
-_STEPS_PER_SECOND = formula(registers, "X = X * THOUSAND")
+_STEPS_PER_SECOND = formula(registers, "velocity -> rate", "rate = velocity * THOUSAND")
 
 
 class Shot:
@@ -223,27 +234,28 @@ class ShootFrame(Operation):
         later than that tick's pulses come, because cues come later than pulses.
         """
         r = self.player.numbers
-        reals.put(r, X, shot.exposure_ms, 0)
-        reals.put(r, Y, closed - opened, 0)
-        reals.put(r, T, opened, 0)
-        compute(0, 0, r, _FULL_TURN)
+        reals.put(r, _FULL_TURN.exposure, shot.exposure_ms, 0)
+        reals.put(r, _FULL_TURN.degrees, closed - opened, 0)
+        reals.put(r, _FULL_TURN.opens, opened, 0)
+        compute(r, _FULL_TURN)
         if (
             reals.floor(r, WINDOW, HALF) > LONGEST_MS
             or not -LONGEST_MS <= reals.floor(r, OPENING, HALF) <= LONGEST_MS
         ):
             return ERR_RANGE
         reals.put(r, RAMP, run_up_ms, 0)
-        reals.add(r, T, OPENING, RAMP)
-        shot.begin_ms = max(reals.floor(r, T, HALF), 0) + 1
+        compute(r, _BEFORE_OPENING)
+        shot.begin_ms = max(reals.floor(r, _BEFORE_OPENING.ticks, HALF), 0) + 1
         kernel = self.player.axes.kernel.state
         late = kernel[stepper.LEAD] * kernel[stepper.CYCLES] - kernel[stepper.AHEAD]
-        reals.put(r, X, shot.begin_ms, 0)
-        reals.put(r, Y, late // kernel[stepper.CYCLES_PER_US] + CUE_DELAY_US, 0)
-        compute(0, 0, r, _WAIT)
+        reals.put(r, _WAIT.opens, shot.begin_ms, 0)
+        reals.put(r, _WAIT.late_us, late // kernel[stepper.CYCLES_PER_US] + CUE_DELAY_US, 0)
+        compute(r, _WAIT)
         shot.lasts_ms = shot.begin_ms + shot.exposure_ms + run_up_ms
         if not run_up_ms:
-            compute(0, 0, r, _RAMPS_WITHIN)
-            shot.lasts_ms = max(shot.lasts_ms, reals.floor(r, X, HALF) + 1)
+            compute(r, _RAMPS_WITHIN)
+            lasts = reals.floor(r, _RAMPS_WITHIN.ticks, HALF)
+            shot.lasts_ms = max(shot.lasts_ms, lasts + 1)
         reals.fetch(shot.wait, 0, r, WAIT)
         reals.fetch(shot.ramp, 0, r, RAMP)
         reals.fetch(shot.window, 0, r, WINDOW)
@@ -260,18 +272,21 @@ class ShootFrame(Operation):
             if not (shot.bits >> motor) & 1:
                 continue
             own = SPEEDS + 2 * motor
-            reals.put_difference(r, X, shot.b, motor, shot.a, motor)
-            if not -_FARTHEST < reals.floor(r, X, _FARTHEST) < _FARTHEST:
+            reals.put_difference(r, own, shot.b, motor, shot.a, motor)
+            if not -_FARTHEST < reals.floor(r, own, _FARTHEST) < _FARTHEST:
                 return ERR_RANGE
-            shot.directions[motor] = reals.sign(r, X)
+            shot.directions[motor] = reals.sign(r, own)
             if permille:
-                reals.put(r, Y, 1000 - permille, 0)
-                compute(0, 0, r, _LEFT_OUT)
+                reals.copy(r, _LEFT_OUT.steps, own)
+                reals.put(r, _LEFT_OUT.permille, 1000 - permille, 0)
+                compute(r, _LEFT_OUT)
+                cut = reals.floor(r, _LEFT_OUT.cut, _FARTHEST)
             else:
                 reals.copy_word(shot.starts, motor, shot.a, motor)
                 reals.copy_word(shot.ends, motor, shot.b, motor)
-                compute(0, 0, r, _RAMP_LENGTH)
-            cut = reals.floor(r, X, _FARTHEST)
+                reals.copy(r, _RAMP_LENGTH.steps, own)
+                compute(r, _RAMP_LENGTH)
+                cut = reals.floor(r, _RAMP_LENGTH.cut, _FARTHEST)
             if shot.directions[motor] < 0:
                 cut = -cut
             reals.add_word(shot.a, motor, shot.a, motor, cut)
@@ -313,24 +328,29 @@ class ShootFrame(Operation):
         would do so without the rounding of its ramps."""
         player = self.player
         r = player.numbers
-        reals.fetch(r, Y, player.axes[motor].numbers, MAX_VELOCITY)
+        own = SPEEDS + 2 * motor
         if not shot.blurs:
-            reals.put_difference(r, X, shot.ends, motor, shot.starts, motor)
-            reals.add(r, T, WINDOW, RAMP)
-            if compute(0, 0, r, _TOO_FAST):
+            compute(r, _FULL_RAMPS)
+            reals.put_difference(r, _TOO_FAST.steps, shot.ends, motor, shot.starts, motor)
+            reals.fetch(r, _TOO_FAST.top, player.axes[motor].numbers, MAX_VELOCITY)
+            if compute(r, _TOO_FAST):
+                reals.copy(r, own, _TOO_FAST.velocity)
                 return True
-        reals.put_difference(r, X, shot.b, motor, shot.a, motor)
-        reals.copy(r, T, WINDOW)
-        too_fast = compute(0, 0, r, _TOO_FAST)
-        reals.copy(r, SPEEDS + 2 * motor, X)
+        reals.copy(r, _TOO_FAST.ticks, WINDOW)
+        reals.put_difference(r, _TOO_FAST.steps, shot.b, motor, shot.a, motor)
+        reals.fetch(r, _TOO_FAST.top, player.axes[motor].numbers, MAX_VELOCITY)
+        too_fast = compute(r, _TOO_FAST)
+        reals.copy(r, own, _TOO_FAST.velocity)
         return too_fast
 
     def _blame_velocity(self, shot, motor):
-        """Note the excess velocity of a motor, from the X of _too_fast(). Return the code."""
+        """Note the excess of a motor's velocity that _too_fast() has found. Return the code."""
         player = self.player
         player.blame(EXCEEDED_VELOCITY, motor, shot.index, ERR_RANGE)
-        compute(0, 0, player.numbers, _STEPS_PER_SECOND)
-        player.note_excess(player.axes[motor].velocity)
+        r = player.numbers
+        reals.copy(r, _STEPS_PER_SECOND.velocity, SPEEDS + 2 * motor)
+        compute(r, _STEPS_PER_SECOND)
+        player.note_excess(_STEPS_PER_SECOND.rate, player.axes[motor].velocity)
         return ERR_RANGE
 
     def recheck(self, waiting):

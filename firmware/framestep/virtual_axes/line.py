@@ -229,9 +229,9 @@ class Line:
         reals.copy(
             r, registers.NEAR_PAN, registers.AIMED_PAN
         )  # on a line it never turns by half a turn
-        compute(0, 0, r, _KEEP_PAN)
-        compute(0, 0, r, _KEEP_TILT)
-        compute(0, 0, r, _AS_AIMED)
+        compute(r, _KEEP_PAN)
+        compute(r, _KEEP_TILT)
+        compute(r, _AS_AIMED)
         return 0
 
     def remember_end(self):
@@ -333,7 +333,7 @@ class Line:
     def _aim_pose(self):
         """Turn the angles of POSE to the aim point, from its position. Return a code."""
         code = aim.direction(self.r)
-        compute(0, 0, self.r, _FOLLOW_POINT)
+        compute(self.r, _FOLLOW_POINT)
         return code
 
     def _aim_joints(self):
@@ -344,10 +344,10 @@ class Line:
             code = self.rig.forward()
             if code:
                 return code
-            compute(0, 0, r, _KEEP_ANGLES)
+            compute(r, _KEEP_ANGLES)
             code = self._aim_pose()
             if code:
                 return code
-            if compute(0, 0, r, _TURN_JOINTS):
+            if compute(r, _TURN_JOINTS):
                 return 0
         return results.ERR_RANGE

@@ -149,9 +149,9 @@ class LookAhead:
             if survey.motor[i] and survey.curve[2 * i] > fastest:
                 fastest = survey.curve[2 * i]
         reals.put(r, registers.FASTEST, fastest, 0)
-        compute(0, 0, r, _FIRST_LENGTH)
-        compute(0, 0, r, _LENGTHEN)
-        compute(0, 0, r, _FIRST_HALF_CELL)
+        compute(r, _FIRST_LENGTH)
+        compute(r, _LENGTHEN)
+        compute(r, _FIRST_HALF_CELL)
         survey.clear_greatest()
         self.level = 0
         return 0
@@ -211,7 +211,7 @@ class LookAhead:
         r = self.r
         survey.set_point_limits(self.share)
         reals.double(r, registers.CELL_LENGTH, registers.HALF_CELL, 1 - self.level)
-        compute(0, 0, r, _CELL_ENDS)
+        compute(r, _CELL_ENDS)
         cells = self.cells
         k = _CELL * ((self.head + self.count) % _RING)
         self.behind = min(self.behind, _RING - 1 - self.count)
@@ -227,8 +227,8 @@ class LookAhead:
             self.level -= 1
             return
         # away from slow parts cells get longer
-        compute(0, 0, r, _LENGTHEN)
-        if compute(0, 0, r, _DOUBLE_CELL):
+        compute(r, _LENGTHEN)
+        if compute(r, _DOUBLE_CELL):
             for i in range(registers.AXES):
                 survey.greatest[i] = min(survey.greatest[i], _LARGE) * 2
 
@@ -244,7 +244,7 @@ class LookAhead:
             reals.fetch(r, registers.CELL_V, cells, k + _V)
             reals.fetch(r, registers.CELL_A, cells, k + _A)
             reals.fetch(r, registers.CELL_LENGTH, cells, k + _LENGTH)
-            compute(0, 0, r, _LEAVE_CELL)
+            compute(r, _LEAVE_CELL)
             reals.fetch(cells, k + _EXIT, r, registers.EXIT_V2)
             i -= 1
 
@@ -265,7 +265,7 @@ class LookAhead:
         k = _CELL * self.head
         reals.fetch(r, registers.CELL_END, cells, k + _END)
         reals.fetch(r, registers.CELL_LENGTH, cells, k + _LENGTH)
-        return bool(compute(0, 0, r, _IS_WITHIN))
+        return bool(compute(r, _IS_WITHIN))
 
     def load_limits(self):
         """Set MAX_V, MAX_A and LEFT for the point. Return False if nothing is surveyed there."""
@@ -281,19 +281,19 @@ class LookAhead:
             self.count -= 1
             self.behind += 1
         span = cells[_CELL * self.head + _SPAN]
-        compute(0, 0, r, _NO_LIMIT)
+        compute(r, _NO_LIMIT)
         for i in range(self.count):
             k = _CELL * ((self.head + i) % _RING)
             reals.fetch(r, registers.CELL_END, cells, k + _END)
             reals.fetch(r, registers.CELL_V, cells, k + _V)
             reals.fetch(r, registers.CELL_A, cells, k + _A)
             reals.fetch(r, registers.EXIT_V2, cells, k + _EXIT)
-            compute(0, 0, r, _LIMIT)
+            compute(r, _LIMIT)
             span = min(span, cells[k + _SPAN])
             if i == 0:
-                compute(0, 0, r, _REACH)
+                compute(r, _REACH)
             if reals.compare(r, registers.CELL_END, registers.REACH_S) > 0:
                 break
-        compute(0, 0, r, _LEFT)
+        compute(r, _LEFT)
         self.survey.span = span
         return True

@@ -291,7 +291,7 @@ class LinearMove:
         reals.fetch(r, registers.S_HERE, marks, 4 * here)
         reals.fetch(r, registers.S_AFTER, marks, 4 * ahead)
         reals.fetch(r, registers.V_HERE, marks, 4 * here + 2)
-        compute(0, 0, r, _RATES)
+        compute(r, _RATES)
         reals.put(r, registers.PHASE_TICKS, elapsed(self.times[here], self.times[before]), 0)
         a = ROW * before
         b = ROW * here

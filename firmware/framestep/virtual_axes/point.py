@@ -63,19 +63,19 @@ def advance(r, survey, ahead, stopping):
     ahead: the LookAhead of a jog, or None; stopping: come to rest as soon as possible.
     """
     surveyed = not ahead or ahead.load_limits()
-    compute(0, 0, r, _TO_END)
+    compute(r, _TO_END)
     if not ahead:
         reals.copy(r, LEFT, TO_END)
     span = survey.span
     if reals.sign(r, V):
-        compute(0, 0, r, _TICKS_TO_END)
+        compute(r, _TICKS_TO_END)
         ticks = reals.floor(r, TICKS, HALF)
         if ticks < span:
             if ahead and not ahead.closed:
                 return False
             if ticks < 0:
                 reals.put(r, TICKS, 1, 0)
-            if not stopping or not compute(0, 0, r, _STOP_WITHIN_TICKS):
+            if not stopping or not compute(r, _STOP_WITHIN_TICKS):
                 reals.copy(r, S, END)
                 reals.put(r, V, 0, 0)
             return True
@@ -89,11 +89,11 @@ def advance(r, survey, ahead, stopping):
     if not surveyed:
         return False
     reals.put(r, TICKS, span, 0)
-    if stopping and compute(0, 0, r, _STOP_WITHIN_TICKS):
+    if stopping and compute(r, _STOP_WITHIN_TICKS):
         return True
-    compute(0, 0, r, _SLOW_DOWN if stopping else _GO_ON)
-    compute(0, 0, r, _STAY_ABLE_TO_STOP)
-    compute(0, 0, r, _MOVE_ON)
+    compute(r, _SLOW_DOWN if stopping else _GO_ON)
+    compute(r, _STAY_ABLE_TO_STOP)
+    compute(r, _MOVE_ON)
     return True
 
 

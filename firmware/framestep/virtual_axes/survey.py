@@ -328,31 +328,31 @@ class Survey:
         limits."""
         r = self.r
         reals.put(r, registers.SHARE, share, 0)
-        compute(0, 0, r, _NO_LIMIT)
+        compute(r, _NO_LIMIT)
         for i in range(registers.AXES):
             if self._load_motor(i):
-                compute(0, 0, r, _LIMIT_V)
-        compute(0, 0, r, _LIMIT_V_IN_BENDS)
+                compute(r, _LIMIT_V)
+        compute(r, _LIMIT_V_IN_BENDS)
         self.span = SPAN
         for i in range(registers.AXES):
             if self.motor[i] and self.curve[2 * i + 1]:
                 self._smoothen(i)
         for i in range(registers.AXES):
             if self._load_motor(i):
-                compute(0, 0, r, _LIMIT_A)
-        compute(0, 0, r, _IN_UNITS)
+                compute(r, _LIMIT_A)
+        compute(r, _IN_UNITS)
 
     def _smoothen(self, i):
         """Lower `span`, and if need be MAX_V, until cubics approximate the path of axis i."""
         r = self.r
         reals.put(r, registers.BEND, self.curve[2 * i + 1], -_SIXTEENTHS)
         reals.put(r, registers.SLOPE, self.greatest[i], -_SIXTEENTHS)
-        compute(0, 0, r, _THIRD)
-        while not compute(0, 0, r, _IS_SMOOTH):
+        compute(r, _THIRD)
+        while not compute(r, _IS_SMOOTH):
             self.span = SPAN // 2
-            if compute(0, 0, r, _IS_SMOOTH_AT_HALF_SPAN):
+            if compute(r, _IS_SMOOTH_AT_HALF_SPAN):
                 break
-            compute(0, 0, r, _SLOWER)
+            compute(r, _SLOWER)
 
     def slow_down(self):
         """Adapt to motors that may now be slower than the present move assumes, from the next knot

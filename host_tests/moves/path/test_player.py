@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from framestep.base import results
 from framestep.motion import reals
 from framestep.moves.path import move_check as module
-from framestep.moves.path import registers
 from framestep.moves.path.path import FROM_REST, MOST
 from framestep.moves.path.registers import OWN
 from framestep.protocol import messages as m
@@ -356,8 +355,7 @@ def test_without_velocity_a_roll_goes_nowhere():
 def test_a_shift_is_rounded_to_the_nearest_step(by, backward, moved):
     player = player_of([0, 0])
     places = place(10)
-    register(player, registers.X, by)
-    assert player.shift_by_x(places, 0, backward)
+    assert player.shift(places, 0, register(player, OWN, by), backward)
     assert places[0] == 10 + moved
 
 
@@ -365,6 +363,5 @@ def test_a_shift_is_rounded_to_the_nearest_step(by, backward, moved):
 def test_a_shift_past_the_range_of_positions_changes_nothing(begin, by):
     player = player_of([0, 0])
     places = place(begin)
-    register(player, registers.X, by)
-    assert not player.shift_by_x(places, 0, False)
+    assert not player.shift(places, 0, register(player, OWN, by), False)
     assert places[0] == begin

@@ -23,7 +23,7 @@ from .. import paths
 from ..chips import Chip, chip
 from ..errors import ToolError
 from ..paths import CACHE, FIRMWARE, ROOT
-from . import declared
+from . import declared, lifetimes
 from .constants import Edits, fold, without_compiler_imports
 from .inlining import inline
 
@@ -283,6 +283,7 @@ def folded(
             for name in names:
                 del texts[name]
     given = {"framestep.protocol.messages": declared.fields(), **given}
+    lifetimes.check(texts, given)
     texts = fold(texts, hide, given)
     for name in _INLINED:
         texts = inline(texts, name)

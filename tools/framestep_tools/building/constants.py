@@ -21,9 +21,10 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from framestep.motion.formula import FormulaError, formula
+from framestep.motion.formula import Formula, FormulaError, formula
 
 _FORMULA = "framestep.motion.formula"
+_COMPUTE = "framestep.motion.compute"
 _NATIVE = "framestep.base.native"
 _CASTS = {"ptr8", "ptr16", "ptr32"}
 _DECORATORS = {"viper", "native"}
@@ -56,6 +57,7 @@ class _Module:
     text: str
     tree: ast.Module
     constants: dict[str, int] = field(default_factory=dict)  # its own
+    formulas: dict[str, Formula] = field(default_factory=dict)  # those that have a name
     given: dict[str, int] = field(default_factory=dict)
     # name here -> module and name there
     imported: dict[str, tuple[str, str]] = field(default_factory=dict)
@@ -81,6 +83,14 @@ def fold(
     {module: {name: number}} of names that count as constants although the module does not define
     them so; "MotorJog.speed" is an attribute of a class.
     """
+    modules = _modules_of(sources, given)
+    return {m.path: _rewritten(m, modules, hide) for m in modules.values()}
+
+
+def _modules_of(
+    sources: Mapping[str, str], given: Mapping[str, Mapping[str, int]]
+) -> dict[str, _Module]:
+    """Read modules and compute their constants."""
     modules = {
         m.name: m
         for m in (
@@ -96,7 +106,18 @@ def fold(
         if len(left) == len(waiting):
             raise FoldError(f"constants that need one another: {', '.join(m.path for m in left)}")
         waiting = left
-    return {m.path: _rewritten(m, modules, hide) for m in modules.values()}
+    return modules
+
+
+def formulas_of(
+    sources: Mapping[str, str], given: Mapping[str, Mapping[str, int]] = MappingProxyType({})
+) -> dict[str, dict[str, Formula]]:
+    """Compile the formulas that have a name: {path: {name: formula}}. Their `space` is the module
+    whose registers they use. sources, given: as for fold()."""
+    modules = _modules_of(sources, given)
+    for module in modules.values():
+        _compile(module, modules)
+    return {module.path: module.formulas for module in modules.values()}
 
 
 def _dotted(path: str) -> str:
@@ -193,6 +214,10 @@ class Edits:
             end = node.end_col_offset if line == last else len(self.lines[line].rstrip(b"\r\n"))
             self.edits.append((line, begin, end, text.encode() if line == first else b""))
 
+    def insert(self, node: Any, text: str) -> None:
+        """Insert `text` in front of a node."""
+        self.edits.append((node.lineno - 1, node.col_offset, node.col_offset, text.encode()))
+
     def text(self) -> str:
         """Return the source with the replacements."""
         for line, begin, end, text in sorted(self.edits, reverse=True):
@@ -215,13 +240,22 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
     hidden = _hidden(module) if hide else {}
     targets = {id(target) for _, _, target in _definitions(module)}
     attributes = set()  # the X of X.name, where name is a constant
-    for call in _calls_of_formula(module):
-        edits.replace(call, repr(_compiled(module, modules, call)))
+    for call, made in _compile(module, modules):
+        edits.replace(call, repr(bytes(made)))
         attributes.update(id(n) for n in ast.walk(call))
+    computes = module.imported.get("compute") == (_COMPUTE, "compute")
     for node in ast.walk(module.tree):
         if id(node) in attributes:
             continue
         match node:
+            case ast.Call(func=ast.Name(id="compute") as name, args=[registers, _]) if computes:
+                edits.replace(name, "execute")
+                edits.insert(registers, "0, 0, ")
+            case ast.alias(name="compute", asname=None) if computes:
+                edits.replace(node, "execute")
+            case ast.Attribute(value=ast.Name(id=name), attr=attr) if name in module.formulas:
+                edits.replace(node, _literal(_place(module, node, module.formulas[name], attr)))
+                attributes.update(map(id, ast.walk(node)))
             case ast.Attribute() if of := _mentioned(module, node):
                 if of[1] in modules[of[0]].public:
                     edits.replace(node, _literal(_value(modules, *of)))
@@ -246,6 +280,22 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
     return _with_hidden_literals(text) if hide else text
 
 
+def _assignments(tree: ast.Module) -> Iterator[tuple[str, ast.expr]]:
+    """Yield name and value of each assignment of a module."""
+    for node in tree.body:
+        match node:
+            case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                yield name, value
+
+
+def _place(module: _Module, node: ast.expr, made: Formula, name: str) -> int:
+    if name not in made.places:
+        raise FoldError(
+            f"{module.path}, line {node.lineno}: {name} is no parameter or result of this formula"
+        )
+    return made.places[name]
+
+
 def _calls_of_formula(module: _Module) -> Iterator[ast.Call]:
     for node in ast.walk(module.tree):
         match node:
@@ -260,32 +310,59 @@ def _imports_formula(module: _Module) -> bool:
     )
 
 
-def _compiled(module: _Module, modules: Mapping[str, _Module], call: ast.Call) -> bytes:
+def _compile(module: _Module, modules: Mapping[str, _Module]) -> list[tuple[ast.Call, Formula]]:
+    """Compile a module's formulas; those with a name are in `formulas` afterwards."""
+    named = {id(value): name for name, value in _assignments(module.tree)}
+    found = []
+    for call in _calls_of_formula(module):
+        made = _compiled(module, modules, call)
+        if id(call) in named:
+            module.formulas[named[id(call)]] = made
+        match call.args[0]:
+            case ast.Name(id=name):
+                made.space = module.modules[name]
+            case _:
+                made.space = module.name
+        found.append((call, made))
+    return found
+
+
+def _compiled(module: _Module, modules: Mapping[str, _Module], call: ast.Call) -> Formula:
     """Compile a call of formula(). Its registers are constants of a module, or, with globals(), all
     constants known in this module."""
     names: dict[str, int]
     match call.args:
-        case [ast.Name(id=name), ast.Constant(value=str(text)) as node] if name in module.modules:
+        case [ast.Name(id=name), *texts] if name in module.modules:
             names = modules[module.modules[name]].public
-        case [
-            ast.Call(func=ast.Name(id="globals"), args=[]),
-            ast.Constant(value=str(text)) as node,
-        ]:
+        case [ast.Call(func=ast.Name(id="globals"), args=[]), *texts]:
             names = module.constants | {
                 name: modules[source].public[original]
                 for name, (source, original) in module.imported.items()
                 if original in modules[source].public
             }
         case _:
-            raise FoldError(
-                f"{module.path}, line {call.lineno}: "
-                "formula() takes a module, or globals(), and a text"
-            )
+            texts = []
+    found = [text.value for text in texts if isinstance(text, ast.Constant)]
+    if not 1 <= len(found) == len(texts) <= 2 or not all(isinstance(t, str) for t in found):
+        raise FoldError(
+            f"{module.path}, line {call.lineno}: formula() takes a module, or globals(), "
+            "the names of parameters and results, and a text"
+        )
+    places = {}
+    for keyword in call.keywords:
+        match keyword.value:
+            case ast.Attribute(value=ast.Name(id=name), attr=attr) if name in module.formulas:
+                places[keyword.arg] = _place(module, keyword.value, module.formulas[name], attr)
+            case _:
+                raise FoldError(
+                    f"{module.path}, line {keyword.value.lineno}: the place of {keyword.arg} has "
+                    "to be that of another formula's parameter or result"
+                )
     try:
-        return formula(names, text)
+        return formula(names, *found, **places)
     except FormulaError as error:
         raise FoldError(
-            f"{module.path}, line {node.lineno + error.line - 1}: {error.reason}"
+            f"{module.path}, line {texts[-1].lineno + error.line - 1}: {error.reason}"
         ) from None
 
 

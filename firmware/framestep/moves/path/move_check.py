@@ -57,7 +57,7 @@ _BENDS_ALLOWED = formula(
 )
 
 # Rates, in thousandths of a frame per second, at which a motor can follow what bends() has found
-_RATE_FOR_VELOCITY = formula(registers, "X = TOP_VELOCITY / STEPS * THOUSAND")
+_RATE_FOR_VELOCITY = formula(registers, "-> rate", "rate = TOP_VELOCITY / STEPS * THOUSAND")
 # acceleration = BENT · rate² + GATHERED · ramp, where ramp is RAMP_RATE or half of rate², whichever
 # is less
 _HALF_FOR_RAMP = formula(
@@ -70,13 +70,14 @@ _HALF_FOR_RAMP = formula(
     """,
 )
 _REST_FOR_BEND = formula(registers, "FPS_SQUARED = max(FPS_SQUARED, TOP_ACCELERATION / BENT)")
-_RATE_FOR_ACCELERATION = formula(registers, "X = sqrt(FPS_SQUARED) * THOUSAND")
-# Negate the size of X, so that floor() rounds it up, but not because of a rounding error.
+_RATE_FOR_ACCELERATION = formula(registers, "-> rate", "rate = sqrt(FPS_SQUARED) * THOUSAND")
+# The size of a number, negated, so that floor() rounds it up, but not because of a rounding error.
 _ROUNDED_UP = formula(
     registers,
+    "number -> below",
     """
-    size = max(X, -X)
-    X = size / 2 ** 20 - size
+    size = max(number, -number)
+    below = size / 2 ** 20 - size
     """,
 )
 
@@ -121,7 +122,7 @@ class MoveCheck:
         """Set SCALE = 1 / (12 · ticks of a frame). fps_milli: thousandths of a frame per second."""
         r = self.numbers
         reals.put(r, registers.SCALE, fps_milli, 0)
-        compute(0, 0, r, _SCALE)
+        compute(r, _SCALE)
 
     def first_direction(self, motor, index, step, count, always=False):
         """Return the direction of the load's first motion in `count` frames from `index` on: 1 up,
@@ -288,7 +289,7 @@ class MoveCheck:
         reals.put(r, registers.TOP_ACCELERATION, axis.acceleration, 0)
         reals.put(r, registers.TOP_CHANGE, HARDEST, 0)
         reals.put(r, registers.TOP_PULSED, pulsed, 0)
-        compute(0, 0, r, _FROM_FRAME_TO_FRAME)
+        compute(r, _FROM_FRAME_TO_FRAME)
         words[path_check.FASTEST] = reals.floor(r, registers.TOP_VELOCITY, HALF) + 1
         words[path_check.HARDEST] = reals.floor(r, registers.TOP_CHANGE, HALF) + 2
         self.hardest = words[path_check.HARDEST]
@@ -364,7 +365,7 @@ class MoveCheck:
         reals.put(r, registers.TOP_VELOCITY, axis.velocity, 0)
         reals.put(r, registers.TOP_ACCELERATION, axis.acceleration, 8 if fine else 0)
         reals.put(r, registers.RAMP_RATE, ramp, 18 if fine else 15)
-        compute(0, 0, r, _BENDS_ALLOWED)
+        compute(r, _BENDS_ALLOWED)
         words[path_check.FASTEST] = reals.floor(r, registers.TOP_VELOCITY, HALF)
         words[path_check.STEEPEST] = reals.floor(r, registers.TOP_ACCELERATION, HALF)
         # the rate changes by no more than itself within a frame
@@ -378,20 +379,20 @@ class MoveCheck:
         if words[path_check.FOUND] > 0:
             reals.put(r, registers.TOP_VELOCITY, axis.velocity, 0)
             reals.put(r, registers.STEPS, words[path_check.FOUND], 0)
-            compute(0, 0, r, _RATE_FOR_VELOCITY)
-            rate = min(rate, reals.floor(r, registers.X, HALF))
+            compute(r, _RATE_FOR_VELOCITY)
+            rate = min(rate, reals.floor(r, _RATE_FOR_VELOCITY.rate, HALF))
         reals.put(r, registers.TOP_ACCELERATION, axis.acceleration, 0)
         reals.put(r, registers.RAMP_RATE, ramp, 0)
         reals.put(r, registers.BENT, words[path_check.BENT], 0)
         reals.put(r, registers.GATHERED, words[path_check.GATHERED], 0)
-        if not compute(0, 0, r, _HALF_FOR_RAMP):
+        if not compute(r, _HALF_FOR_RAMP):
             return rate
         if reals.sign(r, registers.TOP_ACCELERATION) >= 0:
             if not reals.sign(r, registers.BENT):
                 return rate
-            compute(0, 0, r, _REST_FOR_BEND)
-        compute(0, 0, r, _RATE_FOR_ACCELERATION)
-        return min(rate, reals.floor(r, registers.X, HALF))
+            compute(r, _REST_FOR_BEND)
+        compute(r, _RATE_FOR_ACCELERATION)
+        return min(rate, reals.floor(r, _RATE_FOR_ACCELERATION.rate, HALF))
 
     def blame(self, what, motor, index, code):
         """Note in `exceeded` the motor and frame for which something is refused. Return the
@@ -412,10 +413,12 @@ class MoveCheck:
         exceeded[results.ROOM] = FASTEST_FPS
         return results.ERR_RANGE
 
-    def note_excess(self, limit):
-        """BY = the excess of |X|, steps/s or steps/s², over a limit. Destroys X."""
-        compute(0, 0, self.numbers, _ROUNDED_UP)
-        self.exceeded[results.BY] = max(-reals.floor(self.numbers, registers.X, HALF) - limit, 1)
+    def note_excess(self, register, limit):
+        """BY = how far the size of a number, steps/s or steps/s², is above a limit."""
+        r = self.numbers
+        reals.copy(r, _ROUNDED_UP.number, register)
+        compute(r, _ROUNDED_UP)
+        self.exceeded[results.BY] = max(-reals.floor(r, _ROUNDED_UP.below, HALF) - limit, 1)
 
     def _exceeded(self, found, motor, index, amount):
         """Note in `exceeded` what check() has found at a frame. FPS: frames per second, from
@@ -424,11 +427,11 @@ class MoveCheck:
         r = self.numbers
         axis = self.axes[motor]
         steep = found == path_check.FITS or found == path_check.TOO_STEEP
-        reals.put(r, registers.X, amount, 0)
-        reals.multiply(r, registers.X, registers.X, registers.FPS)
+        reals.put(r, registers.STEPS, amount, 0)
+        reals.multiply(r, registers.STEPS, registers.STEPS, registers.FPS)
         if steep:
-            reals.multiply(r, registers.X, registers.X, registers.FPS)
-        amount = reals.floor(r, registers.X, HALF)
+            reals.multiply(r, registers.STEPS, registers.STEPS, registers.FPS)
+        amount = reals.floor(r, registers.STEPS, HALF)
         if (
             found == path_check.FITS
             and exceeded[results.WHAT] == results.EXCEEDED_ACCELERATION

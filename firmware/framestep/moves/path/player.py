@@ -12,22 +12,25 @@ from framestep.motors.backlash import MOTOR
 from framestep.motors.motor import MAX_ACCELERATION
 from framestep.moves.path import path, registers
 from framestep.moves.path.move_check import HALF, MoveCheck
-from framestep.moves.path.registers import SCALE, SPEEDS, TOPS, T, X, Y
+from framestep.moves.path.registers import FRAME_SPEED, SCALE, SPEEDS, TOPS
 from framestep.pulse import stepper
 
-# A ramp between rest and X in Y ticks exceeds the acceleration T, apart from rounding.
+# A ramp between rest and a velocity exceeds the acceleration, apart from rounding.
 _TOO_STEEP = formula(
     registers,
+    "velocity, ticks, acceleration",
     """
-    rate = X / Y
-    assert max(rate, -rate) > T + T / 2 ** 20
+    rate = velocity / ticks
+    assert max(rate, -rate) > acceleration + acceleration / 2 ** 20
     """,
 )
-_RAMP_NEEDS = formula(registers, "X = X / Y * THOUSAND * THOUSAND")  # steps/s²
-_RAMP_LENGTH = formula(registers, "X = X * Y / 2")
+# steps/s²
+_RAMP_NEEDS = formula(
+    registers, "velocity, ticks -> needed", "needed = velocity / ticks * THOUSAND * THOUSAND"
+)
+_RAMP_LENGTH = formula(registers, "velocity, ticks -> steps", "steps = velocity * ticks / 2")
 # Half a step is added so that floor() rounds.
-_FORWARD = formula(registers, "X = X + 0.5")
-_BACKWARD = formula(registers, "X = 0.5 - X")
+_ROUNDED = formula(registers, "steps -> rounded", "rounded = steps + 0.5")
 
 
 @micropython.viper
@@ -73,14 +76,14 @@ def _append_frame(
             ptr32(position)[0] = ptr32(window)[beside]
             if step < 0:
                 path.reverse(window, beside)
-            velocity(r, X, window, axis.bounds, before, after, scale, own + TOPS - SPEEDS)
+            velocity(r, FRAME_SPEED, window, axis.bounds, before, after, scale, own + TOPS - SPEEDS)
             if beside > 2:
                 part = ptr32(window)[path.PART]
             backlash = axis.backlash
             backlash.turn_to(position, 0, 0)
-            put_aim(axis.phases.words, r, duration, own, X, backlash, MOTOR, part)
-            ptr32(r)[own] = ptr32(r)[X]
-            ptr32(r)[own + 1] = ptr32(r)[X + 1]
+            put_aim(axis.phases.words, r, duration, own, FRAME_SPEED, backlash, MOTOR, part)
+            ptr32(r)[own] = ptr32(r)[FRAME_SPEED]
+            ptr32(r)[own + 1] = ptr32(r)[FRAME_SPEED + 1]
         bits >>= 1
         motor += 1
         own += 2
@@ -144,10 +147,11 @@ class UploadPlayer(MoveCheck):
             return axis.beyond(positions, motor) == 0
         if self.too_steep(motor, velocity, ticks):
             return False
-        reals.copy(r, X, velocity)
-        reals.copy(r, Y, ticks)
-        compute(0, 0, r, _RAMP_LENGTH)
-        return self.shift_by_x(positions, motor, backward) and axis.beyond(positions, motor) == 0
+        reals.copy(r, _RAMP_LENGTH.velocity, velocity)
+        reals.copy(r, _RAMP_LENGTH.ticks, ticks)
+        compute(r, _RAMP_LENGTH)
+        shifted = self.shift(positions, motor, _RAMP_LENGTH.steps, backward)
+        return shifted and axis.beyond(positions, motor) == 0
 
     def too_steep(self, motor, velocity, ticks):
         """Return whether a ramp from rest to a velocity, both registers, exceeds the motor's
@@ -155,27 +159,33 @@ class UploadPlayer(MoveCheck):
         r = self.numbers
         if not reals.sign(r, velocity):
             return False
-        reals.copy(r, X, velocity)
-        reals.copy(r, Y, ticks)
-        reals.fetch(r, T, self.axes[motor].numbers, MAX_ACCELERATION)
-        return compute(0, 0, r, _TOO_STEEP)
+        reals.copy(r, _TOO_STEEP.velocity, velocity)
+        reals.copy(r, _TOO_STEEP.ticks, ticks)
+        reals.fetch(r, _TOO_STEEP.acceleration, self.axes[motor].numbers, MAX_ACCELERATION)
+        return compute(r, _TOO_STEEP)
 
     def blame_roll(self, what, motor, index, code, velocity, ticks):
         """Note a refused ramp, like blame(). BY: excess acceleration, 0 if a limit is passed."""
         self.blame(what, motor, index, code)
         if self.too_steep(motor, velocity, ticks):
-            compute(0, 0, self.numbers, _RAMP_NEEDS)
-            self.note_excess(self.axes[motor].acceleration)
+            r = self.numbers
+            reals.copy(r, _RAMP_NEEDS.velocity, velocity)
+            reals.copy(r, _RAMP_NEEDS.ticks, ticks)
+            compute(r, _RAMP_NEEDS)
+            self.note_excess(_RAMP_NEEDS.needed, self.axes[motor].acceleration)
         return code
 
-    def shift_by_x(self, positions, motor, backward):
-        """Add the number in X, rounded to a step, to positions[motor]; subtract it if `backward`.
+    def shift(self, positions, motor, register, backward):
+        """Add a number, rounded to a step, to positions[motor]; subtract it if `backward`.
 
-        Return False, without a change, if that leaves the range of positions. Destroys X.
+        Return False, without a change, if that leaves the range of positions.
         """
         r = self.numbers
-        compute(0, 0, r, _BACKWARD if backward else _FORWARD)
-        steps = reals.floor(r, X, HALF)
+        reals.copy(r, _ROUNDED.steps, register)
+        if backward:
+            reals.negate(r, _ROUNDED.steps, _ROUNDED.steps)
+        compute(r, _ROUNDED)
+        steps = reals.floor(r, _ROUNDED.rounded, HALF)
         return (
             -HALF < steps < HALF
             and reals.add_within(positions, motor, positions, motor, steps) != 0

@@ -28,4 +28,4 @@ def direction(r):
     The pan is on the turn nearest to NEAR_PAN. Return 0, or ERR_AIM_COD if the point is nearer than
     the safe distance, or straight above or below.
     """
-    return 0 if compute(0, 0, r, _DIRECTION) else ERR_AIM_COD
+    return 0 if compute(r, _DIRECTION) else ERR_AIM_COD

@@ -55,7 +55,7 @@ class Arm(Kinematics):
     def _choose_side(self):
         r = self.r
         reals.put(r, NARROW, 1, -5)
-        compute(0, 0, r, _HALF_TURNS)
+        compute(r, _HALF_TURNS)
         half_turns = reals.floor(r, X, 0x7FFFFF)
         reals.put(r, SIDE, -1 if half_turns & 1 else 1, 0)
         reals.put(r, X, 180, 0)

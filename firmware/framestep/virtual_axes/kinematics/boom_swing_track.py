@@ -131,7 +131,7 @@ class Geometry(Arm):
         if not self._has_table:
             return 0
         r = self.r
-        compute(0, 0, r, _ENTRY)
+        compute(r, _ENTRY)
         k = reals.floor(r, Y, _ENTRIES)
         if k < 0 or k >= _LAST:
             reals.put(r, Y, 0 if k < 0 else _LAST, 0)
@@ -141,7 +141,7 @@ class Geometry(Arm):
             k = 0 if k < 0 else _LAST - 1
             reals.put(r, Y, k, 0)
         reals.put_difference(r, STEPS, self.table, k + 1, self.table, k)
-        compute(0, 0, r, _PAST_ENTRY)
+        compute(r, _PAST_ENTRY)
         return 0 if to_steps(r, STEPS, self.table, k, out, j, 1) else ERR_RANGE
 
     def joint(self, i, steps, j):
@@ -168,5 +168,5 @@ class Geometry(Arm):
         reals.put_difference(r, X, steps, j, table, k)
         reals.put_difference(r, Y, table, k + 1, table, k)
         reals.put(r, BOOM, k - _LOWEST, 0)
-        compute(0, 0, r, _BOOM_OF_TABLE)
+        compute(r, _BOOM_OF_TABLE)
         return code

@@ -211,7 +211,7 @@ def camera_axis(r, axis, to):
     for i in range(0, 6, 2):
         reals.put(r, registers.OFFSET + i, 0, 0)
     reals.put(r, registers.OFFSET + 2 * axis, -1 if axis == 2 else 1, 0)
-    compute(0, 0, r, _TURN)
+    compute(r, _TURN)
     reals.copy(r, to, registers.OFFSET + 4)
     reals.copy(r, to + 2, registers.OFFSET)
     reals.copy(r, to + 4, registers.OFFSET + 2)
@@ -330,7 +330,7 @@ class Kinematics:
             if not (self.straight >> i) & 1:
                 self.joint(i, present, motor - 1)  # counted from step 0
                 reals.copy(r, registers.X, registers.JOINT + 2 * i)
-                compute(0, 0, r, _WITHOUT_TURNS)
+                compute(r, _WITHOUT_TURNS)
                 reals.copy(r, home, registers.X)
             reals.copy_word(self.start, i, present, motor - 1)
         self.locate(present)
@@ -344,7 +344,7 @@ class Kinematics:
         r = self.r
         reals.copy(r, registers.X, registers.POSE + 2 * i)
         reals.copy(r, registers.Y, registers.FIRST_POSE + 2 * i)
-        compute(0, 0, r, _TO_HOST)
+        compute(r, _TO_HOST)
         _sum_to_word(out, j, r, registers.X, self.host_pose, i)
 
     def from_host(self, to, i, source, j):
@@ -352,7 +352,7 @@ class Kinematics:
         r = self.r
         reals.put_difference(r, registers.X, source, j, self.host_pose, i)
         reals.copy(r, registers.Y, registers.FIRST_POSE + 2 * i)
-        compute(0, 0, r, _FROM_HOST)
+        compute(r, _FROM_HOST)
         reals.copy(r, to, registers.X)
 
     def host_offset(self, to, i):
@@ -360,7 +360,7 @@ class Kinematics:
         r = self.r
         reals.put_difference(r, registers.X, self.host_pose, i, _word, 1)
         reals.copy(r, registers.Y, registers.FIRST_POSE + 2 * i)
-        compute(0, 0, r, _HOST_OFFSET)
+        compute(r, _HOST_OFFSET)
         reals.copy(r, to, registers.X)
 
     # ---------------------------------------------------------------- steps
@@ -370,7 +370,7 @@ class Kinematics:
         (array('i'), 12 words); 0 for an axis without a motor. Return a code.
         """
         r = self.r
-        compute(0, 0, r, _STEPS)
+        compute(r, _STEPS)
         if not to_steps(r, registers.STEPS, self.start, 0, out, j, registers.AXES):
             return ERR_RANGE
         return self._correct(out, j)
@@ -410,8 +410,8 @@ class Kinematics:
         """Set JOINT for the POSE. Return a code; with ERR_RANGE JOINT is useless."""
         r = self.r
         if self._offset:
-            compute(0, 0, r, _NODAL_OFFSET)
-        if not compute(0, 0, r, self._inverse):
+            compute(r, _NODAL_OFFSET)
+        if not compute(r, self._inverse):
             return ERR_RANGE
         if self._absent:
             for i in range(registers.AXES):
@@ -426,8 +426,8 @@ class Kinematics:
         """Set POSE for the JOINTs. Return a code; with ERR_RANGE inverse() does not lead back from
         it."""
         r = self.r
-        code = 0 if compute(0, 0, r, self._forward) else ERR_RANGE
+        code = 0 if compute(r, self._forward) else ERR_RANGE
         if self._offset:
-            compute(0, 0, r, _NODAL_OFFSET)
-        compute(0, 0, r, _TO_POSE)
+            compute(r, _NODAL_OFFSET)
+        compute(r, _TO_POSE)
         return code
