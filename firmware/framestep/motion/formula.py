@@ -98,8 +98,8 @@ def formula(names, *texts, **places):
     results (see above), which may be left out, and the lines. places: registers of parameters.
     Raises FormulaError."""
     names = names if isinstance(names, dict) else vars(names)
-    *signature, text = texts
-    return _Formula(names).compile(text, *signature, places=places)
+    signature = texts[0] if len(texts) > 1 else ""
+    return _Formula(names).compile(texts[-1], signature, places)
 
 
 def _literal(node):

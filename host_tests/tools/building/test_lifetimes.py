@@ -164,6 +164,18 @@ def f(r, n):
             16,
             "_HALF.half is read",
         ),
+        (
+            """
+def f(r, n):
+    reals.put(r, _HALF.whole, 4, 0)
+    for k in range(n):
+        compute(r, _HALF)
+        reals.put(r, _TWICE.whole, k, 0)
+        compute(r, _TWICE)
+""",
+            14,
+            "_HALF is computed, but nothing has set whole",
+        ),
     ],
 )
 def test_what_is_wrong_is_refused_with_its_place(body, line, what):

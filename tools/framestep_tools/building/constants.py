@@ -348,11 +348,13 @@ def _compiled(module: _Module, modules: Mapping[str, _Module], call: ast.Call) -
             f"{module.path}, line {call.lineno}: formula() takes a module, or globals(), "
             "the names of parameters and results, and a text"
         )
-    places = {}
+    places: dict[str, int] = {}
     for keyword in call.keywords:
         match keyword.value:
             case ast.Attribute(value=ast.Name(id=name), attr=attr) if name in module.formulas:
-                places[keyword.arg] = _place(module, keyword.value, module.formulas[name], attr)
+                places[str(keyword.arg)] = _place(
+                    module, keyword.value, module.formulas[name], attr
+                )
             case _:
                 raise FoldError(
                     f"{module.path}, line {keyword.value.lineno}: the place of {keyword.arg} has "

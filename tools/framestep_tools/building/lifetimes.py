@@ -112,19 +112,19 @@ class _Walk:
                 ways = [
                     self._block(part, dict(state)) for part in (statement.body, statement.orelse)
                 ]
-                state = _common(ways)
+                going = _common(ways)
             elif isinstance(statement, (ast.For, ast.While)):
                 self._expression(
                     statement.iter if isinstance(statement, ast.For) else statement.test, state
                 )
                 self.breaks.append([])
-                turn = self._block(statement.body, dict(state))
-                # not once, or as often as it takes: what the last turn has left is used, too
-                ended = state if turn is None else turn | (_common([state, turn]) or {})
+                ended: State = state
+                for _ in range(2):  # the second turn begins with what the first has left
+                    ended = self._block(statement.body, dict(ended)) or ended
                 ways = [self._block(statement.orelse, dict(ended)), *self.breaks.pop()]
                 if isinstance(statement, ast.While) and isinstance(statement.test, ast.Constant):
                     ways = ways[1:]  # while True
-                state = _common(ways)
+                going = _common(ways)
             elif isinstance(statement, ast.Break):
                 self.breaks[-1].append(dict(state))
                 return None
@@ -133,8 +133,10 @@ class _Walk:
                 return None
             else:
                 self._expression(statement, state)
-            if state is None:
+                continue
+            if going is None:
                 return None
+            state = going
         return state
 
     def _expression(self, node: ast.AST, state: State) -> None:
