@@ -13,7 +13,7 @@ from framestep.motion import reals
 from framestep.virtual_axes.kinematics.kinematics import CAMERA_AXES, camera_axis
 from framestep.virtual_axes.line import ROW, SURVEY
 from framestep.virtual_axes.lookahead import LookAhead
-from framestep.virtual_axes.registers import BASE, CAMERA_AXIS, DIRECTION, SAMPLE, V_PAN, X
+from framestep.virtual_axes.registers import BASE, CAMERA_AXIS, DIRECTION, SAMPLE, SPARE, V_PAN
 
 # Kinds
 NONE = const(0)
@@ -219,8 +219,8 @@ class Jogs:
         if axis < CAMERA_AXES:  # otherwise pan or tilt
             # the angles as the host counts them
             for k in range(0, 6, 2):
-                line.rig.host_offset(X, (V_PAN + k) >> 1)
-                reals.add(r, V_PAN + k, BASE + V_PAN + k, X)
+                line.rig.host_offset(SPARE, (V_PAN + k) >> 1)
+                reals.add(r, V_PAN + k, BASE + V_PAN + k, SPARE)
             camera_axis(r, axis, CAMERA_AXIS)
             for k in range(0, 6, 2):
                 if direction < 0:

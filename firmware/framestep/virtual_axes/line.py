@@ -244,7 +244,7 @@ class Line:
             registers.BASE,
             registers.DIRECTION,
             registers.S,
-            registers.X,
+            registers.SPARE,
         )
         for i in range(registers.AXES):
             if self.motor[i]:
@@ -319,10 +319,10 @@ class Line:
         rig = self.rig
         r = self.r
         if self.by_joint:
-            along(r, registers.JOINT, registers.BASE, registers.DIRECTION, s, registers.X)
+            along(r, registers.JOINT, registers.BASE, registers.DIRECTION, s, registers.SPARE)
             code = self._aim_joints()
         else:
-            along(r, registers.POSE, registers.BASE, registers.DIRECTION, s, registers.X)
+            along(r, registers.POSE, registers.BASE, registers.DIRECTION, s, registers.SPARE)
             code = self._aim_pose() if self.aiming else 0
             if not code:
                 code = rig.inverse()

@@ -310,7 +310,7 @@ class LinearMove:
                     c,
                     registers.BEFORE_RATE,
                     registers.AFTER_RATE,
-                    registers.X,
+                    registers.SPARE,
                 )
                 part = next_step(word, rows, a, b, c, self.advances, i, self.line.bounds)
                 reals.fetch(r, registers.FROM_V, speeds, a)

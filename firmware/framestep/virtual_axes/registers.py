@@ -49,8 +49,8 @@ OFFSET_TRACK = const(88)
 STEPS = const(90)  # six: steps of each motor since VIRT_CONFIG
 
 ZERO = const(102)
-X = const(104)  # scratch of any function
-Y = const(106)
+ARGUMENTS = const(104)  # parameters and results of formulas
+ARGUMENTS_END = const(108)
 
 BOOM = const(12)  # axes of arms (arm.py)
 SWING = const(14)
@@ -68,6 +68,8 @@ NEAR_PAN = const(122)  # the pan that selects the turn of that direction
 
 SCRATCH = const(124)  # scratch of formulas
 SCRATCH_END = const(144)
+SPARE = const(124)  # for a number that is used at once, between two formulas
+
 # ---------------------------------------------------------------- a line (line.py)
 
 BASE = const(144)  # six: the pose, or the axes, at s = 0

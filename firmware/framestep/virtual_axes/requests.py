@@ -10,7 +10,7 @@ from framestep.base.native import const
 from framestep.motion import reals
 from framestep.protocol import messages as m
 from framestep.virtual_axes.kinematics.kinematics import Configuration
-from framestep.virtual_axes.registers import AIM_X, AXES, GOAL, X
+from framestep.virtual_axes.registers import AIM_X, AXES, GOAL
 from framestep.virtual_axes.virtual_axes import VirtualAxes
 
 _TYPES = const(5)  # including 0 for none
@@ -213,8 +213,7 @@ class Virtuals(VirtualAxes):
         if code:
             return code
         self.reader.copy_i32_to(m.VirtMove.position, self.word, 0)
-        line.rig.from_host(X, number - 1, self.word, 0)
-        reals.copy(self.r, GOAL, X)
+        line.rig.from_host(GOAL, number - 1, self.word, 0)
         if not self.head_for(GOAL, number - 1):
             return m.OK
         return self.set_out_to_end(number)

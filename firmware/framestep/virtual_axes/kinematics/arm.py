@@ -17,7 +17,7 @@ from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.virtual_axes import registers
 from framestep.virtual_axes.kinematics.kinematics import Kinematics
-from framestep.virtual_axes.registers import NARROW, SIDE, TURNS, X
+from framestep.virtual_axes.registers import NARROW, SIDE, SPARE, TURNS
 
 TRACK_AXIS = const(2)
 
@@ -46,7 +46,7 @@ SWING_OUT = formula(
 )
 
 # The half turns nearest to the swing.
-_HALF_TURNS = formula(registers, "X = floor((SWING + 90) / 180)")
+_HALF_TURNS = formula(registers, "-> turns", "turns = floor((SWING + 90) / 180)")
 
 
 class Arm(Kinematics):
@@ -56,8 +56,8 @@ class Arm(Kinematics):
         r = self.r
         reals.put(r, NARROW, 1, -5)
         compute(r, _HALF_TURNS)
-        half_turns = reals.floor(r, X, 0x7FFFFF)
+        half_turns = reals.floor(r, _HALF_TURNS.turns, 0x7FFFFF)
         reals.put(r, SIDE, -1 if half_turns & 1 else 1, 0)
-        reals.put(r, X, 180, 0)
+        reals.put(r, SPARE, 180, 0)
         reals.put(r, TURNS, half_turns, 0)
-        reals.multiply(r, TURNS, TURNS, X)
+        reals.multiply(r, TURNS, TURNS, SPARE)

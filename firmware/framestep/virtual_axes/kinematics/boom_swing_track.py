@@ -19,7 +19,7 @@ from framestep.motion.formula import formula
 from framestep.virtual_axes import registers
 from framestep.virtual_axes.kinematics.arm import SWING_IN, SWING_OUT, TRACK_AXIS, Arm
 from framestep.virtual_axes.kinematics.kinematics import ANGLES, FROM_POSE, to_steps
-from framestep.virtual_axes.registers import BOOM, PER_UNIT, STEPS, X, Y
+from framestep.virtual_axes.registers import BOOM, PER_UNIT, SPARE, STEPS
 
 _ENTRIES = const(121)
 _LAST = const(120)
@@ -29,15 +29,21 @@ _ROUNDING = const(-17)  # tolerance at the ends of the table, 2^-17 degrees: rou
 # Degrees from the first entry to the boom, and the entry there or below.
 _ENTRY = formula(
     registers,
+    "-> degrees, entry",
     """
-    X = BOOM + 60
-    Y = floor(X)
+    degrees = BOOM + 60
+    entry = floor(degrees)
     """,
 )
-# How many of the steps (in STEPS) from entry Y to the next one the boom is past Y.
-_PAST_ENTRY = formula(registers, "STEPS[0] = (X - Y) * STEPS[0]")
-# From the motor's steps X past an entry, and Y from it to the next entry, to the boom's angle.
-_BOOM_OF_TABLE = formula(registers, "BOOM = X / Y + BOOM")
+# How many of the steps (in STEPS) from an entry to the next one the boom is past it.
+_PAST_ENTRY = formula(
+    registers,
+    "degrees, entry",
+    "STEPS[0] = (degrees - entry) * STEPS[0]",
+    degrees=_ENTRY.degrees,
+)
+# From the motor's steps past an entry, and those from it to the next one, to the boom's angle.
+_BOOM_OF_TABLE = formula(registers, "past, each", "BOOM = past / each + BOOM")
 
 
 @micropython.viper
@@ -113,8 +119,8 @@ class Geometry(Arm):
         self._has_table = False
 
     def _possible(self, configuration):
-        self.load(Y, configuration.lengths, 0)
-        if reals.sign(self.r, Y) <= 0:
+        self.load(SPARE, configuration.lengths, 0)
+        if reals.sign(self.r, SPARE) <= 0:
             return False
         at = configuration.table_at
         return at < 0 or _entries(configuration.table, at, self.table, 0)
@@ -132,14 +138,14 @@ class Geometry(Arm):
             return 0
         r = self.r
         compute(r, _ENTRY)
-        k = reals.floor(r, Y, _ENTRIES)
+        k = reals.floor(r, _ENTRY.entry, _ENTRIES)
         if k < 0 or k >= _LAST:
-            reals.put(r, Y, 0 if k < 0 else _LAST, 0)
-            reals.subtract(r, Y, X, Y)
-            if reals.sign(r, Y) and r[Y + 1] + 30 > _ROUNDING:
+            reals.put(r, SPARE, 0 if k < 0 else _LAST, 0)
+            reals.subtract(r, SPARE, _ENTRY.degrees, SPARE)
+            if reals.sign(r, SPARE) and r[SPARE + 1] + 30 > _ROUNDING:
                 return ERR_RANGE
             k = 0 if k < 0 else _LAST - 1
-            reals.put(r, Y, k, 0)
+        reals.put(r, _PAST_ENTRY.entry, k, 0)
         reals.put_difference(r, STEPS, self.table, k + 1, self.table, k)
         compute(r, _PAST_ENTRY)
         return 0 if to_steps(r, STEPS, self.table, k, out, j, 1) else ERR_RANGE
@@ -150,23 +156,23 @@ class Geometry(Arm):
         r = self.r
         table = self.table
         code = 0
-        reals.put_difference(r, Y, table, _LAST, table, 0)
-        rising = reals.sign(r, Y)
+        reals.put_difference(r, SPARE, table, _LAST, table, 0)
+        rising = reals.sign(r, SPARE)
         for k in range(0, _ENTRIES, _LAST):
-            reals.put_difference(r, X, steps, j, table, k)
-            if reals.sign(r, X) * rising == (-1 if k == 0 else 1):
+            reals.put_difference(r, SPARE, steps, j, table, k)
+            if reals.sign(r, SPARE) * rising == (-1 if k == 0 else 1):
                 code = ERR_RANGE
         # find the greatest k, except the last, whose entry is not beyond
         k = 0
         step = 64
         while step:
             if k + step < _LAST:
-                reals.put_difference(r, X, steps, j, table, k + step)
-                if reals.sign(r, X) * rising >= 0:
+                reals.put_difference(r, SPARE, steps, j, table, k + step)
+                if reals.sign(r, SPARE) * rising >= 0:
                     k += step
             step >>= 1
-        reals.put_difference(r, X, steps, j, table, k)
-        reals.put_difference(r, Y, table, k + 1, table, k)
+        reals.put_difference(r, _BOOM_OF_TABLE.past, steps, j, table, k)
+        reals.put_difference(r, _BOOM_OF_TABLE.each, table, k + 1, table, k)
         reals.put(r, BOOM, k - _LOWEST, 0)
         compute(r, _BOOM_OF_TABLE)
         return code

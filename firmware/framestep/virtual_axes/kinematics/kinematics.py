@@ -106,15 +106,19 @@ _STEPS = formula(
     """,
 )
 
-# HOME of an axis that turns (in X): its angle without whole turns, so that a motor that has made
-# many turns does not lose accuracy.
-_WITHOUT_TURNS = formula(registers, "X = X - floor(X / 360 + 0.5) * 360")
+_THOUSANDTHS = formula(registers, "number -> number", "number = number / 1000")
 
-# From a number of POSE to the host's, in hundred-thousandths, and back, with its FIRST_POSE in Y;
-# and the difference of the two counts.
-_TO_HOST = formula(registers, "X = (X - Y) * 100000")
-_FROM_HOST = formula(registers, "X = Y + X / 100000")
-_HOST_OFFSET = formula(registers, "X = X / 100000 - Y")
+# HOME of an axis that turns: its angle without whole turns, so that a motor that has made many
+# turns does not lose accuracy.
+_WITHOUT_TURNS = formula(
+    registers, "angle -> angle", "angle = angle - floor(angle / 360 + 0.5) * 360"
+)
+
+# From a number of POSE to the host's, in hundred-thousandths, and back, with its FIRST_POSE; and
+# the difference of the two counts.
+_TO_HOST = formula(registers, "own, first -> own", "own = (own - first) * 100000")
+_FROM_HOST = formula(registers, "host, first -> host", "host = first + host / 100000")
+_HOST_OFFSET = formula(registers, "host, first -> host", "host = host / 100000 - first")
 
 
 @micropython.viper
@@ -311,9 +315,9 @@ class Kinematics:
     def load(self, to, words, i):
         """r[to] = words[i] / 1000"""
         r = self.r
-        reals.put_difference(r, to, words, i, _word, 1)
-        reals.put(r, registers.X, 1000, 0)
-        reals.divide(r, to, to, registers.X)
+        reals.put_difference(r, _THOUSANDTHS.number, words, i, _word, 1)
+        compute(r, _THOUSANDTHS)
+        reals.copy(r, to, _THOUSANDTHS.number)
 
     def _begin(self, present):
         """Set HOME and `start` of all axes, and FIRST_POSE."""
@@ -329,9 +333,9 @@ class Kinematics:
                 continue
             if not (self.straight >> i) & 1:
                 self.joint(i, present, motor - 1)  # counted from step 0
-                reals.copy(r, registers.X, registers.JOINT + 2 * i)
+                reals.copy(r, _WITHOUT_TURNS.angle, registers.JOINT + 2 * i)
                 compute(r, _WITHOUT_TURNS)
-                reals.copy(r, home, registers.X)
+                reals.copy(r, home, _WITHOUT_TURNS.angle)
             reals.copy_word(self.start, i, present, motor - 1)
         self.locate(present)
         for k in range(0, 2 * registers.AXES, 2):
@@ -342,26 +346,26 @@ class Kinematics:
     def to_host(self, out, j, i):
         """out[j] = number i of POSE as the host counts it, times 100000, limited to 32 bits."""
         r = self.r
-        reals.copy(r, registers.X, registers.POSE + 2 * i)
-        reals.copy(r, registers.Y, registers.FIRST_POSE + 2 * i)
+        reals.copy(r, _TO_HOST.own, registers.POSE + 2 * i)
+        reals.copy(r, _TO_HOST.first, registers.FIRST_POSE + 2 * i)
         compute(r, _TO_HOST)
-        _sum_to_word(out, j, r, registers.X, self.host_pose, i)
+        _sum_to_word(out, j, r, _TO_HOST.own, self.host_pose, i)
 
     def from_host(self, to, i, source, j):
         """r[to] = number i of POSE that corresponds to the host's source[j] / 100000."""
         r = self.r
-        reals.put_difference(r, registers.X, source, j, self.host_pose, i)
-        reals.copy(r, registers.Y, registers.FIRST_POSE + 2 * i)
+        reals.put_difference(r, _FROM_HOST.host, source, j, self.host_pose, i)
+        reals.copy(r, _FROM_HOST.first, registers.FIRST_POSE + 2 * i)
         compute(r, _FROM_HOST)
-        reals.copy(r, to, registers.X)
+        reals.copy(r, to, _FROM_HOST.host)
 
     def host_offset(self, to, i):
         """r[to] = the host's number i minus POSE's."""
         r = self.r
-        reals.put_difference(r, registers.X, self.host_pose, i, _word, 1)
-        reals.copy(r, registers.Y, registers.FIRST_POSE + 2 * i)
+        reals.put_difference(r, _HOST_OFFSET.host, self.host_pose, i, _word, 1)
+        reals.copy(r, _HOST_OFFSET.first, registers.FIRST_POSE + 2 * i)
         compute(r, _HOST_OFFSET)
-        reals.copy(r, to, registers.X)
+        reals.copy(r, to, _HOST_OFFSET.host)
 
     # ---------------------------------------------------------------- steps
 
@@ -382,9 +386,9 @@ class Kinematics:
     def joint(self, i, steps, j):
         """Set JOINT of axis i for the step steps[j]. Return a code."""
         r = self.r
-        reals.put_difference(r, registers.X, steps, j, self.start, i)
-        reals.divide(r, registers.X, registers.X, registers.PER_UNIT + 2 * i)
-        reals.add(r, registers.JOINT + 2 * i, registers.HOME + 2 * i, registers.X)
+        reals.put_difference(r, registers.SPARE, steps, j, self.start, i)
+        reals.divide(r, registers.SPARE, registers.SPARE, registers.PER_UNIT + 2 * i)
+        reals.add(r, registers.JOINT + 2 * i, registers.HOME + 2 * i, registers.SPARE)
         return 0
 
     def locate(self, present):
@@ -416,8 +420,10 @@ class Kinematics:
         if self._absent:
             for i in range(registers.AXES):
                 if self.motor[i] == 0:
-                    reals.subtract(r, registers.X, registers.JOINT + 2 * i, registers.HOME + 2 * i)
-                    if reals.sign(r, registers.X) and r[registers.X + 1] + 30 > _SLACK:
+                    reals.subtract(
+                        r, registers.SPARE, registers.JOINT + 2 * i, registers.HOME + 2 * i
+                    )
+                    if reals.sign(r, registers.SPARE) and r[registers.SPARE + 1] + 30 > _SLACK:
                         return ERR_RANGE
                     reals.copy(r, registers.JOINT + 2 * i, registers.HOME + 2 * i)
         return 0

@@ -10,7 +10,7 @@ from framestep.motion.formula import formula
 from framestep.virtual_axes import registers
 from framestep.virtual_axes.kinematics.arm import SWING_IN, SWING_OUT, TRACK_AXIS, Arm
 from framestep.virtual_axes.kinematics.kinematics import ANGLES, FROM_POSE
-from framestep.virtual_axes.registers import REACH, X, Y
+from framestep.virtual_axes.registers import REACH, SPARE
 
 
 class Geometry(Arm):
@@ -43,6 +43,6 @@ class Geometry(Arm):
     def _possible(self, configuration):
         r = self.r
         self.load(REACH, configuration.lengths, 0)
-        self.load(Y, configuration.lengths, 1)
-        reals.add(r, X, REACH, Y)
-        return reals.sign(r, X) > 0
+        self.load(SPARE, configuration.lengths, 1)
+        reals.add(r, REACH, REACH, SPARE)
+        return reals.sign(r, REACH) > 0
