@@ -206,6 +206,19 @@ def test_the_build_puts_the_bytes_there():
     assert names["SUM"] == formula({"A": 0, "B": 2}, "A = A + B")
 
 
+def test_a_name_of_the_module_s_own_takes_no_memory():
+    text = folded(USER.replace("SUM", "_SUM"))
+    assert "_SUM" not in text
+    assert text.count("\n") == USER.count("\n")
+    names: dict[str, object] = {}
+    exec(text, names)
+    r = array("i", [0] * 4)
+    reals.put(r, 0, 5, 0)
+    reals.put(r, 2, 6, 0)
+    assert names["run"](r)[0] == 1  # type: ignore[operator]
+    assert reals.value(r, 0) == 11
+
+
 def test_registers_of_the_same_module():
     text = (
         "from framestep.motion.formula import formula\n"

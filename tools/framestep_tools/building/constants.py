@@ -8,7 +8,7 @@ name. Line numbers stay the same, so tracebacks are right.
 
 Bytes made of constants, `bytes((A, 1) + (B, 2))`, become a literal too, because the board would
 also keep the tuples. So do formulas, `formula(registers, "...")`, which framestep.motion.formula
-compiles.
+compiles, wherever their name is mentioned.
 
 A constant is a name that a module assigns once, at its top level, as `NAME = const(...)`.
 """
@@ -240,9 +240,21 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
     hidden = _hidden(module) if hide else {}
     targets = {id(target) for _, _, target in _definitions(module)}
     attributes = set()  # the X of X.name, where name is a constant
+    # A name of a module takes memory on a board, and looking it up takes time. So each mention of a
+    # formula's own name becomes its bytes, which are in flash.
+    owners = {id(node.value): node for node in module.tree.body if isinstance(node, ast.Assign)}
+    literals = {}
     for call, made in _compile(module, modules):
-        edits.replace(call, repr(bytes(made)))
-        attributes.update(id(n) for n in ast.walk(call))
+        owner = owners.get(id(call))
+        match owner:
+            case ast.Assign(targets=[ast.Name(id=name) as target]) if name.startswith("_"):
+                literals[name] = repr(bytes(made))
+                targets.add(id(target))
+                edits.replace(owner, "pass")
+                attributes.update(id(n) for n in ast.walk(owner))
+            case _:
+                edits.replace(call, repr(bytes(made)))
+                attributes.update(id(n) for n in ast.walk(call))
     computes = module.imported.get("compute") == (_COMPUTE, "compute")
     for node in ast.walk(module.tree):
         if id(node) in attributes:
@@ -260,6 +272,8 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
                 if of[1] in modules[of[0]].public:
                     edits.replace(node, _literal(_value(modules, *of)))
                     attributes.update(map(id, ast.walk(node)))
+            case ast.Name(id=name, ctx=ast.Load()) if name in literals:
+                edits.replace(node, literals[name])
             case ast.Name(id=name, ctx=ast.Load()) if name in foreign:
                 edits.replace(node, _literal(foreign[name]))
             case ast.Name(id=name) if name in hidden and (
@@ -269,7 +283,7 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
     needed = {
         n.id for n in ast.walk(module.tree) if isinstance(n, ast.Name) and id(n) not in attributes
     }
-    _refuse_other_meanings(module, {*foreign, *hidden, *folded}, targets)
+    _refuse_other_meanings(module, {*foreign, *hidden, *folded, *literals}, targets)
     for node in ast.walk(module.tree):
         if isinstance(node, ast.ImportFrom):
             gone = {"formula"} if node.module == _FORMULA else set()
