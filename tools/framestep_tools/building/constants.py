@@ -260,8 +260,8 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
         if id(node) in attributes:
             continue
         match node:
-            case ast.Call(func=ast.Name(id="compute") as name, args=[registers, _]) if computes:
-                edits.replace(name, "execute")
+            case ast.Call(func=ast.Name(id="compute") as called, args=[registers, _]) if computes:
+                edits.replace(called, "execute")
                 edits.insert(registers, "0, 0, ")
             case ast.alias(name="compute", asname=None) if computes:
                 edits.replace(node, "execute")
