@@ -12,15 +12,14 @@
 #define MICROPY_PY_MACHINE_I2C_TARGET (0)
 #undef MICROPY_PY_MACHINE_I2S
 #define MICROPY_PY_MACHINE_I2S (0) // sound
-#undef MICROPY_PY_RE
-#define MICROPY_PY_RE (0) // regular expressions
 #undef MICROPY_PY_HEAPQ
 #define MICROPY_PY_HEAPQ (0)
 #define MICROPY_PY_FRAMEBUF (0) // displays
 #define MICROPY_PY_MATH_SPECIAL_FUNCTIONS (0) // math.erf, gamma, sinh and so on
 #undef MICROPY_EMIT_INLINE_THUMB
 #define MICROPY_EMIT_INLINE_THUMB (0) // @micropython.asm_thumb
-#define MICROPY_PY_CMATH (0) // complex functions
+#define MICROPY_PY_BUILTINS_COMPLEX (0) // complex numbers and cmath
+#define MICROPY_PY_CMATH (0)
 #undef MICROPY_PY_BUILTINS_HELP_TEXT
 #define MICROPY_PY_BUILTINS_HELP_TEXT mp_help_default_text // the port's own is 1 kB longer
 // The REPL's buffers are half as large as the port's, for more uploaded frames; USB holds back what does not fit

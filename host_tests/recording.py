@@ -40,7 +40,8 @@ from framestep.base.clock import WIDE_WRAP, WRAP
 from framestep.hal import CHANGED
 from framestep.hal.host import HostFlash
 from framestep.hal.host_board import HostBoard
-from framestep.pulse import stepper
+from framestep.pulse import engine, stepper
+from framestep.pulse.kernel import wider
 
 
 @dataclass
@@ -356,9 +357,17 @@ class Recorder:
 
 
 def _shape(block):
-    width = (block[stepper.FIXED] - 8) // 32 - 1
-    setup = max(block[stepper.SETUP] - block[stepper.FIXED] + 7, 0)
-    return [width, setup, bool(block[stepper.INVERT])]
+    longer = block[stepper.FIXED] - engine.PERIOD_CYCLES
+    rounds = 0
+    while wider(rounds * engine.WIDTHS + engine.WIDTHS - 1) < longer:
+        rounds += 1
+    width = (longer - wider(rounds * engine.WIDTHS)) // engine.WIDTH_CYCLES
+    high = engine.HIGH_CYCLES + longer
+    setup = max(block[stepper.SETUP] - high - engine.TURN_CYCLES, 0)
+    hold = block[stepper.HOLD]
+    level = block[stepper.WORD] & engine.DIRECTION
+    invert = bool(level) == bool(block[stepper.DOWN])
+    return [rounds * engine.WIDTHS + width, setup, invert, hold]
 
 
 def write(recording: Recording, path) -> None:

@@ -13,7 +13,7 @@ from framestep.pulse.kernel import StepKernel
 
 N = 8
 pins = range(2, 2 + 2 * N, 2)
-engine = PulseEngine(list(pins), [pin + 1 for pin in pins], 125_000_000)
+engine = PulseEngine(list(pins), [pin + 1 for pin in pins], 125_000_000, [0] * N)
 kernel = StepKernel(N, 125_000, 0x40054028)
 
 

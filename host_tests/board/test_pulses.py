@@ -141,7 +141,7 @@ def test_pulses_and_turns(pulses, width, setup_us, invert):
     profile = Profile([(60, Fraction(1, 10)), (120, Fraction(-1, 10)), (60, Fraction(1, 10))])
     board = pulses.play(profile, 260, 1)
     rises, falls, turns = board.rises(), board.falls(), board.turns()
-    assert set((falls - rises).tolist()) == {(34 + 32 * width) * NS}
+    assert set((falls - rises).tolist()) == {(50 + 25 * width) * NS}
     for turn in turns:
         assert not ((rises <= turn) & (falls > turn)).any()
         later = rises[rises > turn]

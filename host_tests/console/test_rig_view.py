@@ -27,7 +27,7 @@ MISTAKES = [
     ({"name": None}, "name: found null"),
     ({"motors": [{}] * 13}, "motors: found 13, allowed is a list of at most 12"),
     ({"motors": [{}, {"jerk": -1}]}, "motors[2].jerk: found -1"),
-    ({"motors": [{"pulse_us": 4.5}]}, "motors[1].pulse_us: found 4.5, allowed is 0.25 to 4"),
+    ({"motors": [{"pulse_us": 50.5}]}, "motors[1].pulse_us: found 50.5, allowed is 0.25 to 50"),
     ({"motors": [{"home": {"limit": 1}}]}, "motors[1].home.travel: is missing"),
     ({"motors": [3]}, "motors[1]: found 3, allowed is an object"),
     ({"limits": {}}, "limits: found {}, allowed is a list"),

@@ -23,9 +23,11 @@ def draw_rig(dice: Random, board: str) -> dict:
         if some() < 0.3:
             motor["invert"] = True
         if some() < 0.2:
-            motor["pulse_us"] = dice.choice((0.25, 2.0, 4.0))
+            motor["pulse_us"] = dice.choice((0.25, 2.0, 4.0, 30.0, 50.0))
         if some() < 0.2:
             motor["setup_us"] = dice.choice((0, 1, 50, 200))
+        if some() < 0.1:
+            motor["hold_us"] = dice.choice((1, 50))
         if some() < 0.2:
             motor["backlash"] = dice.choice((1, 2, 24, 200, 1000, dice.randint(1, 10000)))
         if some() < 0.3:

@@ -20,7 +20,8 @@ TXF0, FDEBUG_WORD = 0x10, 2
 class Machine:
     made: ClassVar[list] = []
 
-    def __init__(self, number, program, freq, set_base, out_base):
+    def __init__(self, number, program, freq, pull_thresh, set_base, out_base):
+        assert pull_thresh == 18  # no rounds
         Machine.made.append((number, set_base.number, out_base.number))
 
     def active(self, on):
@@ -54,7 +55,7 @@ def pulses(monkeypatch):
 
 def test_every_motor_has_its_own(pulses):
     board = board_data("pico2")
-    engine = pulses.PulseEngine(board["step"], board["dir"], 75_000_000)
+    engine = pulses.PulseEngine(board["step"], board["dir"], 75_000_000, [0] * len(board["step"]))
     assert Machine.made == list(zip(range(12), board["step"], board["dir"], strict=True))
     assert [engine.fifo(i) for i in range(12)] == [
         block + TXF0 + 4 * i for block in BLOCKS for i in range(4)

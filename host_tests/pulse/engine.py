@@ -12,8 +12,8 @@ import numpy as np
 from framestep.base.native_cpython import map_device
 from framestep.hal.host import PulseModel
 from framestep.pulse import stepper
-from framestep.pulse.engine import HIGH_CYCLES, WIDTH, WIDTH_CYCLES
-from framestep.pulse.kernel import StepKernel
+from framestep.pulse.engine import HIGH_CYCLES, WIDTH, WIDTHS
+from framestep.pulse.kernel import StepKernel, wider
 
 PER_US = 125
 PER_TICK = 1000 * PER_US
@@ -51,7 +51,9 @@ class Engine(PulseModel):
         assert -0x8000_0000 <= command <= 0x7FFF_FFFF, (
             f"a command of more than 32 bits: {command:#x}"
         )
-        assert word >> WIDTH == self.width, f"gap or pulses overflow in command {word:#010x}"
+        assert word >> WIDTH == self.width % WIDTHS, (
+            f"gap or pulses overflow in command {word:#010x}"
+        )
         now = self.bench.now
         if now > self.free_at:
             self.dry.append((self.free_at, now))
@@ -67,7 +69,7 @@ class Engine(PulseModel):
 
     @property
     def high_cycles(self):
-        return HIGH_CYCLES + WIDTH_CYCLES * self.width
+        return HIGH_CYCLES + wider(self.width)
 
 
 class Clock:
@@ -90,7 +92,7 @@ class Bench:
     """
 
     def __init__(
-        self, motors=1, width=0, setup=625, invert=False, offset_us=0, jitter_us=3.0, seed=1
+        self, motors=1, width=0, setup=625, invert=False, offset_us=0, jitter_us=3.0, seed=1, hold=0
     ):
         self.now = 0
         self.offset_us = offset_us
@@ -101,7 +103,7 @@ class Bench:
         self.engines = [Engine(self, width) for _ in range(motors)]
         self.setup = setup
         for i, engine in enumerate(self.engines):
-            self.kernel.configure(i, map_device(engine), width, setup, invert)
+            self.kernel.configure(i, map_device(engine), width, setup, invert, hold)
             engine.up = 0 if invert else 1
         self.due = PER_TICK  # the timer's next interrupt
         self.free = 0  # when the last interrupt ended

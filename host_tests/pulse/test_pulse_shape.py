@@ -4,24 +4,44 @@ longer than the engine's grid."""
 import numpy as np
 import pytest
 
-from framestep.pulse import engine, shape, stream_engine
+from framestep.pulse import engine, kernel, shape, stream_engine
 
 PIO_MHZ = (125, 100, 75)  # at 125, 200 and 150 MHz
 ENGINES = [*((engine, mhz) for mhz in PIO_MHZ), (stream_engine, stream_engine.CYCLES // 1000)]
+MOST_ROUNDS = 14  # bits that an OSR has left behind the gap
 ROUNDING = 0.002  # cycles, of a float
 
 
 @pytest.mark.parametrize("number", [float, np.float32], ids=["double", "single"])
 @pytest.mark.parametrize(("module", "mhz"), ENGINES)
 def test_never_shorter_than_asked(monkeypatch, module, mhz, number):
-    for name in ("HIGH_CYCLES", "WIDTH_CYCLES", "WIDTHS"):
+    for name in ("HIGH_CYCLES", "WIDTH_CYCLES", "ROUND_CYCLES", "WIDTHS"):
         monkeypatch.setattr(shape, name, getattr(module, name))
-    for us in np.arange(0.25, 4.0005, 0.001):
-        width, _ = shape.pulse_shape({"pulse_us": number(us), "setup_us": 0.0}, mhz)
-        high = module.HIGH_CYCLES + width * module.WIDTH_CYCLES
+    for name in ("WIDTH_CYCLES", "ROUND_CYCLES", "WIDTHS"):
+        monkeypatch.setattr(kernel.engine, name, getattr(module, name))
+    rounds = MOST_ROUNDS if module is engine else 0
+    lengths = [module.HIGH_CYCLES + kernel.wider(k) for k in range((rounds + 1) * module.WIDTHS)]
+    lengths.sort()
+    for us in np.arange(0.25, 50.0005, 0.01):
+        width, _, _ = shape.pulse_shape(asked(number, pulse_us=us), mhz)
+        high = module.HIGH_CYCLES + kernel.wider(width)
         assert high >= us * mhz - ROUNDING, us
-        assert width == 0 or high - module.WIDTH_CYCLES < us * mhz + ROUNDING, us
-        assert 0 <= width < module.WIDTHS
+        shorter = [length for length in lengths if length < high]
+        assert not shorter or shorter[-1] < us * mhz + ROUNDING, us
+        assert high in lengths
     for us in np.arange(0.0, 200.05, 0.05):
-        _, setup = shape.pulse_shape({"pulse_us": 1.0, "setup_us": number(us)}, mhz)
+        _, setup, hold = shape.pulse_shape(asked(number, setup_us=us, hold_us=us), mhz)
         assert us * mhz - ROUNDING <= setup < us * mhz + 1 + ROUNDING, us
+        assert hold == setup
+
+
+def asked(number, **settings):
+    settings = {"pulse_us": 1.0, "setup_us": 5.0, "hold_us": 0.0, **settings}
+    return {key: number(value) for key, value in settings.items()}
+
+
+@pytest.mark.parametrize("mhz", PIO_MHZ)
+def test_the_default_pulse_is_exact(mhz):
+    """So a motor with default settings reaches 500 000 steps/s at each clock."""
+    width, _, _ = shape.pulse_shape(asked(float), mhz)
+    assert engine.HIGH_CYCLES + kernel.wider(width) == mhz

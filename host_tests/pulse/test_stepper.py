@@ -101,12 +101,16 @@ def test_jerk_limited_ramp():
     at_rest(bench)
 
 
+@pytest.mark.parametrize("hold_us", [0, 7, 50])
 @pytest.mark.parametrize("setup_us", [0, 5, 20, 200])
-@pytest.mark.parametrize("width", [0, 3, 15])
+@pytest.mark.parametrize("width", [0, 3, 15, 224 + 12])
 @pytest.mark.parametrize("invert", [False, True])
-def test_reversals(setup_us, width, invert):
-    """Back and forth: each change of direction is between two pulses, `setup` before the second."""
-    bench = Bench(width=width, setup=setup_us * PER_US, invert=invert).settle()
+def test_reversals(setup_us, width, invert, hold_us):
+    """Back and forth: each change of direction is between two pulses, `hold` after the first and
+    `setup` before the second."""
+    bench = Bench(
+        width=width, setup=setup_us * PER_US, invert=invert, hold=hold_us * PER_US
+    ).settle()
     a = Fraction(1, 20)
     profile = Profile([(100, a), (200, -a), (173, a), (96, -a), (23, a)], p=0)
     assert profile.final == 0
@@ -114,7 +118,8 @@ def test_reversals(setup_us, width, invert):
     error = errors_us(bench, start, profile)
     engine = bench.engines[0]
     # A step directly after a turn waits for the set-up time; here only a long one matters.
-    assert np.abs(error).max() < max(3, setup_us)
+    high_us = bench.engines[0].high_cycles / PER_US
+    assert np.abs(error).max() < max(3, setup_us + hold_us + 2 * high_us)
     assert len(engine.turns) == np.count_nonzero(np.diff(engine.ways)) + (
         1 if invert == 0 else 0
     ) or len(engine.turns)
@@ -123,7 +128,7 @@ def test_reversals(setup_us, width, invert):
         later = rises[rises > at]
         earlier = rises[rises <= at]
         assert not len(later) or later[0] - at >= setup_us * PER_US
-        assert not len(earlier) or at - earlier[-1] > engine.high_cycles
+        assert not len(earlier) or at - earlier[-1] > engine.high_cycles + hold_us * PER_US
     assert np.diff(rises).min() >= 2 * engine.high_cycles
     at_rest(bench)
 

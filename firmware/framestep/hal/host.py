@@ -13,7 +13,7 @@ from framestep.hal import CHANGED
 from framestep.hal.absent import NoDmx, NoWatchdog
 from framestep.hal.servos import make_servos
 from framestep.pulse import engine
-from framestep.pulse.kernel import StepKernel
+from framestep.pulse.kernel import StepKernel, wider
 from framestep.pulse.shape import pulse_shape
 
 CLOCK_HZ = 125_000_000
@@ -64,7 +64,7 @@ class PulseModel:
         self.clock = clock  # returns the present cycle
         self.on_step = on_step  # f(cycle, direction level) at each rising edge
         self.on_direction = on_direction  # f(cycle, level) at each change
-        self.period = engine.PERIOD_CYCLES + engine.WIDTH_CYCLES * width  # beyond the gap
+        self.period = engine.PERIOD_CYCLES + wider(width)  # beyond the gap
         self.free_at = 0  # cycle at which the last command is done
         self.waiting = []  # cycles at which the commands in the FIFO will be fetched
         self.level = 0
@@ -253,10 +253,10 @@ class HostHal:
         self._lost = [0] * motors  # commands, until the last call of take_lost_commands()
         for i in range(motors):
             settings = rig.motor(i)
-            width, setup = pulse_shape(settings, CLOCK_HZ // 1000000)
+            width, setup, hold = pulse_shape(settings, CLOCK_HZ // 1000000)
             up = 0 if settings["invert"] else 1
             model = PulseModel(self.cycle, width, self._step(i, up), self._direction(i, rig.servos))
-            self.kernel.configure(i, map_device(model), width, setup, settings["invert"])
+            self.kernel.configure(i, map_device(model), width, setup, settings["invert"], hold)
             self.engines.append(model)
         self._servos = None
         if rig.servos:

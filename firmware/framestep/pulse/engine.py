@@ -9,11 +9,12 @@ A command is a 32-bit word with the fields below: direction, number of pulses, t
 and their width. The engine executes commands one after the other on its own clock. With n pulses,
 the last rising edge comes
 
-    COMMAND_CYCLES + n·(gap + PERIOD_CYCLES + width·WIDTH_CYCLES)
+    COMMAND_CYCLES + n·(gap + PERIOD_CYCLES + width·WIDTH_CYCLES + rounds·ROUND_CYCLES)
 
-after the rising edge before the command. Each pulse is HIGH_CYCLES + width·WIDTH_CYCLES high. A
-command without pulses is a wait of gap + WAIT_CYCLES. The tick leaves at least SPARE_CYCLES from
-the end of a wait to the next edge.
+after the rising edge before the command. Each pulse is
+HIGH_CYCLES + width·WIDTH_CYCLES + rounds·ROUND_CYCLES high; a motor's rounds are none of a
+command's fields, but set up at the start. A command without pulses is a wait of gap + WAIT_CYCLES.
+The tick leaves at least SPARE_CYCLES from the end of a wait to the next edge.
 """
 
 from framestep.base.native import const
@@ -30,9 +31,10 @@ FASTEST_HZ = const(131000000)  # fastest engine clock: a gap has to hold two tic
 COMMAND_CYCLES = const(4)
 WAIT_CYCLES = const(9)
 LONGEST_WAIT = const(200000)  # of one command
-PERIOD_CYCLES = const(40)
-HIGH_CYCLES = const(34)
-WIDTH_CYCLES = const(32)
+PERIOD_CYCLES = const(56)
+HIGH_CYCLES = const(50)
+WIDTH_CYCLES = const(25)
+ROUND_CYCLES = const(425)
 TURN_CYCLES = const(-1)  # from the end of a pulse to the next command's change of direction
 SPARE_CYCLES = const(16)
 

@@ -9,6 +9,14 @@ from framestep.pulse import stepper as sw
 from framestep.pulse.tick import Header
 
 
+def wider(width):
+    """Return the cycles by which a pulse of this width is longer than the shortest. See
+    StepKernel.configure()."""
+    return (
+        width % engine.WIDTHS * engine.WIDTH_CYCLES + width // engine.WIDTHS * engine.ROUND_CYCLES
+    )
+
+
 class StepKernel:
     """State blocks for `motors` motors and the tick function over them.
 
@@ -74,26 +82,28 @@ class StepKernel:
         """Drop the cues that have not been given. To be called with interrupts off."""
         self.state[sw.CUE_WRITE_INDEX] = self.state[sw.CUE_READ_INDEX]
 
-    def configure(self, motor, fifo, width, setup, invert):
+    def configure(self, motor, fifo, width, setup, invert, hold=0):
         """Set a motor's pulse shape.
 
-        fifo: where its commands go, see engine.RING. width: 0 … engine.WIDTHS - 1.
-        setup: cycles from a change of direction to the next rising edge, up to a quarter of a tick.
-        invert: swap direction.
+        fifo: where its commands go, see engine.RING. width: that of a command, plus engine.WIDTHS
+        for each of the engine's rounds. setup: cycles from a change of direction to the next rising
+        edge. hold: cycles from the end of a pulse to a change of direction. A pulse, setup and hold
+        may take a third of a tick together. invert: swap direction.
         """
         state = self.state
         block = self.blocks[motor]
-        wider = engine.WIDTH_CYCLES * width
-        high = engine.HIGH_CYCLES + wider
+        longer = wider(width)
+        high = engine.HIGH_CYCLES + longer
+        width %= engine.WIDTHS
         block[sw.FIFO] = as_word(fifo)
         signed = width - engine.WIDTHS if width >= engine.WIDTHS // 2 else width
         block[sw.WORD] = (signed << engine.WIDTH) + (0 if invert else engine.DIRECTION)
         block[sw.DOWN] = 0
-        block[sw.FIXED] = engine.PERIOD_CYCLES + wider
+        block[sw.FIXED] = engine.PERIOD_CYCLES + longer
         block[sw.SHORTEST] = 2 * high
         block[sw.SETUP] = max(setup + high + engine.TURN_CYCLES, 2 * high)
-        block[sw.RESERVE] = block[sw.SETUP] + engine.SPARE_CYCLES
-        block[sw.INVERT] = engine.DIRECTION if invert else 0
+        block[sw.HOLD] = max(hold, engine.WAIT_CYCLES) if hold else 0
+        block[sw.RESERVE] = block[sw.SETUP] + block[sw.HOLD] + engine.SPARE_CYCLES
         reserve = max(b[sw.RESERVE] for b in self.blocks)
         state[sw.LATEST] = (state[sw.AHEAD] - reserve) // state[
             sw.CYCLES_PER_US

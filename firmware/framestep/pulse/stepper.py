@@ -92,7 +92,7 @@ BRAKE = const(20)  # Q22: deceleration if the queue runs dry in motion
 WAIT = const(21)  # ticks until the last pulse is out
 IDLE_AT = const(22)  # tick in which a motor not in RUN got its last command
 FAULT = const(23)  # FAULT_ bits of this motor
-INVERT = const(24)  # engine.DIRECTION, if the direction pin is inverted, else 0
+HOLD = const(24)  # cycles of a wait between the last pulse and a change of direction; 0: none
 # cycles of this tick in which the motor moves: fewer if it comes to rest within it
 SPAN = const(25)
 WHOLE_SPAN = const(26)  # cycles per tick

@@ -22,6 +22,7 @@ LONGEST_WAIT = const(200000)
 PERIOD_CYCLES = const(0)
 HIGH_CYCLES = const(512)
 WIDTH_CYCLES = const(512)
+ROUND_CYCLES = const(1)  # its widths are enough
 # The direction changes at a word, so the time to the next edge is rounded up to words.
 TURN_CYCLES = const(511)
 SPARE_CYCLES = const(16)

@@ -265,14 +265,40 @@ class Header(array):
                             pass
                         else:
                             m[sw.DOWN] = s
-                            m[sw.WORD] = (m[sw.WORD] & ~engine.DIRECTION) + m[sw.INVERT]
+                            if m[sw.HOLD]:
+                                fifo = ptr32(m[sw.FIFO])
+                                if engine.RING:
+                                    k = fifo[engine.COMMANDS]
+                                    fifo[engine.COMMANDS] = (k + 1) & WIDE_WRAP
+                                    fifo[k & (engine.COMMANDS - 1)] = m[sw.WORD] + (
+                                        (m[sw.HOLD] - engine.WAIT_CYCLES) << engine.GAP
+                                    )
+                                else:
+                                    fifo[0] = m[sw.WORD] + (
+                                        (m[sw.HOLD] - engine.WAIT_CYCLES) << engine.GAP
+                                    )
+                                m[sw.CARRY] = m[sw.CARRY] - m[sw.HOLD]
+                            m[sw.WORD] = m[sw.WORD] ^ engine.DIRECTION
                             least = m[sw.SETUP]
                     else:
                         m[sw.FRACTION] = rem
                         m[sw.POSITION] = m[sw.POSITION] + n
                         if m[sw.DOWN]:
                             m[sw.DOWN] = 0
-                            m[sw.WORD] = (m[sw.WORD] | engine.DIRECTION) - m[sw.INVERT]
+                            if m[sw.HOLD]:
+                                fifo = ptr32(m[sw.FIFO])
+                                if engine.RING:
+                                    k = fifo[engine.COMMANDS]
+                                    fifo[engine.COMMANDS] = (k + 1) & WIDE_WRAP
+                                    fifo[k & (engine.COMMANDS - 1)] = m[sw.WORD] + (
+                                        (m[sw.HOLD] - engine.WAIT_CYCLES) << engine.GAP
+                                    )
+                                else:
+                                    fifo[0] = m[sw.WORD] + (
+                                        (m[sw.HOLD] - engine.WAIT_CYCLES) << engine.GAP
+                                    )
+                                m[sw.CARRY] = m[sw.CARRY] - m[sw.HOLD]
+                            m[sw.WORD] = m[sw.WORD] ^ engine.DIRECTION
                             least = m[sw.SETUP]
                     fifo = ptr32(m[sw.FIFO])
                     carry = m[sw.CARRY] - engine.COMMAND_CYCLES

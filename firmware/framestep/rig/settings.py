@@ -68,9 +68,11 @@ SETTINGS = {
 
 MOTOR_SETTINGS = {
     "invert": (bool, None, None, False, "", "swaps the direction"),
-    "pulse_us": (float, 0.25, 4.0, 1.0, "µs", "how long a step pulse is high, at least"),
+    "pulse_us": (float, 0.25, 50.0, 1.0, "µs", "how long a step pulse is high, at least"),
     "setup_us": (float, 0.0, 200.0, 5.0, "µs",
         "from a change of direction to the next step, at least"),
+    "hold_us": (float, 0.0, 50.0, 0.0, "µs",
+        "from the end of a step pulse to a change of direction, at least"),
     "enable_high": (bool, None, None, False, "",
         "the driver is on while its enable pin is high, not low"),
     "backlash": (int, 0, 10000, 0, "steps",

@@ -20,7 +20,7 @@ WRONG = {
     ),
     '{"nane": "x"}': "nane: no such setting; there are clock_mhz, dialect,",
     '{"motors": [{}, {"pulse_us": "1"}]}': (
-        "motors[2].pulse_us: found '1', allowed is a number from 0.25 to 4.0 µs"
+        "motors[2].pulse_us: found '1', allowed is a number from 0.25 to 50.0 µs"
     ),
     '{"outputs": [{"pin": 2}]}': "outputs[1].pin: found 2, which is the board's step 1 already",
 }

@@ -46,7 +46,7 @@ _CHANNELS = 512
 LEVELS_AT_ONCE = 1000
 PLAYS = 4  # of the mixed move, because one has too few replies for a median
 TRIGGERS_AT_ONCE = 100
-PULSE_US = 0.5  # a pulse of the default 1 µs ends at 480 000 steps/s
+PULSE_US = 0.5
 TOP_RATES = (
     500_000,
     475_000,

@@ -21,8 +21,8 @@ TASKS = {
     ),
     "Motors": (
         "motor_count", "motors", "motors[].invert", "motors[].pulse_us", "motors[].setup_us",
-        "motors[].enable_high", "motors[].backlash", "motors[].jerk", "hard_stop_factor",
-        "remember_positions",
+        "motors[].hold_us", "motors[].enable_high", "motors[].backlash", "motors[].jerk",
+        "hard_stop_factor", "remember_positions",
     ),
     "E-stop and limit switches": ("estop", "estop_cuts_power", "limits", "limits[]."),
     "Drivers": ("motors[].driver", "motors[].driver."),

@@ -81,8 +81,8 @@ class Esp32Hal:
         self.kernel = StepKernel(self.motors, CYCLES, stream.clock)
         for i in range(self.motors):
             settings = rig.motor(i)
-            width, setup = pulse_shape(settings, CYCLES // 1000)
-            self.kernel.configure(i, stream.fifo(i), width, setup, settings["invert"])
+            width, setup, hold = pulse_shape(settings, CYCLES // 1000)
+            self.kernel.configure(i, stream.fifo(i), width, setup, settings["invert"], hold)
         self.drive = stream.drive
         self._make_drivers(board, rig)
         self.inside = array("i", [0] * (PASS + 1))

@@ -63,17 +63,20 @@ class Rp2Hal:
         while hz > FASTEST_HZ:
             hz //= 2
         cycles_per_us = hz // 1000000
-        self.engine = PulseEngine(board["step"], board["dir"], hz)
+        motors = range(self.motors)
+        shapes = [pulse_shape(rig.motor(i), cycles_per_us) for i in motors]
+        self.engine = PulseEngine(board["step"], board["dir"], hz, [shape[0] for shape in shapes])
         timer = _TIMER_RP2350 if "RP2350" in sys.implementation._machine else _TIMER_RP2040
         self.kernel = StepKernel(self.motors, cycles_per_us * 1000, timer)
         self.kernel.outputs(SET_REGISTER, CLEAR_REGISTER)
-        for i in range(self.motors):
-            settings = rig.motor(i)
-            width, setup = pulse_shape(settings, cycles_per_us)
-            self.kernel.configure(i, self.engine.fifo(i), width, setup, settings["invert"])
+        for i in motors:
+            width, setup, hold = shapes[i]
+            self.kernel.configure(
+                i, self.engine.fifo(i), width, setup, rig.motor(i)["invert"], hold
+            )
         self._servos = parts.servos(self, rig, cycles_per_us) if rig.servos else None
         # Drivers stay off until a motor has to move.
-        self._on_level = [1 if rig.motor(i)["enable_high"] else 0 for i in range(self.motors)]
+        self._on_level = [1 if rig.motor(i)["enable_high"] else 0 for i in motors]
         self._enabled = 0
         self._shared = not isinstance(board["enable"], list)
         with Claim(*enable_pins(board)):

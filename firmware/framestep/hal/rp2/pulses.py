@@ -4,9 +4,13 @@ The program executes the commands of engine.py at the full system clock. The con
 come from its cycle counts:
 
     command to first rising edge   gap + 8
-    rising edge to rising edge     gap + 4 + H,  H = 4 + 32·(width + 1)
-    pulse high                     34 + 32·width
+    pulse high                     H = 50 + 25·width + 425·rounds
+    rising edge to rising edge     gap + 6 + H
     wait only                      gap + 9
+
+The rounds make pulses up to 50 µs long. A state machine has no register left to count them. So the
+program shifts a bit out of its OSR in each round, until the OSR counts as empty, which is after as
+many bits as the machine's threshold for pulls says. The gap has taken 18 of these bits.
 """
 
 import rp2
@@ -14,11 +18,13 @@ from machine import Pin
 
 from framestep.base.native import const, micropython, ptr32
 from framestep.hal.rp2.pin_guard import Claim
+from framestep.pulse.engine import WIDTHS
 
 # Start of the transmit FIFOs of a PIO block, four bytes per state machine (RP2040 datasheet 3.7)
 _PIO_BASE = (0x50200000, 0x50300000, 0x50400000)
 _TXF = 0x10
 _FDEBUG = const(2)  # word of a PIO block
+_GAP_BITS = const(18)
 _TX_OVER = const(0x000F0000)  # a command was written to a full FIFO, one bit per state machine
 
 
@@ -43,19 +49,25 @@ def step_pulses():
     jmp("command")  # no pulses: the command was a wait
     label("pulse")
     set(pins, 1)
-    out(y, 4)
+    mov(y, osr)[22]  # the width; no bits are left beyond it
     label("high")
-    jmp(y_dec, "high")[31]
+    jmp(y_dec, "high")[24]
+    jmp(not_osre, "round")
     set(pins, 0)
     jmp(not_x, "command")
     wrap()
+    label("round")
+    out(null, 1)
+    set(y, 15)[21]
+    jmp("high")
 
 
 class PulseEngine:
     """State machines from 0 on for the motors in order; four motors per PIO block."""
 
-    def __init__(self, step_pins, direction_pins, hz):
-        """hz: clock of the programs, cycles per second."""
+    def __init__(self, step_pins, direction_pins, hz, widths):
+        """hz: clock of the programs, cycles per second. widths: of each motor, as for
+        StepKernel.configure()."""
         self.machines = []
         for i, step in enumerate(step_pins):
             with Claim(step, direction_pins[i]):
@@ -63,6 +75,7 @@ class PulseEngine:
                     i,
                     step_pulses,
                     freq=hz,
+                    pull_thresh=_GAP_BITS + widths[i] // WIDTHS,
                     set_base=Pin(step, Pin.OUT, value=0),
                     out_base=Pin(direction_pins[i], Pin.OUT, value=0),
                 )
