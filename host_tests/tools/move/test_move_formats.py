@@ -1,5 +1,6 @@
 """Moves into the formats of other programs and back, and what their files mean in steps."""
 
+import time
 from dataclasses import replace
 
 import pytest
@@ -115,6 +116,22 @@ def test_seconds_give_the_same_steps(case, fps):
     found, _ = to_move(
         FORMATS["csv"].read(text, "f"), axes, "f", fps, move.start_frame, unwrap=False
     )
+    assert found.positions == move.positions
+
+
+@pytest.mark.parametrize("name", sorted(FORMATS))
+def test_ten_thousand_frames_take_no_time(name):
+    """A second of the processor is asked for; work that grows with the square takes seven."""
+    axes = [
+        Axis("a", 1, 100.0, "mm", "a", file_unit="mm"),
+        Axis("b", 2, 100.0, "deg", "b", file_unit="deg"),
+    ]
+    steps = {1: [i * i % 977 for i in range(10_000)], 2: [i % 50 for i in range(10_000)]}
+    axes, move = named(name, axes, Move(1, {1: "a", 2: "b"}, steps))
+    text = FORMATS[name].write(to_table(move, axes), None)
+    begin = time.process_time()
+    found, _ = to_move(FORMATS[name].read(text, "f"), axes, "f", start=1)
+    assert time.process_time() - begin < 3
     assert found.positions == move.positions
 
 

@@ -29,6 +29,20 @@ def _decimal(word: str | None) -> str | None:
     return WORDS[word]
 
 
+def _speed(text: str) -> float:
+    """Return a share such as 50%. Raises BadParameter."""
+    number, sign, rest = text.strip().partition("%")
+    try:
+        share = float(number) / 100 if sign and not rest else 0.0
+    except ValueError:
+        share = 0.0
+    if not 0.001 <= share <= 10:
+        raise typer.BadParameter(
+            f"expected a share from 0.1% to 1000%, such as 50%, found {text[:40]!r}"
+        )
+    return share
+
+
 def _columns(given: list[str] | None) -> dict[str, str]:
     """Return column by axis."""
     found = {}
@@ -80,6 +94,22 @@ def import_move(
             callback=_decimal,
         ),
     ] = None,
+    to_fps: Annotated[
+        float | None,
+        typer.Option(
+            help="other frames per second for the move, which takes as long as before",
+            parser=fps_of,
+            metavar="N",
+        ),
+    ] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            help="another speed of the move, such as 50%: twice as many frames",
+            parser=_speed,
+            metavar="PERCENT",
+        ),
+    ] = None,
     unwrap: Annotated[
         bool,
         typer.Option(
@@ -121,6 +151,13 @@ def import_move(
         )
     known = read_axes(found, every_motor=True)
     move, left = to_move(recording, known, str(source), fps, start, _columns(column), unwrap)
+    if to_fps or speed:
+        from ..move.resample import resampled
+
+        if to_fps and not move.fps:
+            raise ToolError(f"{source} does not name its frames per second: name them by --fps")
+        ratio = (move.fps or 1.0) / to_fps if to_fps else 1.0
+        move = resampled(move, known, ratio * (speed or 1.0), to_fps or move.fps)
     write_move(output, move)
     note(*said, *move.said)
     if left:

@@ -44,11 +44,10 @@ def unwrapped(curve: Curve, unit: str, nearest: float) -> tuple[Curve, list[floa
         return curve, []
     places, by, off = [], [0.0], 0.0
     jumps = {turn.at: turn.turns for turn in turns_in([y * scale for y in curve.points])}
-    for i in range(len(curve.points) - 1):
-        near = curve.known[i + 1] - curve.known[i] <= nearest
-        if i in jumps and near:
+    for i, (place, following) in enumerate(pairwise(curve.known)):
+        if i in jumps and following - place <= nearest:
             off -= jumps[i] * _TURN / scale
-            places.append(curve.known[i + 1])
+            places.append(following)
         by.append(off)
     return (curve.raised(by), places) if places else (curve, [])
 
