@@ -22,6 +22,7 @@ from .commands import (
     prove,
     rig,
     sim,
+    stream,
     traces,
     traffic,
     virtual,
@@ -31,7 +32,7 @@ from .errors import STATUSES, Command
 _EPILOG = "Exit status: " + "; ".join(f"{number} {text}" for number, text in STATUSES.items()) + "."
 
 _SUBJECTS = {
-    "Motors": (motors, virtual),
+    "Motors": (motors, virtual, stream),
     "Moves": (moves, check, move_files),
     "Board": (rig, board),
     "In the browser, and without a board": (console, sim, demo),
