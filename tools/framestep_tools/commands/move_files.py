@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from .common import AxesFile, SpokenCommand, fps_of, note
+from .common import AxesFile, SpokenCommand, extra, fps_of, note
 
 # spelled out, so that --help loads none of them
 _FORMATS = "arc, anim, ae, bvh, flair, kuper, csv, raw, chan"
@@ -41,6 +41,18 @@ def _speed(text: str) -> float:
             f"expected a share from 0.1% to 1000%, such as 50%, found {text[:40]!r}"
         )
     return share
+
+
+def _smooth(text: str) -> int:
+    """Return an odd number of frames. Raises BadParameter."""
+    from ..move.smoothing import FEWEST, MOST
+
+    frames = int(text) if text.isascii() and text.isdecimal() and len(text) < 9 else 0
+    if not FEWEST <= frames <= MOST or frames % 2 == 0:
+        raise typer.BadParameter(
+            f"expected an odd number of frames from {FEWEST} to {MOST}, found {text[:40]!r}"
+        )
+    return frames
 
 
 def _columns(given: list[str] | None) -> dict[str, str]:
@@ -110,6 +122,14 @@ def import_move(
             metavar="PERCENT",
         ),
     ] = None,
+    smooth: Annotated[
+        int | None,
+        typer.Option(
+            help="smooth noisy positions over this odd number of frames, such as 5",
+            parser=_smooth,
+            metavar="FRAMES",
+        ),
+    ] = None,
     unwrap: Annotated[
         bool,
         typer.Option(
@@ -133,6 +153,9 @@ def import_move(
     from ..move.move_formats import FORMATS, of_content
     from ..move.text_file import read_text
 
+    if smooth:
+        with extra("--smooth"):
+            import scipy  # noqa: F401
     _not_itself(file, output)
     source = or_example(file)
     text, said = read_text(source)
@@ -150,7 +173,9 @@ def import_move(
             f"({', '.join(recording.names)}) to motors; docs/use/axes.md shows one"
         )
     known = read_axes(found, every_motor=True)
-    move, left = to_move(recording, known, str(source), fps, start, _columns(column), unwrap)
+    move, left = to_move(
+        recording, known, str(source), fps, start, _columns(column), unwrap, smooth
+    )
     if to_fps or speed:
         from ..move.resample import resampled
 

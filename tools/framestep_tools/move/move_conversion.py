@@ -10,6 +10,7 @@ from .frame_times import to_frames
 from .move_file import Move
 from .move_formats.recording import FIRST_FRAME, Channel, Column, Curve, Recording, Table
 from .move_formats.units import factor
+from .smoothing import smoothed
 from .turns import unwrapped
 
 LONGEST = (
@@ -19,6 +20,7 @@ _CLOSE = 1e-6  # frames: what calculation may lose
 _FEWEST_DECIMALS = 4
 _TURNING_S = 0.2  # samples of a rotation farther apart may be a turn that is meant
 _MOST_SHOWN = 8
+_SMALL = 1e-6  # steps: what calculation may lose
 _COLUMN = re.compile(r"(?:column )?(\d{1,6})", re.IGNORECASE)
 
 
@@ -30,14 +32,15 @@ def to_move(
     start: int | None = None,
     chosen: Mapping[str, str] | None = None,
     unwrap: bool = True,
+    smooth: int | None = None,
 ) -> tuple[Move, list[str]]:
     """Return a move of the axes in their motors' order, and the file's names without an axis.
 
     fps: frames per second; a file in seconds needs it, a file in frames may not name others.
     start: number of the first frame (None: the file's, or 1); chosen: heading or number of the
-    file's column by the name of an axis; unwrap: rotations go on beyond full turns. Raises
-    ToolError if an axis is not in the file, its unit is of another kind, or a position is beyond
-    its limits, with the frame.
+    file's column by the name of an axis; unwrap: rotations go on beyond full turns;
+    smooth: over so many frames, needs scipy. Raises ToolError if an axis is not in the file, its
+    unit is of another kind, or a position is beyond its limits, with the frame.
     """
     if recording.seconds and fps is None:
         raise ToolError(f"{path} is in seconds: name the frames per second by --fps")
@@ -65,20 +68,25 @@ def to_move(
     for edge in (number, number + count - 1):
         if not -(2**31) <= edge < 2**31:
             raise ToolError(f"{path}: frame numbers have to fit 32 bits signed, found {edge}")
+    if smooth and count < smooth:
+        raise ToolError(f"--smooth {smooth} needs at least as many frames, {path} has {count}")
     positions: dict[int, list[int]] = {}
     said = list(recording.said)
     for axis, channel in zip(axes, channels, strict=True):
         curve = channel.curve.moved(frame) if channel else None
         if channel and curve and unwrap:
             nearest = max(1.0, _TURNING_S * (fps or 1.0)) + _CLOSE
-            curve, places = unwrapped(curve, channel.unit or axis.file_unit, nearest)
-            if places:
-                said.append(_of_turns(axis.name, [math.ceil(x) - whole + number for x in places]))
+            curve, turns = unwrapped(curve, channel.unit or axis.file_unit, nearest)
+            if turns:
+                said.append(_of_turns(axis.name, [math.ceil(x) - whole + number for x in turns]))
         at = _position(axis, channel, curve, path)
-        steps = []
-        for i in range(count):
-            steps.append(axis.steps(at(float(whole + i))))
-            axis.check(steps[-1], number + i)
+        places = [at(float(whole + i)) for i in range(count)]
+        if smooth and channel:
+            rough, places = places, smoothed(places, smooth)
+            said.append(_of_smoothing(axis, rough, places, smooth, number))
+        steps = [axis.steps(place) for place in places]
+        for i, step in enumerate(steps):
+            axis.check(step, number + i)
         positions[axis.motor] = steps
     names = {axis.motor: axis.name for axis in axes}
     if not any(channel.name for channel in recording.axes):
@@ -101,6 +109,17 @@ def _of_turns(name: str, frames: list[int]) -> str:
         f"{name} jumps by full turns and goes on instead, from frame{'s' * (len(frames) > 1)} "
         f"{shown} (--no-unwrap of framestep import: it jumps)"
     )
+
+
+def _of_smoothing(
+    axis: Axis, rough: list[float], smooth: list[float], frames: int, number: int
+) -> str:
+    """Say by how much smoothing has changed an axis."""
+    changes = [abs(a - b) for a, b in zip(rough, smooth, strict=True)]
+    most = max(changes)
+    shown = f"{most:.3g}" if most * axis.steps_per_unit >= _SMALL else "0"
+    at = f", at frame {number + changes.index(most)}" if shown != "0" else ""
+    return f"{axis.name}: smoothed over {frames} frames, by at most {shown} {axis.unit}{at}"
 
 
 def same_rate(one: float, other: float) -> bool:
