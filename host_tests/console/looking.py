@@ -56,11 +56,66 @@ def wait_connected(page):
 
 
 def log(page):
-    return page.get_by_role("log")
+    return page.locator("#log")
+
+
+# Where the console has what: a drawer, or a part of Set up
+DRAWERS = {
+    "Move": "move",
+    "Options": "options",
+    "Lights": "lights",
+    "XYZ jog": "camera",
+    "Log": "log",
+    "Keys": "keys",
+    "Positions": "positions",
+}
+SET_UP = ["Names and units", "Virtual axes", "Rig file, load, terminal", "This page"]
+
+
+def close_drawer(page):
+    """Show the desk alone. A drawer that has a column of its own stays."""
+    close = page.locator("#d-close")
+    while close.is_visible():
+        close.click()
 
 
 def go_to(page, view):
-    page.get_by_role("navigation").get_by_role("button", name=view, exact=True).click()
+    """Show a view of the page that installs framestep, or a drawer of the console; Motors: none."""
+    if page.locator("#tabs").count():
+        page.get_by_role("navigation").get_by_role("button", name=view, exact=True).click()
+        return
+    close_drawer(page)
+    if view == "Motors":
+        return
+    name = DRAWERS.get(view, "setup")
+    opener = page.locator(f'[data-drawer="{name}"]:visible')
+    if opener.count():
+        opener.first.click()
+    else:  # a phone's menu
+        page.locator('[data-drawer="setup"]').click()
+        page.locator(f'.setup [data-to="{name}"]').click()
+    if name == "setup":
+        page.locator(".setup nav").get_by_role("button", name=view, exact=True).click()
+
+
+def motor(page, title):
+    """Choose a motor; return its part below the lines."""
+    close_drawer(page)
+    row(page, title).locator(".name").click()
+    return page.get_by_role("article", name=title, exact=True)
+
+
+def row(page, title):
+    return page.locator(f'#rows li[aria-label="{title}"]')
+
+
+def settings(page, title):
+    """Open a motor's settings, as the device has reported them."""
+    motor(page, title).get_by_role("button", name="Settings…").first.click()
+    name = title[0].lower() + title[1:] if title.startswith("Motor ") else title
+    found = page.get_by_role("article", name=f"Settings of {name}", exact=True)
+    expect(found).to_have_attribute("aria-busy", "false")
+    return found
 
 
 def newest(page):

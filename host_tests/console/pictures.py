@@ -1,20 +1,27 @@
-"""Draws each view of the console for the documents: wide, dark, on a phone, as text of a few kB.
+"""Takes pictures of the console for the documents: wide, dark, on a phone.
 
 python -m host_tests.console.pictures
 """
 
+import io
 import re
-from pathlib import Path
 
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 from playwright.sync_api import expect, sync_playwright
 
 from framestep_tools.building.board_files import ROOT
-from framestep_tools.move.move_file import CAMERA_MOVE
 from host_tests.console.conftest import FLAGS, Stage, browser_program
-from host_tests.console.looking import go_to, log, wait_connected, wait_rest
+from host_tests.console.looking import close_drawer, go_to, log, wait_connected, wait_rest
 
 FOLDER = ROOT / "docs/use/console"
-DRAWING = Path(__file__).with_name("drawing.js")
+# What a picture shows, for a test that it is not of an older page
+PARTS = """() => [...document.querySelectorAll("h1, h2, h3, button, label, legend, summary, th")]
+    .filter((element) => element.checkVisibility())
+    .filter((element) => !element.closest("#banner, #file, #verdict, #ready, #go, #keyhere, #send"))
+    .map((element) => element.getAttribute("aria-label") ?? element.textContent.trim())
+    .join("; ").replace(/\\s+/g, " ")"""
+COLORS = 160
 RIG = {
     "name": "crane",
     "limits": [{"low": 26}],
@@ -43,44 +50,48 @@ KEYFRAMES = {
 }
 SPEED = 8.0  # times real time
 DEVICE = "/dev/ttyACM1"  # its name on the page: the same each time
-FRAME = 120  # of the camera move, for the pictures
-WIDTH, TALLEST = 1280, 2600
+FRAME = 1  # of the move, for the pictures
+WIDTH, HEIGHT = 1280, 800
 LOOKS = {
-    "wide": {"viewport": {"width": WIDTH, "height": 900}},
-    "dark": {"viewport": {"width": WIDTH, "height": 900}, "color_scheme": "dark"},
+    "wide": {"viewport": {"width": WIDTH, "height": HEIGHT}},
+    "dark": {"viewport": {"width": WIDTH, "height": HEIGHT}, "color_scheme": "dark"},
     "phone": {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True},
 }
+# "Motors" is the desk alone
 VIEWS = [
     "Motors",
-    "Moves",
-    "Keyframes",
-    "Shoot",
-    "Inputs, outputs, lights",
+    "Move",
+    "Options",
+    "Positions",
+    "XYZ jog",
+    "Lights",
+    "Log",
+    "Keys",
+    "Names and units",
     "Virtual axes",
-    "Names, units",
-    "Rig file, load",
+    "Rig file, load, terminal",
 ]
-# Views that are also drawn dark, because they contain drawings
-DARK = ["Moves", "Keyframes", "Virtual axes"]
 # What the pictures are of: (view, look)
-PICTURES = [(view, look) for look in LOOKS for view in VIEWS if look != "dark" or view in DARK]
+PICTURES = [("Motors", "wide"), ("Motors", "dark"), ("Motors", "phone"), ("Move", "wide")]
 
 
 def path(view, look):
     """Return the path of a view's picture."""
-    return FOLDER / f"{re.split('[ ,]', view)[0].lower()}-{look}.svg"
+    return (
+        FOLDER / f"{'desk' if view == 'Motors' else re.split('[ ,]', view)[0].lower()}-{look}.png"
+    )
 
 
 def prepare(page):
     """Give the page something to show in every view."""
     wait_connected(page)
-    go_to(page, "Moves")
-    page.get_by_label("Move", exact=True).set_input_files(CAMERA_MOVE)
-    page.get_by_role("button", name="Upload").click()
-    expect(log(page)).to_contain_text("are uploaded")
-    go_to(page, "Keyframes")
-    page.get_by_label("Open keyframes").set_input_files(KEYFRAMES)
-    expect(page.get_by_role("article", name="Poses")).to_contain_text("Frame")
+    go_to(page, "Move")
+    page.get_by_label("Open a move").set_input_files(KEYFRAMES)
+    expect(page.get_by_role("article", name="Poses")).to_contain_text("Slope")
+    page.wait_for_timeout(500)  # until the device has reported its speeds
+    if (too_slow := page.get_by_role("button", name="Raise the speeds to fit")).is_visible():
+        too_slow.click()
+        expect(log(page)).to_contain_text("Speeds are set")
     go_to(page, "Virtual axes")
     for name, motor, per_unit, _, _ in AXES:
         axis = page.get_by_role("group", name=name, exact=True)
@@ -93,28 +104,28 @@ def prepare(page):
 
 def rest_on_frame(page):
     """Move the rig to the middle of its move."""
-    go_to(page, "Moves")
-    page.get_by_label("Go to frame").fill(str(FRAME))
-    page.get_by_role("button", name="Go there").click()
+    go_to(page, "Positions")
+    for name in [name for name, *_ in AXES] + [f"motor {n}" for n in range(5, MOTORS + 1)]:
+        page.get_by_role("button", name=f"Set position of {name}", exact=True).click()
+        expect(log(page)).to_contain_text("this position is 0")
+    close_drawer(page)
+    page.locator("#send").click()
     expect(page.locator("#moving")).to_contain_text(f"Play head {FRAME}.000")
     wait_rest(page)
 
 
-def draw(page, view, look):
-    """Return the picture of a view, as SVG: as tall as the view, except on a phone."""
+def take(page, view, file):
+    """Write the picture of the desk with a drawer."""
     go_to(page, view)
-    before = page.viewport_size
-    if look != "phone":
-        tall = page.evaluate("document.documentElement.scrollHeight")
-        page.set_viewport_size({"width": WIDTH, "height": min(tall, TALLEST)})
-    picture = page.evaluate(DRAWING.read_text())
-    page.set_viewport_size(before)
-    return picture
+    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    said = PngInfo()
+    said.add_text("parts", page.evaluate(PARTS))
+    picture.quantize(COLORS).save(file, optimize=True, pnginfo=said)
 
 
-def parts(picture):
-    """Return the parts of a view when its picture was drawn."""
-    return re.search("<desc>(.*)</desc>", picture)[1].split("; ")
+def parts(file):
+    """Return the parts of the page when its picture was taken."""
+    return Image.open(file).text["parts"]
 
 
 class Names:
@@ -152,7 +163,7 @@ def main():
                 prepare(page)
                 rest_on_frame(page)
                 for view in [view for view, drawn in PICTURES if drawn == look]:
-                    path(view, look).write_text(draw(page, view, look))
+                    take(page, view, path(view, look))
                 page.close()
         finally:
             stage.close()

@@ -10,7 +10,17 @@ from framestep_tools.errors import ToolError
 from framestep_tools.move.axes_file import axes_of
 from framestep_tools.move.rig_axes import Axes
 from framestep_tools.payloads import GetExceeded, MotorGetPosition, MotorSetLimits, MotorSetSpeed
-from host_tests.console.looking import go_to, log, position, steps, wait_rest
+from host_tests.console.looking import (
+    close_drawer,
+    go_to,
+    log,
+    motor,
+    position,
+    row,
+    settings,
+    steps,
+    wait_rest,
+)
 from host_tests.console.serial_ports import SavedPage
 
 RIG = """# the rig
@@ -54,15 +64,11 @@ def opened(stage, rig):
     return page, device
 
 
-def card(page, name):
-    return page.get_by_role("article", name=name, exact=True)
-
-
 def test_positions_and_moves_in_units(opened):
     page, _ = opened
-    expect(card(page, "track")).to_contain_text("motor 1")
-    expect(card(page, "Motor 3")).to_contain_text("steps")
-    pan = card(page, "pan")
+    expect(motor(page, "track")).to_contain_text("1 track")
+    expect(position(page, 3)).to_have_text("0")
+    pan = motor(page, "pan")
     pan.get_by_label("Move to, deg").fill("-88.5")
     pan.get_by_role("button", name="Move", exact=True).click()
     expect(page.get_by_label("Position of pan in deg")).to_have_text("-88.500°")
@@ -71,7 +77,7 @@ def test_positions_and_moves_in_units(opened):
         pan.get_by_role("button", name=f"Move pan by {by}", exact=True).click()
         expect(position(page, 2)).to_have_text(at)
     wait_rest(page)
-    track = card(page, "track")
+    track = motor(page, "track")
     track.get_by_label("Move to, mm").fill("1450.5")
     track.get_by_role("button", name="Move", exact=True).click()
     expect(log(page)).to_contain_text(
@@ -101,8 +107,7 @@ def test_up_is_where_the_position_rises(opened):
 
 def test_settings_in_units_reach_the_device(opened):
     page, device = opened
-    pan = card(page, "pan")
-    pan.locator("summary").click()
+    pan = settings(page, "pan")
     expect(pan.get_by_label("Velocity, deg/s")).to_have_value("20")  # 4000 steps/s
     pan.get_by_label("Velocity, deg/s").fill("30")
     pan.get_by_role("button", name="Set speed").click()
@@ -114,7 +119,8 @@ def test_settings_in_units_reach_the_device(opened):
     pan.get_by_label("Upper soft limit").check()
     pan.get_by_label("Upper, deg").fill("-30")
     pan.get_by_role("button", name="Set limits").click()
-    expect(pan.locator(".range")).to_have_text("-60°-30°")
+    expect(row(page, "pan").locator(".ends")).to_have_text("-60°-30°")
+    pan = motor(page, "pan")
     pan.get_by_label("Move to, deg").fill("-20")
     pan.get_by_role("button", name="Move", exact=True).click()
     expect(log(page)).to_contain_text(
@@ -129,25 +135,25 @@ def test_settings_in_units_reach_the_device(opened):
 
 def test_the_bar_shows_the_position_between_its_limits(opened, stage):
     page, device = opened
-    track = card(page, "track")
-    expect(track.locator(".range")).to_have_text("0 mm1450 mm")
-    mark = track.locator(".mark")
+    track = motor(page, "track")
+    expect(row(page, "track").locator(".ends")).to_have_text("0 mm1450 mm")
+    mark = row(page, "track").locator(".now")
     expect(mark).to_have_attribute("style", "left: 0%;")
     track.get_by_label("Move to, mm").fill("14.5")
     track.get_by_role("button", name="Move", exact=True).click()
     expect(mark).to_have_attribute("style", "left: 1%;")
-    expect(card(page, "Motor 3").locator(".range")).to_be_hidden()
+    expect(row(page, "Motor 3").locator(".bar")).to_be_hidden()
     page.close()
     with device.client() as client:
         client.request(MotorSetLimits(3, 1, -100, 1, 300, 0))
     other = stage.page(page.url)
-    expect(card(other, "Motor 3").locator(".range")).to_have_text("-100 steps300 steps")
-    expect(card(other, "Motor 3").locator(".mark")).to_have_attribute("style", "left: 25%;")
+    expect(row(other, "Motor 3").locator(".ends")).to_have_text("-100 steps300 steps")
+    expect(row(other, "Motor 3").locator(".now")).to_have_attribute("style", "left: 25%;")
 
 
 def test_names_are_edited_and_saved(opened, rig):
     page, _ = opened
-    go_to(page, "Names, units")
+    go_to(page, "Names and units")
     third = page.get_by_role("group", name="Motor 3", exact=True)
     third.get_by_label("Name").fill("pan")
     third.get_by_label("Unit", exact=True).select_option("cm")
@@ -188,7 +194,7 @@ def test_without_a_server_the_browser_keeps_them(stage, tmp_path, rig):
     saved = SavedPage(tmp_path / "page")
     stage.closing(saved.close)
     page = stage.page(saved.url)
-    go_to(page, "Names, units")
+    go_to(page, "Names and units")
     page.get_by_label("Take another axes.toml").set_input_files(rig)
     expect(log(page)).to_contain_text("axes.toml: names and units are in use.")
     first = page.get_by_role("group", name="Motor 1", exact=True)
@@ -200,7 +206,7 @@ def test_without_a_server_the_browser_keeps_them(stage, tmp_path, rig):
     text = download.value.path().read_text()
     assert [(axis.name, axis.zero) for axis in axes_of(text, "it")] == [("track", -5), ("pan", -90)]
     page.reload()
-    go_to(page, "Names, units")
+    go_to(page, "Names and units")
     expect(first.get_by_label("Name")).to_have_value("track")
     expect(first.get_by_label("Position at step 0")).to_have_value("-5")
     assert page.errors == []
@@ -238,7 +244,7 @@ def test_the_bridge_accepts_no_text_without_a_file(stage):
     page = stage.page(stage.console(device.url).url)
     expect(position(page)).to_have_text("0")
     assert steps(page) == 0
-    go_to(page, "Names, units")
+    go_to(page, "Names and units")
     page.get_by_role("group", name="Motor 1", exact=True).get_by_label("Name").fill("track")
     page.get_by_role("button", name="Save").click()
     expect(log(page)).to_contain_text("saved in this browser")
@@ -248,22 +254,19 @@ def test_the_bridge_accepts_no_text_without_a_file(stage):
 def test_another_programs_move(opened):
     """The page asks framestep console, which converts it by axes.toml."""
     page, _ = opened
-    go_to(page, "Moves")
+    go_to(page, "Move")
     text = "# 25 fps\nAxes = Camera Pan, Track\n-90,5 10\n-91,0 20\n"
-    page.get_by_label("Move", exact=True).set_input_files(
+    page.get_by_label("Open a move").set_input_files(
         {"name": "shot.kup", "mimeType": "text/plain", "buffer": text.encode()}
     )
     expect(page.locator("main")).to_contain_text(
         "shot.kup: frames 1 to 2 at 25 frames/s for 2 motors"
     )
     expect(page.get_by_label("Frames per second").first).to_have_value("25")
-    page.get_by_role("button", name="Upload").click()
+    close_drawer(page)
+    page.keyboard.press("End")
+    page.locator("#send").click()
     expect(log(page)).to_contain_text("Frames 1 to 2 for 2 motors are uploaded.")
-    go_to(page, "Moves")
-    frames = card(page, "Frames")
-    frames.get_by_label("Go to frame").fill("2")
-    frames.get_by_role("button", name="Go there").click()
-    go_to(page, "Motors")
     expect(position(page, 1)).to_have_text("1600")
     expect(position(page, 2)).to_have_text("200")
     wait_rest(page)

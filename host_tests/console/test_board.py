@@ -17,6 +17,7 @@ from host_tests.console.looking import (
     FINDINGS,
     go_to,
     log,
+    motor,
     steps,
     wait_connected,
     wait_far,
@@ -47,11 +48,11 @@ def watch_the_load_of_a_move(page):
     """Watch live figures while motor 1 moves; they do not disturb the move."""
     go_to(page, "Motors")
     target = steps(page) + 12_000
-    card = page.get_by_role("article", name="Motor 1")
+    card = motor(page, "Motor 1")
     card.get_by_label("Move to step").fill(str(target))
     card.get_by_role("button", name="Move", exact=True).click()
     wait_moving(page)
-    go_to(page, "Rig file, load")
+    go_to(page, "Rig file, load, terminal")
     load = load_of(page)
     load.get_by_label("Live").check()
     expect(load.get_by_role("status")).to_contain_text(
@@ -68,7 +69,7 @@ def watch_the_load_of_a_move(page):
     go_to(page, "Motors")  # out of sight, the page asks nothing
     assert steps(page) == target
     assert page.locator("#conditions li").count() == 0
-    go_to(page, "Rig file, load")
+    go_to(page, "Rig file, load, terminal")
     expect(load.get_by_label("Live")).not_to_be_checked()
 
 
@@ -82,7 +83,7 @@ PASTE = """text => {
 
 def use_the_terminal(page):
     """Type, paste, interrupt. Another task of the page takes the port, and the page says so."""
-    go_to(page, "Rig file, load")
+    go_to(page, "Rig file, load, terminal")
     repl = page.get_by_role("article", name="REPL")
     rows = repl.locator(".xterm-rows")
     repl.get_by_role("button", name="Open a terminal").click()
@@ -123,7 +124,7 @@ def test_the_terminal(stage, device):
     page.evaluate(AXE.read_text())
     assert page.evaluate(FINDINGS) == []
     taken = stage.page(page.url)  # another page takes the device over, and the terminal with it
-    taken.get_by_role("button", name="Take the device over").click()
+    taken.get_by_role("button", name="Take over").click()
     expect(repl.get_by_role("status").first).to_contain_text("another page has taken the device")
     assert page.errors == []
 
@@ -158,7 +159,7 @@ def test_a_jog_the_load_and_a_new_rig_file(stage, device):
     expect(rig.get_by_role("status")).to_contain_text("after on socket://")
     expect(page.locator("#who")).to_contain_text("after, firmware")
     go_to(page, "Motors")
-    expect(page.get_by_role("article")).to_have_count(3)
+    expect(page.locator("#rows li")).to_have_count(3)
     rig_text = log(page).text_content()
     assert "motor_count" in rig_text  # the page showed the mistake with the file, too
 
@@ -183,9 +184,9 @@ def test_rig_file_and_load_without_a_server(stage, device, tmp_path):
     stage.closing(saved.close)
     page = stage.page(saved.url)
     saved.give_ports(page, device.tcp, device.repl_tcp)
-    page.get_by_role("button", name="Connect over USB…").click()
+    page.get_by_role("button", name="Connect…").click()
     wait_connected(page)
-    go_to(page, "Rig file, load")
+    go_to(page, "Rig file, load, terminal")
     rig = page.get_by_role("article", name="Rig file of the board")
     expect(rig.get_by_role("button", name="Read")).to_be_disabled()
     page.get_by_role("button", name="Connect the REPL's port…").click()
@@ -210,11 +211,11 @@ def test_rig_file_and_load_without_a_server(stage, device, tmp_path):
     expect(rig.get_by_role("status")).to_have_text("Übung // 2 has restarted with it.")
     expect(page.locator("#who")).to_contain_text("Übung // 2, firmware")
     go_to(page, "Motors")
-    expect(page.get_by_role("article")).to_have_count(2)
+    expect(page.locator("#rows li")).to_have_count(2)
 
     # a board without the memory judges it when it restarts
     page.evaluate(SCARCE)
-    go_to(page, "Rig file, load")
+    go_to(page, "Rig file, load, terminal")
     text.fill('{"name": "wrong", "motor_count": 9}')
     rig.get_by_role("button", name="Put onto the board").click()
     expect(rig.get_by_role("status")).to_contain_text("it has restarted with the previous file")

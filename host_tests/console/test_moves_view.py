@@ -8,13 +8,22 @@ from playwright.sync_api import expect
 from framestep.protocol.messages import RUN_STILLS, RUN_VIDEO
 from framestep_tools.client.client import RequestRefused
 from framestep_tools.client.wire import FrameDecoder
-from framestep_tools.payloads import MotorGetPosition, MotorStatus, RtGo, RtPositionFrame, RtRunMove
+from framestep_tools.payloads import (
+    MotorGetPosition,
+    MotorStatus,
+    RtGo,
+    RtPositionFrame,
+    RtRunMove,
+    RtUploadMoveBegin,
+)
 from host_tests.console.conftest import PATIENCE_MS
 from host_tests.console.looking import (
     HIDE,
     LOOK_MS,
+    close_drawer,
     go_to,
     newest,
+    settings,
     steps,
     wait_connected,
     wait_moving,
@@ -42,7 +51,6 @@ def device(shared_stage):
 def opened(shared_stage, device):
     page = shared_stage.page(shared_stage.console(device.url).url)
     wait_connected(page)
-    go_to(page, "Moves")
     return page
 
 
@@ -54,16 +62,36 @@ def page(opened):
 
 
 def choose(page, text, name="move.csv"):
-    page.get_by_label("Move", exact=True).set_input_files(
+    go_to(page, "Move")
+    page.get_by_label("Open a move").set_input_files(
         {"name": name, "mimeType": "text/csv", "buffer": text.encode()}
     )
+    close_drawer(page)
 
 
 def upload(page, text=MOVE):
-    go_to(page, "Moves")
+    """Open a move and send the rig to its first frame, which uploads it unless the board has it."""
     choose(page, text)
-    page.get_by_role("button", name="Upload").click()
-    expect(newest(page)).to_contain_text("are uploaded")
+    expect(page.locator("#file")).to_contain_text("move.csv")
+    send(page, int(text.splitlines()[1].replace(";", ",").split(",")[0]))
+
+
+def send(page, frame):
+    """Send the rig to a frame by way of the preview."""
+    page.locator("#curves").click(position={"x": 300, "y": 40})  # no field has the focus then
+    page.locator("#transport").get_by_role("button", name="Run", exact=True).focus()
+    page.keyboard.press("Home")
+    page.wait_for_timeout(300)  # until the page has drawn it
+    for _ in range(frame - int(page.locator("#send b").text_content())):
+        page.keyboard.press(".")
+    expect(page.locator("#send b")).to_have_text(str(frame))
+    page.locator("#send").click()
+    expect(page.locator("#moving")).to_contain_text(f"Nothing moves. Play head {frame}.000")
+
+
+def value(page, label):
+    """Return the field of the transport with this name, of the mode that is shown."""
+    return page.locator(f'#fields [aria-label="{label}"]:visible')
 
 
 def card(page, name):
@@ -71,20 +99,19 @@ def card(page, name):
 
 
 def stand(page):
-    """Return the positions of all motors, from the view of the motors."""
-    go_to(page, "Motors")
-    found = [steps(page, 1), steps(page, 2)]
-    go_to(page, "Moves")
-    return found
+    """Return the positions of all motors."""
+    return [steps(page, 1), steps(page, 2)]
 
 
-def get_ready(page, view, **fields):
-    run = card(page, view)
-    for label, value in fields.items():
-        run.get_by_label(label.replace("_", " "), exact=True).fill(str(value))
-    run.get_by_role("button", name="Get ready").click()
-    expect(run.get_by_role("status")).to_contain_text("is ready: GO starts it.")
-    return run
+def get_ready(page, **fields):
+    for label, given in fields.items():
+        value(page, label.replace("_", " ")).fill(str(given))
+    page.locator("#ready").click()
+    expect(page.locator("#banner")).to_contain_text("READY")
+
+
+def go(page):
+    page.locator("#go").click()
 
 
 @pytest.mark.parametrize(
@@ -100,71 +127,92 @@ def get_ready(page, view, **fields):
     ],
 )
 def test_a_file_that_is_no_move(page, text, said):
+    before = page.locator("#file").text_content()
     choose(page, text, "bad.csv")
     expect(newest(page)).to_contain_text(said)
-    expect(page.get_by_role("button", name="Upload")).to_be_disabled()
+    assert page.locator("#file").text_content() == before
 
 
 def test_what_spreadsheets_make_of_it_is_read_and_long_moves_go_in_sections(page):
     upload(page, LONG_MOVE)
+    go_to(page, "Move")
     expect(page.locator("main")).to_contain_text(f"frames 0 to {LONG - 1} for 1 motor")
-    frames = card(page, "Frames")
-    frames.get_by_label("Go to frame").fill(str(LONG - 1))
-    frames.get_by_role("button", name="Go there").click()
-    go_to(page, "Motors")
+    close_drawer(page)
+    page.keyboard.press("End")
+    page.locator("#send").click()
     expect(page.get_by_label("Position of motor 1 in steps")).to_have_text(str((LONG - 1) % 50))
-    go_to(page, "Moves")
 
 
 def test_a_run_from_upload_to_its_end(page):
-    upload(page)
+    """Get ready uploads what is new, and only that."""
+    choose(page, MOVE)
     drawing = page.get_by_role("img", name=f"The move from frame 1 to {FRAMES}")
-    expect(drawing.locator("polyline")).to_have_count(2)
-    run = get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=100)
-    head = float(drawing.locator("line").get_attribute("x1"))
-    run.get_by_role("button", name="GO").click()
+    expect(drawing.locator("polyline.curve")).to_have_count(3)  # two curves and a speed
+    expect(page.locator("#file-is")).to_contain_text(re.compile("not uploaded|changed"))
+    get_ready(page, From_frame=1, To_frame=FRAMES, Frames_per_second=100)
+    expect(page.locator("#file-is")).to_contain_text("frames, uploaded")
+    head = page.locator(".head-rig")
+    before = head.get_attribute("transform")
+    go(page)
     wait_moving(page)
     expect(newest(page)).to_have_text(f"Run 1 to {FRAMES} is over.")
     wait_rest(page)
     assert stand(page) == [10 * FRAMES, -7 * FRAMES]
-    assert float(drawing.locator("line").get_attribute("x1")) > head + 100
+    assert head.get_attribute("transform") != before
     expect(page.locator("#moving")).to_contain_text(f"Play head {FRAMES}.000")
-    expect(run.get_by_role("button", name="GO")).to_be_disabled()
+    expect(page.locator("#banner")).to_contain_text("Over")
+    expect(page.locator("#go")).to_be_disabled()
+    page.sent.clear()
+    get_ready(page)
+    sent = FrameDecoder().feed(b"".join(data for data in page.sent if isinstance(data, bytes)))
+    assert RtRunMove.TYPE in {frame.type for frame in sent}
+    assert RtUploadMoveBegin.TYPE not in {frame.type for frame in sent}
+    page.keyboard.press("Escape")
 
 
 def test_a_run_that_is_stopped_says_on_which_frame(page):
-    upload(page)
-    run = get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=3)
-    run.get_by_role("button", name="GO").click()
+    choose(page, MOVE)
+    get_ready(page, From_frame=1, To_frame=FRAMES, Frames_per_second=3)
+    go(page)
     expect(page.locator("#moving")).to_contain_text(re.compile(r"Play head ([2-9]|[1-5]\d)\."))
     page.keyboard.press("Escape")
     expect(newest(page)).to_have_text(
         re.compile(rf"Run 1 to {FRAMES} was stopped at frame [1-5]?\d\.\d{{3}}\.")
     )
     wait_rest(page)
+    expect(page.locator("#banner")).to_contain_text("by: STOP on this page")
 
 
 def test_a_run_that_is_refused_is_not_prepared(page):
-    upload(page)
-    run = card(page, "Run")
-    run.get_by_label("To frame", exact=True).fill(str(FRAMES + 1))
-    run.get_by_role("button", name="Get ready").click()
+    choose(page, MOVE)
+    value(page, "To frame").fill(str(FRAMES + 1))
+    page.locator("#ready").click()
     expect(newest(page)).to_contain_text("RT_RUN_MOVE was refused with ERR_RANGE")
-    expect(run.get_by_role("status")).to_have_text("Nothing is prepared from this page.")
+    expect(page.locator("#banner")).to_contain_text("Refused")
+    expect(page.locator("#go")).to_be_disabled()
 
 
 def test_a_run_that_is_too_fast_says_for_which_motor_and_by_how_much(page):
-    upload(page, FAST_MOVE)
-    run = card(page, "Run")
-    run.get_by_label("To frame", exact=True).fill(str(FRAMES))
-    run.get_by_label("Frames per second").fill("100")
-    run.get_by_role("button", name="Get ready").click()
+    """It is marked on the curve; a button sets what it needs, then the run is prepared."""
+    choose(page, FAST_MOVE)
+    fps = value(page, "Frames per second")
+    fps.fill("100")
+    fps.press("Tab")
+    expect(page.locator("#verdict")).to_have_text("✗ 1 does not fit")
+    expect(page.locator("#curves circle.misfit").first).to_be_visible()
+    expect(page.locator("#curves .said")).to_contain_text("needs 10000 steps/s, set 5000 steps/s")
+    page.locator("#ready").click()
     expect(newest(page)).to_have_text(
         re.compile(
             r"Refused: motor 1 at frame \d+ would need \d+ steps/s at 100 frames/s,"
-            r" its velocity is 5000 steps/s: raise it under Motors, .*"
+            r" its velocity is 5000 steps/s: raise it in the motor's settings, .*"
         )
     )
+    page.get_by_role("button", name="Raise Motor 1's speed").or_(
+        page.get_by_role("button", name="Raise motor 1's speed")
+    ).click()
+    expect(newest(page)).to_contain_text("Speeds are set: motor 1 11000 steps/s")
+    expect(page.locator("#verdict")).to_have_text("✓ fits")
 
 
 def runs_asked(page):
@@ -174,15 +222,16 @@ def runs_asked(page):
 
 
 def test_camera_and_bloop_go_with_a_run(page, device):
-    upload(page)
-    run = card(page, "Run")
-    run.get_by_label("Camera", exact=True).select_option("stills: a pulse at each frame")
+    choose(page, MOVE)
+    go_to(page, "Options")
+    run = page.locator("#drawer")
+    run.get_by_role("combobox", name="Camera").select_option("stills: a pulse at each frame")
     run.get_by_label("Shutter opens at").fill("45")
     run.get_by_label("Shutter closes at").fill("270")
     run.get_by_label("Bloop output").select_option("output 2")
     run.get_by_label("Bloop DMX channel").fill("7")
     run.get_by_label("Bloop, ms").fill(str(LONG_BLOOP_MS))
-    run = get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=50)
+    get_ready(page, From_frame=1, To_frame=FRAMES, Frames_per_second=50)
     reported = runs_asked(page)
     assert (reported.flags, reported.open_angle, reported.close_angle) == (RUN_STILLS, 45, 270)
     assert (reported.bloop_outputs, reported.bloop_channel, reported.bloop_ms) == (
@@ -190,35 +239,39 @@ def test_camera_and_bloop_go_with_a_run(page, device):
         7,
         LONG_BLOOP_MS,
     )
-    run.get_by_role("button", name="GO").click()
+    go(page)
     wait_on_board(page, device, lambda hal: hal._levels >> 26 & 1 and hal.dmx.shown[7] == 255)
     expect(newest(page)).to_have_text(f"Run 1 to {FRAMES} is over.")
     wait_rest(page)
-    run.get_by_label("Camera", exact=True).select_option("video: a pulse at GO and one at the end")
+    run.get_by_role("combobox", name="Camera").select_option(
+        "video: a pulse at GO and one at the end"
+    )
     expect(run.get_by_label("Shutter opens at")).to_be_hidden()
     run.get_by_label("Bloop output").select_option("none")
     run.get_by_label("Bloop DMX channel").fill("0")
-    get_ready(page, "Run")
+    get_ready(page)
     reported = runs_asked(page)
     assert (reported.flags, reported.bloop_outputs, reported.bloop_ms) == (RUN_VIDEO, 0, 0)
-    run.get_by_label("Bloop, ms").fill("0")
-    run.get_by_role("button", name="Get ready").click()
-    assert run.get_by_label("Bloop, ms").evaluate("field => !field.validity.valid")
     page.keyboard.press("Escape")
+    run.get_by_label("Bloop, ms").fill("0")
+    page.locator("#ready").click()
+    assert run.get_by_label("Bloop, ms").evaluate("field => !field.validity.valid")
     run.get_by_label("Bloop, ms").fill("100")
-    run.get_by_label("Camera", exact=True).select_option("none")
+    run.get_by_role("combobox", name="Camera").select_option("none")
+    close_drawer(page)
 
 
 def test_stop_ends_a_loop(page):
-    upload(page)
-    run = card(page, "Run")
-    run.get_by_label("Loop", exact=True).check()
-    get_ready(page, "Run", From_frame=1, To_frame=20, Frames_per_second=100)
-    run.get_by_role("button", name="GO").click()
+    choose(page, MOVE)
+    loop = value(page, "Loop")
+    loop.select_option("loop")
+    get_ready(page, From_frame=1, To_frame=20, Frames_per_second=100)
+    go(page)
     wait_moving(page)
+    expect(page.locator("#ready")).to_contain_text("Last lap")
     page.keyboard.press("Escape")
-    expect(run.get_by_role("status")).to_have_text("Nothing is prepared from this page.")
-    run.get_by_label("Loop", exact=True).uncheck()
+    expect(page.locator("#banner")).to_contain_text("Stopped")
+    loop.select_option("off")
 
 
 # An operation or a series with a fake device, which takes every request. `given` is what happens.
@@ -316,13 +369,9 @@ def test_what_is_not_known_of_a_run_is_not_said(page):
 
 def test_a_jog_along_the_move_lasts_as_long_as_it_is_held(page):
     upload(page)
-    frames = card(page, "Frames")
-    frames.get_by_label("Go to frame").fill("2")
-    frames.get_by_role("button", name="Go there").click()
-    expect(page.locator("#moving")).to_contain_text("Nothing moves. Play head 2.000")
-    card(page, "Run").get_by_label("To frame", exact=True).fill(str(FRAMES))
-    card(page, "Run").get_by_label("Frames per second").fill("2")
-    frames.get_by_role("button", name="Jog along the move, forward").hover()
+    send(page, 2)
+    value(page, "Frames per second").fill("2")
+    page.get_by_role("button", name="Jog the rig along the move, forward").hover()
     page.mouse.down()
     expect(page.locator("#moving")).to_contain_text(re.compile(r"Play head ([3-9]|[1-5]\d)\."))
     page.mouse.up()
@@ -333,19 +382,23 @@ def test_a_jog_along_the_move_lasts_as_long_as_it_is_held(page):
 
 
 def test_a_shot(page):
+    """One press goes to where it begins, and shoots; frames that are shot stay marked."""
     upload(page)
-    go_to(page, "Motors")
-    motor = card(page, "Motor 1")
-    motor.locator("summary").click()
+    motor = settings(page, "Motor 1")
     motor.get_by_label("Moves in a shot").check()
     motor.get_by_role("button", name="Set these", exact=True).click()
     expect(newest(page)).to_have_text("Motor 1: on.")
-    go_to(page, "Shoot")
-    shot = get_ready(page, "Shoot a frame", Frame=10)
-    shot.get_by_role("button", name="GO").click()
+    close_drawer(page)
+    page.get_by_role("button", name="Frames", exact=True).click()
+    value(page, "Frame").fill("10")
+    page.locator("#go").click()
     expect(newest(page)).to_have_text("The shot of frame 10 is over.")
     wait_rest(page)
     assert stand(page)[0] == 105  # half a frame after frame 10
+    expect(page.locator("#curves .shot")).to_have_count(1)
+    page.get_by_role("button", name="Next frame").click()
+    expect(page.locator("#moving")).to_contain_text("Nothing moves. Play head 11.000")
+    page.get_by_role("button", name="Run", exact=True).click()
 
 
 def on_board(device, look):
@@ -364,7 +417,7 @@ def wait_on_board(page, device, look):
 
 
 def test_inputs_outputs_and_lights(page, device):
-    go_to(page, "Inputs, outputs, lights")
+    go_to(page, "Lights")
     reported = card(page, "Inputs").get_by_role("status")
     before = reported.nth(1).text_content()
     device.set_pin(28, int(on_board(device, lambda hal: not hal._levels >> 28 & 1)))
@@ -379,6 +432,7 @@ def test_inputs_outputs_and_lights(page, device):
     expect(lights.get_by_role("slider")).to_have_count(2)
     lights.get_by_label("Channel 512").fill("200")
     wait_on_board(page, device, lambda hal: hal.dmx.shown[512] == 200)
+    close_drawer(page)
 
 
 def test_a_run_goes_on_without_the_page_only_where_the_user_says_so(stage):
@@ -388,12 +442,13 @@ def test_a_run_goes_on_without_the_page_only_where_the_user_says_so(stage):
     for keep in (True, False):
         page = stage.page(served.url)
         wait_connected(page)
-        upload(page)
+        choose(page, MOVE)
         fps = 60 if keep else ENDLESS_FPS
-        get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=fps)
+        get_ready(page, From_frame=1, To_frame=FRAMES, Frames_per_second=fps)
         if keep:
+            go_to(page, "Options")
             page.get_by_label("go on when this page is hidden or closed").check()
-        card(page, "Run").get_by_role("button", name="GO").click()
+        go(page)
         wait_moving(page)
         page.close()
         with device.client() as client:  # after the server has freed the port
@@ -405,18 +460,19 @@ def test_a_run_goes_on_without_the_page_only_where_the_user_says_so(stage):
 
 def test_a_hidden_page_lets_a_run_go_on_only_where_the_user_says_so(page):
     """In any case it ends a jog."""
-    upload(page)
+    choose(page, MOVE)
     keep = page.get_by_label("go on when this page is hidden or closed")
-    run = get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=20)
+    get_ready(page, From_frame=1, To_frame=FRAMES, Frames_per_second=20)
+    go_to(page, "Options")
     keep.check()
-    run.get_by_role("button", name="GO").click()
+    go(page)
     wait_moving(page)
     page.evaluate(HIDE, True)
     expect(newest(page)).to_have_text(f"Run 1 to {FRAMES} is over.")
     page.evaluate(HIDE, False)
     assert stand(page) == [10 * FRAMES, -7 * FRAMES]
 
-    page.get_by_role("navigation").get_by_role("button", name="Motors").click()
+    close_drawer(page)
     page.get_by_role("button", name="Jog motor 1 up").hover()
     page.mouse.down()
     wait_moving(page)
@@ -425,14 +481,15 @@ def test_a_hidden_page_lets_a_run_go_on_only_where_the_user_says_so(page):
     page.mouse.up()
     page.evaluate(HIDE, False)
 
+    go_to(page, "Options")
     keep.uncheck()
-    go_to(page, "Moves")
-    run = get_ready(page, "Run", Frames_per_second=ENDLESS_FPS)
-    run.get_by_role("button", name="GO").click()
+    get_ready(page, Frames_per_second=ENDLESS_FPS)
+    go(page)
     wait_moving(page)
     page.evaluate(HIDE, True)
     wait_rest(page)
     page.evaluate(HIDE, False)
+    close_drawer(page)
     assert stand(page) != [10 * FRAMES, -7 * FRAMES]
 
 
@@ -440,9 +497,9 @@ def test_a_page_that_is_loaded_again_stops_its_run(stage):
     device = stage.simulated(motors=2, speed=SPEED)
     page = stage.page(stage.console(device.url).url)
     wait_connected(page)
-    upload(page)
-    run = get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=ENDLESS_FPS)
-    run.get_by_role("button", name="GO").click()
+    choose(page, MOVE)
+    get_ready(page, From_frame=1, To_frame=FRAMES, Frames_per_second=ENDLESS_FPS)
+    go(page)
     wait_moving(page)
     page.reload()
     wait_connected(page)
@@ -455,8 +512,8 @@ def test_nothing_of_a_page_is_left_in_the_device(stage):
     device = stage.simulated(motors=2, speed=SPEED)
     page = stage.page(stage.console(device.url).url)
     wait_connected(page)
-    upload(page)
-    get_ready(page, "Run", From_frame=1, To_frame=FRAMES)
+    choose(page, MOVE)
+    get_ready(page, From_frame=1, To_frame=FRAMES)
     page.close()
     with device.client() as client:
         client.request(RtPositionFrame(1))
@@ -465,25 +522,24 @@ def test_nothing_of_a_page_is_left_in_the_device(stage):
             client.request(RtGo())
 
 
-def test_moves_uploaded_before_are_at_hand(stage):
+def test_moves_used_before_are_at_hand(stage):
     device = stage.simulated(motors=2, speed=SPEED)
     page = stage.page(stage.console(device.url).url)
     wait_connected(page)
-    go_to(page, "Moves")
-    expect(page.get_by_label("Uploaded before")).to_be_hidden()
+    go_to(page, "Move")
+    before = page.get_by_label("Used before")
+    expect(before).to_be_hidden()
     for name, text in (("one.csv", MOVE), ("two.csv", FAST_MOVE), ("one.csv", MOVE)):
         choose(page, text, name)
-        page.get_by_role("button", name="Upload").click()
-        expect(newest(page)).to_contain_text("are uploaded")
-        expect(page.get_by_role("button", name="Upload")).to_be_enabled()
-    before = page.get_by_label("Uploaded before")
+        expect(page.locator("#file-name")).to_have_text(name)
     names = before.locator("option").all_text_contents()
     assert [name.partition(",")[0] for name in names] == ["choose…", "one.csv", "two.csv"]
     page.reload()
     wait_connected(page)
-    go_to(page, "Moves")
+    expect(page.locator("#file-name")).to_have_text("one.csv")  # what was on the desk
+    go_to(page, "Move")
     before.select_option(index=2)
     expect(page.locator("main")).to_contain_text(f"two.csv: frames 1 to {FRAMES} for 2 motors")
-    page.get_by_role("button", name="Upload").click()
-    expect(newest(page)).to_contain_text("are uploaded")
+    close_drawer(page)
+    get_ready(page)
     assert page.errors == []

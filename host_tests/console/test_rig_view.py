@@ -75,7 +75,7 @@ def test_the_schema_helps(stage):
     """It shows every setting with its meaning, what is allowed, and its default."""
     page = stage.page(stage.console(stage.simulated(motors=1).url).url)
     wait_connected(page)
-    go_to(page, "Rig file, load")
+    go_to(page, "Rig file, load, terminal")
     page.locator("summary", has_text="All settings").click()
     rows = page.get_by_role("row")
     row = rows.filter(has=page.get_by_text("motors[].home.back_off", exact=True))

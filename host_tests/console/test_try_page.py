@@ -25,6 +25,7 @@ from framestep_tools.site import try_page
 from host_tests.console.file_server import FileServer
 from host_tests.console.looking import (
     LOOK_MS,
+    close_drawer,
     go_to,
     log,
     position,
@@ -39,9 +40,7 @@ FPS_MILLI = 24_000
 CLOCK_NS = 1000  # a motor that starts reads the chip's microsecond clock
 CYCLE_NS = 10  # of the pulse engine at the Pico's 200 MHz
 RUN_NS = 238 * 10**9 // 24 + 100_000  # from the second frame to the last, with the step to it
-END_OF_MOVE = "motor 2 boom 24.4 °, motor 3 swing -26.0 °, motor 4 pan 56.3 °"
 PACKAGES = ["@xterm/addon-fit", "@xterm/xterm", "rp2040js"]  # what the page is made of
-STEPS_PER_MM = 25  # of the picture's track
 # Keeps what the worker says of its pins, from the first moment on
 KEEP_EDGES = """
     globalThis.kept = [];
@@ -115,7 +114,7 @@ def expect_on_repl(page, text):
 def jog_up(page, distance):
     """Hold the button that jogs motor 1 up."""
     begin = steps(page)
-    page.get_by_role("button", name="Jog motor 1 up").focus()
+    page.get_by_role("button", name="Jog track up").focus()
     page.keyboard.down("Enter")
     wait_far(page, 1, begin, distance)
     yield
@@ -129,7 +128,7 @@ def edge_columns(page, row):
 
 def use_console_and_repl(page, url):
     expect(page.locator("#who")).to_contain_text(try_page.RIG["name"])
-    expect(card(page, "Motor 4")).to_be_visible()
+    expect(page.locator("#rows li")).to_have_count(4)
     type_on_repl(page, "6 * 7000")
     expect_on_repl(page, "42000")
     licences = page.request.get(f"{url}licences.txt").text()
@@ -138,28 +137,30 @@ def use_console_and_repl(page, url):
 
 
 def watch_rig_and_scope(page):
-    go_to(page, "Motors")
     assert edge_columns(page, 0) == 0
     with jog_up(page, 300):
         assert edge_columns(page, 0) > 10
         assert edge_columns(page, 2) == 0  # the next motor's steps
     page.wait_for_timeout(500)
     assert edge_columns(page, 0) == 0
-    expect(card(page, "Rig")).to_contain_text(f"track {steps(page) / STEPS_PER_MM:.1f} mm")
+    expect(page.locator("#space")).to_be_visible()
 
 
 def make_it_narrow(page):
-    """A narrow page begins with the tour."""
     wide = page.viewport_size
     page.set_viewport_size({"width": 390, "height": 844})
-    order = [card(page, "Tour"), card(page, "Rig"), page.locator("main"), card(page, "REPL")]
-    tops = [each.bounding_box()["y"] for each in order]
-    assert tops == sorted(tops)
-    for view in ("Motors", "Moves", "Rig file, load"):
+    for view in ("Motors", "Move", "Rig file, load, terminal"):
         go_to(page, view)
         assert page.evaluate("document.documentElement.scrollWidth") <= 390, view
     page.set_viewport_size(wide)
     go_to(page, "Motors")
+    show_board(page)
+
+
+def show_board(page):
+    """The drawer with tour, scope and REPL."""
+    if not card(page, "Tour").is_visible():
+        page.locator('[data-drawer="board"]:visible').click()
 
 
 def switch_power_off_and_on(page):
@@ -173,7 +174,7 @@ def switch_power_off_and_on(page):
 
 def put_a_new_rig_file(page):
     """The page itself uses the REPL's port, then returns it to the terminal."""
-    go_to(page, "Rig file, load")
+    go_to(page, "Rig file, load, terminal")
     page.get_by_role("button", name="Measure").click()
     expect(card(page, "Load of the board").get_by_role("status")).to_contain_text("on average")
     rig = card(page, "Rig file of the board")
@@ -181,7 +182,8 @@ def put_a_new_rig_file(page):
     rig.get_by_role("button", name="Put onto the board").click()
     expect(rig.get_by_role("status")).to_have_text("two motors has restarted with it.")
     go_to(page, "Motors")
-    expect(page.get_by_role("main").get_by_role("article")).to_have_count(2)
+    expect(page.locator("#rows li")).to_have_count(2)
+    show_board(page)
     type_on_repl(page, "6 * 7001")
     expect_on_repl(page, "42006")
 
@@ -204,22 +206,9 @@ def show(page):
 
 
 def prepare_run(page):
-    run = card(page, "Run")
-    run.get_by_role("button", name="Get ready").click()
-    expect(run.get_by_role("status")).to_contain_text("is ready")
-    run.get_by_role("button", name="GO", exact=True).click()
-
-
-def set_speed(page, motor):
-    of_motor = card(page, f"Motor {motor}")
-    velocity = of_motor.get_by_label("Velocity, steps/s", exact=True)
-    velocity.evaluate("field => { field.value = ''; }")
-    of_motor.locator("summary").click()
-    expect(velocity).not_to_have_value("")  # the board has sent its settings
-    velocity.fill(str(demo.VELOCITY))
-    of_motor.get_by_label("Acceleration, steps/s²").fill(str(demo.ACCELERATION))
-    of_motor.get_by_role("button", name="Set speed").click()
-    expect(log(page)).to_contain_text(f"Motor {motor}: speed is set.")
+    page.locator("#ready").click()
+    expect(page.locator("#banner")).to_contain_text("READY")
+    page.locator("#go").click()
 
 
 def run_of(edges, move, start):
@@ -258,19 +247,18 @@ def test_the_tour_and_the_edges_of_its_run(page, tmp_path):
     done(page, 0)
     start = {1: -steps(page)}  # when its place is called 0
     show(page)
-    page.get_by_role("button", name="Set position").locator("visible=true").click()
+    page.get_by_role("button", name="Zero here").locator("visible=true").click()
     expect(position(page)).to_have_text("0")
     done(page, 1)
     show(page)
     card(page, "Tour").get_by_role("button", name="Take the example").click()
-    page.get_by_role("button", name="Upload", exact=True).click()
     done(page, 2)
     show(page)
     prepare_run(page)
     expect(log(page)).to_contain_text("Run 1 to 240 is over.")
     done(page, 3)
     wait_rest(page)
-    expect(card(page, "Rig")).to_contain_text(END_OF_MOVE)
+    expect(page.get_by_label("Position of boom in deg")).to_have_text("24.375°")
 
     move = read_move(CAMERA_MOVE)
     records = edges_from(base64.b64decode(page.evaluate(TAKE_EDGES).partition(",")[2]))
@@ -334,14 +322,14 @@ def test_eight_motors_at_24_frames_take_less_than_real_time(stage, make_site, tm
     columns = [*move.positions.values()] * 2
     rows = [",".join(map(str, row)) for row in zip(range(240), *columns, strict=True)]
     table = tmp_path / "eight.csv"
-    table.write_text("\n".join(["frame,a,b,c,d,e,f,g,h", *rows]))
-    for motor in range(1, 9):
-        set_speed(page, motor)
-    go_to(page, "Moves")
-    page.get_by_label("Move", exact=True).set_input_files(table)
-    page.get_by_role("button", name="Upload", exact=True).click()
-    expect(log(page)).to_contain_text("for 8 motors are uploaded")
+    table.write_text("\n".join(["frame,1,2,3,4,5,6,7,8", *rows]))
+    go_to(page, "Move")
+    page.get_by_label("Open a move").set_input_files(table)
+    page.get_by_role("button", name="Raise the speeds to fit").click()
+    expect(log(page)).to_contain_text("Speeds are set: track")
+    close_drawer(page)
     prepare_run(page)
+    expect(log(page)).to_contain_text("for 8 motors are uploaded")
     first, from_s = frames_played(page, 20), worker_seconds()
     last, to_s = frames_played(page, 180), worker_seconds()
     assert 0 < started < 5

@@ -177,7 +177,7 @@ def test_the_page_and_nothing_else(shared):
     assert (status, headers["Content-Type"]) == (200, "text/html; charset=utf-8")
     assert b"framestep" in body
     assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
-    assert shared.get("/views/motors.js")[0] == 200
+    assert shared.get("/motors.js")[0] == 200
     for path in ("/server.py", "/../server.py", "/..%2fserver.py", "//etc/passwd", "/views"):
         assert shared.get(path)[0] == 404, path
 

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import signal
+import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,7 +28,7 @@ def console(
     repl: Annotated[
         str | None, typer.Option(help="port of the board's REPL, if it is not found by itself")
     ] = None,
-    demo: Annotated[bool, typer.Option("--demo", help="use a simulated board")] = False,
+    demo: Annotated[bool, typer.Option("--demo", help="use a simulated crane")] = False,
     browser: Annotated[bool, typer.Option(help="open the page in the browser")] = True,
     save: Annotated[
         Path | None,
@@ -55,29 +56,34 @@ def console(
         return
     from ..client import port_finder
     from ..client.client import Client
+    from ..console.demo import keyframes, set_up
     from ..console.server import lan_address
 
     address = lan_address() if lan else None
     if demo and device:
         raise typer.BadParameter("--demo simulates a device, so leave the other one out")
     found = _simulated() if demo else contextlib.nullcontext(device or port_finder.protocol_port())
-    with found as url:
+    with found as url, _axes_of_demo(demo and not axes) as made:
         with Client.open(url) as client:
             client.greet()  # reports a wrong port here instead of on the page
+            if demo:
+                set_up(client)
         # a second Ctrl-C while motors ramp down closes the port, and the controller stops them
         with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(_serve(url, repl or _repl_of(url), port, address, browser, axes))
+            example = keyframes() if demo else None
+            work = _serve(url, repl or _repl_of(url), port, address, browser, made or axes, example)
+            asyncio.run(work)
 
 
 @contextlib.contextmanager
 def _simulated() -> Iterator[str]:
-    """Yield the address of a simulated board with the example rig of a Pico."""
+    """Yield the address of a simulated board with a crane."""
     from ..client.tcp_port import SCHEME
-    from ..paths import BOARDS
-    from ..simulator.boards import SimulatedBoard, read_rig
+    from ..console.demo import RIG
+    from ..simulator.boards import SimulatedBoard
     from ..simulator.serve import Server
 
-    board = SimulatedBoard(read_rig(BOARDS / "pico" / "rig.json"))
+    board = SimulatedBoard(RIG)
     board.wire_switches()
     server = Server(board, tcp="127.0.0.1:0")
 
@@ -93,6 +99,20 @@ def _simulated() -> Iterator[str]:
         server.stop()
         thread.join()
         server.close()
+
+
+@contextlib.contextmanager
+def _axes_of_demo(demo: bool) -> Iterator[Path | None]:
+    """Yield an axes.toml for the demo's crane: the user's own is not changed."""
+    from ..console.demo import axes_toml
+
+    if not demo:
+        yield None
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "axes.toml"
+        path.write_text(axes_toml())
+        yield path
 
 
 def _repl_of(url: str) -> str | None:
@@ -125,7 +145,13 @@ def show_code(url: str) -> None:
 
 
 async def _serve(
-    url: str, repl: str | None, port: int, lan: str | None, browser: bool, axes: Path | None
+    url: str,
+    repl: str | None,
+    port: int,
+    lan: str | None,
+    browser: bool,
+    axes: Path | None,
+    example: str | None,
 ) -> None:
     from ..client.open_port import open_port
     from ..console.axes_text import AxesText
@@ -135,6 +161,7 @@ async def _serve(
 
     work = BoardWork(repl, url)
     device = ConsoleDevice(lambda: open_port(url, _OPEN_S), url, work, AxesText(axes))
+    device.example = example
     server = ConsoleServer(device)
     await server.start(port, lan)
     ending = asyncio.Event()

@@ -35,6 +35,7 @@ class ConsoleDevice:
         self.axes = axes
         self.keep = False  # all motion but jogs goes on without the page
         self.silence_s = SILENCE_S
+        self.example: str | None = None  # keyframes for a page without any
         self.bridge: Bridge | None = None  # the open port
         self._open_port = open_port
 

@@ -45,7 +45,7 @@ _BYTES = [["bytes", "*B"]]
 
 @cache
 def files() -> dict[str, bytes]:
-    """Return every file of the page by its path, such as `views/motors.js`."""
+    """Return every file of the page by its path, such as `motors.js`."""
     found = {
         path.relative_to(PAGE).as_posix(): path.read_bytes()
         for path in sorted(PAGE.rglob("*"))

@@ -52,6 +52,8 @@ class Visit:
             }
             if device.axes:
                 hello["axes"] = device.axes.read()
+            if device.example:
+                hello["example"] = device.example
             await self._say(hello)
             await self._listen()
         except ToolError as error:

@@ -14,11 +14,17 @@ from ..errors import ToolError
 _HERE = Path(__file__).parent
 
 
-def bundle(name: str, out: Path, setup: dict[str, Any], workers: tuple[str, ...] = ()) -> None:
+def bundle(
+    name: str,
+    out: Path,
+    setup: dict[str, Any],
+    workers: tuple[str, ...] = (),
+    html: str = "index.html",
+) -> None:
     """Write index.html, NAME.js, NAME.css and their licences into a folder. page/NAME.js begins.
 
     setup: what that finds in framestep-console/setup.json; workers: modules of the emulated board
-    that run as Web Workers.
+    that run as Web Workers; html: the console's page that it is made of.
     """
     with TemporaryDirectory() as folder:
         console = Path(folder)
@@ -31,10 +37,10 @@ def bundle(name: str, out: Path, setup: dict[str, Any], workers: tuple[str, ...]
         )
         if done.returncode != 0:
             raise ToolError(f"esbuild cannot bundle the page:\n{done.stderr.strip()}")
-        html = (console / "index.html").read_text()
+        text = (console / html).read_text()
         for ours, bundled in (("style.css", f"{name}.css"), ("main.js", f"{name}.js")):
-            assert html.count(f'"{ours}"') == 1
-            html = html.replace(f'"{ours}"', f'"{bundled}"')
-        (out / "index.html").write_text(html)
+            assert text.count(f'"{ours}"') == 1
+            text = text.replace(f'"{ours}"', f'"{bundled}"')
+        (out / "index.html").write_text(text)
         for each in ("icon.svg", "rig.schema.json"):
             shutil.copyfile(console / each, out / each)

@@ -42,7 +42,7 @@ def make(
     for board, wanted in packages.items():
         files = {f"/{path}": b64encode(data).decode() for path, data in wanted.files().items()}
         (out / page_files_name(board, version())).write_text(json.dumps(files))
-    bundle(NAME, out, _setup(out, packages))
+    bundle(NAME, out, _setup(out, packages), html="frame.html")
 
 
 def _unfit(board: str) -> str | None:

@@ -24,6 +24,13 @@ from .bundling import bundle
 
 BOARD = "pico"
 RIG = {"name": "crane on a track", "motor_count": 4, "estop": "nc"}
+# Names and units of the example move's rig
+AXES = [
+    {"name": "track", "motor": 1, "steps_per_unit": 25, "unit": "mm"},
+    {"name": "boom", "motor": 2, "steps_per_unit": 800, "unit": "deg"},
+    {"name": "swing", "motor": 3, "steps_per_unit": 200, "unit": "deg"},
+    {"name": "pan", "motor": 4, "steps_per_unit": 400, "unit": "deg"},
+]
 OUT = ROOT / "build" / "site" / "try"
 NAME = "try"
 
@@ -61,6 +68,7 @@ def _setup(rig: dict[str, Any]) -> dict[str, Any]:
         "files": "files.img",
         "example": CAMERA_MOVE.name,
         "speed": {"velocity": demo.VELOCITY, "acceleration": demo.ACCELERATION},
+        "axes": AXES,
         "closed": {pin: 0 for pin in closed_switches(board)},
         "pins": board.board,
     }

@@ -86,6 +86,12 @@ export class Axis {
     return String(Number(this.number(value)));
   }
 
+  /** A step's position for a narrow place, such as "12.4". */
+  brief(steps) {
+    const value = this.position(steps);
+    return String(Number(value.toFixed(Math.min(this.decimals, Math.abs(value) < 1000 ? 1 : 0))) + 0);
+  }
+
   withUnit(text, per = "") {
     return text + (SIGNS[this.unit] ?? ` ${this.unit}`) + per;
   }

@@ -31,7 +31,7 @@ const NOTHING = {
   virtual: null,
 };
 
-/** Events: "change" for anything new, "message" {text, bad} for the user, "hardstop", "ended" after RT_END,
+/** Events: "change" for anything new, "settings" for a motor's, "message" {text, bad} for the user, "hardstop", "ended" after RT_END, "refused" with the error,
  * "stopped" with the reason when another program has stopped motors, "connected", "gone". */
 export class Device extends EventTarget {
   client = null;
@@ -49,7 +49,7 @@ export class Device extends EventTarget {
   #asking = false;
   #slowAt = 0;
   #unknown = new Set(); // requests that this device does not know
-  #limits = []; // soft limits of each motor, or null
+  #settings = []; // of each motor as it reports them, or null
 
   get connected() {
     return this.state.info !== null;
@@ -70,7 +70,14 @@ export class Device extends EventTarget {
 
   /** Return the soft limits of a motor, [lowest, highest] step, or null if it has not both, or the device reports none. */
   limitsOf(motor) {
-    return this.#limits[motor - 1] ?? null;
+    const told = this.setOf(motor);
+    const both = M.SET_LOWER | M.SET_UPPER;
+    return told && (told.bits & both) === both ? [told.lower, told.upper] : null;
+  }
+
+  /** Return a motor's settings as last seen, as Exceeded has them; null if the device has not reported them. */
+  setOf(motor) {
+    return this.#settings[motor - 1] ?? null;
   }
 
   /** Return a motor's settings, as Exceeded has them; null if the device does not report them. */
@@ -80,11 +87,10 @@ export class Device extends EventTarget {
     return reported?.velocity === undefined ? null : reported;
   }
 
-  /** Ask for the soft limits of a motor. */
-  async seeLimits(motor) {
-    const reported = await this.settingsOf(motor);
-    const both = M.SET_LOWER | M.SET_UPPER;
-    this.#limits[motor - 1] = reported && (reported.bits & both) === both ? [reported.lower, reported.upper] : null;
+  /** Ask for the settings of a motor. */
+  async seeSettings(motor) {
+    this.#settings[motor - 1] = await this.settingsOf(motor);
+    this.dispatchEvent(new Event("settings"));
     this.#changed();
   }
 
@@ -125,12 +131,12 @@ export class Device extends EventTarget {
   #begin() {
     this.dispatchEvent(new Event("connected"));
     this.#slowAt = 0;
-    this.#limits = [];
-    this.#seeAllLimits();
+    this.#settings = [];
+    this.#seeAllSettings();
   }
 
-  async #seeAllLimits() {
-    for (let motor = 1; motor <= this.motors && !this.#unknown.has("GetExceeded"); motor += 1) await this.seeLimits(motor);
+  async #seeAllSettings() {
+    for (let motor = 1; motor <= this.motors && !this.#unknown.has("GetExceeded"); motor += 1) await this.seeSettings(motor);
   }
 
   /** Send a request for the user. A refusal, or a lost link, is shown and gives null. */
@@ -139,6 +145,7 @@ export class Device extends EventTarget {
       return await this.demand(request, values);
     } catch (error) {
       this.tell(error.message, true);
+      if (error instanceof Refused) this.dispatchEvent(new CustomEvent("refused", { detail: error }));
       return null;
     }
   }
@@ -176,6 +183,11 @@ export class Device extends EventTarget {
     if (!found) return null;
     const state = TRUST.states[found.state] ?? `state ${found.state}`;
     return { state, text: `${state}: ${TRUST.reasons[found.reason] ?? `reason ${found.reason}`}` };
+  }
+
+  /** Motors whose position is lost. */
+  get lost() {
+    return this.state.trust.flatMap((_, i) => (this.trustOf(i + 1)?.state === "lost" ? [i + 1] : []));
   }
 
   /** Return a sentence for each condition of the board, or for some bits of it. */
@@ -230,8 +242,9 @@ export class Device extends EventTarget {
       case "InputLevels": state.inputs = report.levels; break;
       case "VirtPositions": state.virtual = report; break;
       case "HardStop":
+        report.text = (STOPS[report.reason] ?? (() => `The device has stopped, reason ${report.reason}.`))(this.axes.of(report.motor).title);
         this.dispatchEvent(new CustomEvent("hardstop", { detail: report }));
-        this.tell((STOPS[report.reason] ?? (() => `The device has stopped, reason ${report.reason}.`))(this.axes.of(report.motor).title), true);
+        this.tell(report.text, true);
         this.#slowAt = 0;
         this.#soon();
         break;

@@ -15,6 +15,11 @@ export class Holds {
     document.addEventListener("freeze", release);
   }
 
+  /** Whether something is held. */
+  get any() {
+    return this.#holds.size > 0;
+  }
+
   /** Begin a hold, if this key has none. `repeat` is called repeatedly until the hold ends, or until it returns false:
    * then the motion goes on by itself until `end`. If `repeat` fails, the hold ends too. `end` is called once. */
   begin(key, repeat, end) {

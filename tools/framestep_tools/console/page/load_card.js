@@ -25,7 +25,7 @@ export class LoadCard {
     this.#tell = tell;
     this.#drawing.style.display = "none";
     this.element = h("article", { class: "card", "aria-label": "Load of the board" },
-      h("h2", {}, "The board's load"),
+      h("h3", {}, "The board's load"),
       h("div", { class: "row" }, button("Measure", () => this.#measure()), check("Live, each second", this.#live)),
       this.#said, this.#drawing);
     document.addEventListener("visibilitychange", () => document.hidden && this.stop());

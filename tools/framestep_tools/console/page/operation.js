@@ -6,7 +6,7 @@ const READY = "ready";
 const PLAYING = "playing";
 const LOST = "lost"; // the link has ended since GO
 
-/** Events: "change", "stopped" when everything has been stopped. `name`: such as "Run 1 to 240". */
+/** Events: "change", "stopped" when everything has been stopped, "over" when it has ended. `name`: such as "Run 1 to 240". */
 export class Operation extends EventTarget {
   name = "";
   /** Whether the last one is still going on. */
@@ -32,6 +32,21 @@ export class Operation extends EventTarget {
 
   get ready() {
     return this.#state === READY;
+  }
+
+  /** Whether the motors go to where it begins. */
+  get going() {
+    return this.#state === GOING;
+  }
+
+  /** Whether it has the motors. */
+  get busy() {
+    return this.#state === GOING || this.#state === PLAYING;
+  }
+
+  /** Whether it plays and does not end by itself. */
+  get loops() {
+    return this.playing && this.#loops;
   }
 
   get playing() {
@@ -96,6 +111,10 @@ export class Operation extends EventTarget {
       const { playHead } = this.#device.state;
       this.early = this.#stopped || this.#loops || (this.#last !== null && playHead !== this.#last * 1000);
       this.#device.tell(this.early ? `${this.name} was stopped at frame ${(playHead / 1000).toFixed(3)}.` : `${this.name} is over.`, this.early);
+      this.#asked = false;
+      this.#set(NONE);
+      this.dispatchEvent(new Event("over"));
+      return;
     }
     this.#asked = false;
     this.#set(NONE);

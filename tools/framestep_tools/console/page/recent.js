@@ -28,6 +28,11 @@ export class Recent {
     return this.#list()[0]?.content ?? null;
   }
 
+  /** The newest one, {name, content}, or null. */
+  get newestEntry() {
+    return this.#list()[0] ?? null;
+  }
+
   /** Put something first. One with the same name and content is there only once. content: of strings, numbers, lists. */
   add(name, content) {
     const text = JSON.stringify(content);

@@ -3,7 +3,7 @@
 
 import { EXCEEDED, M } from "./protocol.js";
 
-const SPEED = "raise it under Motors, “Zero, soft limits, speed”";
+const SPEED = "raise it in the motor's settings, or all at once in the move's";
 const PLAYED = new Set(["RtRunMove", "RtJogAll", "RtPositionFrame", "RtGo", "RtShootFrame", "RtShootFrame2"]);
 
 /** Return a sentence, or null if the device does not report more. ask(request, values): sends a request. axes: names

@@ -8,7 +8,7 @@ const LONGEST_BLOOP_MS = 65535;
 const WHOLE_TURN = 360;
 
 export class RunOptions {
-  element = h("details", { open: true }, h("summary", {}, "Camera and bloop"));
+  element = h("div", { class: "parts" });
   #camera = h("select", {}, ...CAMERAS.map(([text, flag]) => h("option", { value: String(flag) }, text)));
   #open = number(90, 0, WHOLE_TURN);
   #close = number(180, 0, WHOLE_TURN);
@@ -21,10 +21,10 @@ export class RunOptions {
     this.#camera.addEventListener("change", () => {
       this.#angles.hidden = Number(this.#camera.value) !== M.RUN_STILLS;
     });
-    this.element.append(h("div", {},
-      field("Camera", this.#camera), this.#angles,
-      h("div", { class: "row" },
-        field("Bloop output", this.#output), field("Bloop DMX channel", this.#channel, "0: none"), field("Bloop, ms", this.#time))));
+    this.element.append(
+      h("h3", {}, "Camera"), field("Camera", this.#camera), this.#angles,
+      h("h3", {}, "Bloop: light or sound at the first frame"), h("div", { class: "row" },
+        field("Bloop output", this.#output), field("Bloop DMX channel", this.#channel, "0: none"), field("Bloop, ms", this.#time)));
     this.connected({ outputs: 0, dmx_channels: 0 });
   }
 

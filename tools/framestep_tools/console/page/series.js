@@ -20,9 +20,9 @@ export class Series {
 
   /**
    * Shoot these frames. interval: ms from one GO to the next; if the rig needs longer, the next GO comes as soon as it is ready.
-   * request(frame): the values of RtShootFrame2. Resolves when all are shot or something has stopped it, and says which.
+   * request(frame): the values of RtShootFrame2; done(frame): called after each shot. Resolves when all are shot or something has stopped it, and says which.
    */
-  async shoot(frames, interval, request) {
+  async shoot(frames, interval, request, done = () => {}) {
     if (this.#goesOn) return;
     this.#goesOn = true;
     const shot = [];
@@ -41,6 +41,7 @@ export class Series {
       await this.#until(() => !this.#operation.playing);
       if (!this.#goesOn || this.#operation.early) break;
       shot.push(frame);
+      done(frame);
     }
     this.#goesOn = false;
     this.#device.tell(...this.#result(frames, shot, late));

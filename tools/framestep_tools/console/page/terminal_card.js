@@ -23,7 +23,7 @@ export class TerminalCard {
 
   constructor(device) {
     this.#device = device;
-    this.element = h("article", { class: "card", "aria-label": "REPL" }, h("h2", {}, "The REPL"),
+    this.element = h("article", { class: "card", "aria-label": "REPL" }, h("h3", {}, "The REPL"),
       h("p", { class: "faint" }, "MicroPython's prompt; framestep goes on meanwhile. Ctrl-C ends what you run there. Escape is STOP also here."),
       h("div", { class: "row" }, this.#open, this.#interrupt, this.#close), this.#said, this.#place);
     new ResizeObserver(() => this.#resize()).observe(this.#place);

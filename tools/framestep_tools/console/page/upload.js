@@ -20,8 +20,9 @@ export function* uploadRequests(move) {
   yield ["RtUploadMoveEnd", {}];
 }
 
-/** Upload a move, and call progress(share of 1). Throws at the first refused section, and sends nothing after it. */
-export async function upload(device, move, progress) {
+/** Upload a move, and call progress(share of 1). Throws at the first refused section, or if `ends` returns true, and sends
+ * nothing after it. */
+export async function upload(device, move, progress, ends) {
   const requests = [...uploadRequests(move)];
   let failed = null;
   let done = 0;
@@ -32,6 +33,7 @@ export async function upload(device, move, progress) {
     }).finally(() => waiting.delete(answer));
     waiting.add(answer);
     if (waiting.size >= WINDOW) await Promise.race(waiting);
+    if (ends()) failed ??= new Error("it was stopped");
     if (failed) break;
   }
   await Promise.all(waiting);

@@ -1,6 +1,6 @@
 // The page that puts framestep onto a board, step by step, up to its first move.
 
-import "framestep-console/style.css";
+import "framestep-console/frame.css";
 import "./install/install.css";
 import { addViews, connectByCable, device, holds, show, start } from "framestep-console/frame.js";
 import { serialIsThere } from "framestep-console/serial_link.js";
@@ -20,4 +20,4 @@ const connect = new ConnectStep(device, () => board.board, () => connectByCable(
 const first = new FirstMoveStep(device);
 const motors = new MotorsStep(device, holds, swap, () => show(first));
 addViews([board, connect, rig, motors, first], "Install framestep");
-start(null, serialIsThere() ? "Choose your board." : "This browser has no Web Serial. It can fetch the image; to set the board up, take Chrome or Edge on a computer.");
+start(serialIsThere() ? "Choose your board." : "This browser has no Web Serial. It can fetch the image; to set the board up, take Chrome or Edge on a computer.");

@@ -29,7 +29,7 @@ export class Scope {
     this.#trigger.append(...rows.map(([pin, name]) => h("option", { value: String(pin) }, name)));
     this.#canvas.style.height = `${ROW * rows.length}px`;
     this.element = h("article", { class: "card", "aria-label": "Pins" },
-      h("div", { class: "row spread" }, h("h2", {}, "Pins"),
+      h("div", { class: "row spread" }, h("h3", {}, "Pins"),
         h("div", { class: "row" }, h("label", {}, "Across ", this.#span), h("label", {}, "Rising edge of ", this.#trigger), h("label", { class: "check" }, this.#hold, "Hold"))),
       this.#canvas, this.#speed);
   }

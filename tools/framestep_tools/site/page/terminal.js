@@ -19,7 +19,7 @@ export class ReplTerminal {
     this.#port = port;
     const place = h("div", { class: "terminal-place" });
     this.element = h("article", { class: "card", "aria-label": "REPL" },
-      h("div", { class: "row spread" }, h("h2", {}, "REPL"), ...controls), place);
+      h("div", { class: "row spread" }, h("h3", {}, "REPL"), ...controls), place);
     const fit = new FitAddon();
     this.#terminal.loadAddon(fit);
     this.#terminal.open(place);

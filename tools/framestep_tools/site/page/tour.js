@@ -7,16 +7,14 @@ const LOOK_MS = 200;
 const MARKED_MS = 4000;
 const FAR = 100; // steps that count as a jog
 const COMMAND = "status()";
-const MOTOR_CARD = '[aria-label="Motor 1"]';
 
 /** The steps. `begin` returns a function that returns whether the step is done. */
-function steps({ device, moves, operation, pins, estop, terminal, takeExample }) {
+function steps({ device, work, operation, pins, estop, terminal, takeExample }) {
   return [
     {
       title: "Jog a motor",
-      text: "Hold + of motor 1. The carriage rolls, and the scope shows its pulses. Let go, and it ramps down.",
-      view: "Motors",
-      control: '[aria-label="Jog motor 1 up"]',
+      text: "Hold + of the first motor. The carriage rolls, and the scope shows its pulses. Let go, and it ramps down.",
+      control: '#rows li:first-child .hold:last-child',
       begin() {
         const before = pins.steps[0];
         return () => Math.abs(pins.steps[0] - before) > FAR && device.knowsWhatMoves && !device.moves(1);
@@ -24,24 +22,21 @@ function steps({ device, moves, operation, pins, estop, terminal, takeExample })
     },
     {
       title: "Set its zero",
-      text: "After power-up framestep does not know where a stepper motor is. Open “Zero, soft limits, speed” of motor 1 and press “Set position”.",
-      view: "Motors",
-      control: `${MOTOR_CARD} details form button`,
+      text: "After power-up framestep does not know where a stepper motor is. Choose the first motor and press “Zero here”.",
+      control: "#chosen article:not([hidden]) .zero",
       begin: () => () => device.trustOf(1)?.state === "known",
     },
     {
-      title: "Upload a move",
-      text: "A move is a position of each motor for each frame. Take the example, ten seconds of a crane on a track: it sets the motors' speeds, too. Then press “Upload”.",
-      view: "Moves",
-      control: '[aria-label="Moves"] form button',
+      title: "Take a move",
+      text: "A move is a position of each motor for each frame. Take the example, ten seconds of a crane on a track: it sets the motors' speeds, too.",
+      control: "#file",
       action: ["Take the example", takeExample],
-      begin: () => () => moves.move !== null,
+      begin: () => () => work.move !== null && !work.editable,
     },
     {
       title: "Run it",
-      text: "Press “Get ready”: the motors go to where the run begins. Then press “GO”. Each motor makes its steps on its frame to some microseconds.",
-      view: "Moves",
-      control: '[aria-label="Run"] form > button',
+      text: "Press “Get ready”: the move goes to the board, and the motors to where it begins. Then press “GO”. Each motor makes its steps on its frame to some microseconds.",
+      control: "#ready",
       begin() {
         let played = false;
         return () => {
@@ -76,19 +71,16 @@ function steps({ device, moves, operation, pins, estop, terminal, takeExample })
 }
 
 /** Scroll to a control, and mark it for a moment. */
-function mark({ view, control }) {
-  if (view) [...document.querySelectorAll("nav button")].find((tab) => tab.textContent === view)?.click();
+function mark({ control }) {
   const found = document.querySelector(control);
   if (!found) return;
-  const details = found.closest("details");
-  if (details) details.open = true;
   found.scrollIntoView({ block: "center" });
   found.classList.add("marked");
   setTimeout(() => found.classList.remove("marked"), MARKED_MS);
 }
 
 export class Tour {
-  element = h("article", { class: "card tour", "aria-label": "Tour" });
+  element = h("article", { class: "tour", "aria-label": "Tour" });
   #list = h("ol");
   #said = h("p", { class: "faint", role: "status" });
   #steps;
@@ -105,7 +97,7 @@ export class Tour {
       this.#list.append(item);
       return { ...step, item, title, body };
     });
-    this.element.append(h("h2", {}, "Tour"), this.#list, this.#said);
+    this.element.append(this.#list, this.#said);
     this.#show(0);
     setInterval(() => this.#look(), LOOK_MS);
   }

@@ -3,13 +3,13 @@
 import "framestep-console/style.css";
 import "@xterm/xterm/css/xterm.css";
 import "./try.css";
-import { start } from "framestep-console/app.js";
+import { addDrawer, start } from "framestep-console/app.js";
 import { h, setText } from "framestep-console/dom.js";
+import { device } from "framestep-console/session.js";
 import { SerialLink } from "framestep-console/serial_link.js";
 import { Board } from "./board.js";
 import setup from "framestep-console/setup.json";
 import { Pins } from "./pins.js";
-import { RigPicture } from "./rig_picture.js";
 import { Scope } from "./scope.js";
 import { ReplTerminal } from "./terminal.js";
 import { Tour } from "./tour.js";
@@ -41,14 +41,13 @@ function estopButton(board) {
   return button;
 }
 
-/** Put the example move into the field for a move's file, and set the velocities that it needs. */
+/** Put the example move onto the desk, and set the velocities that it needs. */
 async function takeExample() {
-  for (const i of pins.step.keys()) await running.device.ask("MotorSetSpeed", { motor: i + 1, ...setup.speed });
-  const chosen = new DataTransfer();
-  chosen.items.add(new File([await load(setup.example)], setup.example));
-  const field = document.querySelector('[aria-label="Moves"] input[type="file"]');
-  field.files = chosen.files;
-  field.dispatchEvent(new Event("change"));
+  for (const i of pins.step.keys()) {
+    await running.device.ask("MotorSetSpeed", { motor: i + 1, ...setup.speed });
+    await running.device.seeSettings(i + 1);
+  }
+  await running.work.takeText(new TextDecoder().decode(await load(setup.example)), setup.example);
 }
 
 /** Return the scope's pins, [pin, name]. */
@@ -70,14 +69,9 @@ function keepDrawing(...parts) {
   requestAnimationFrame(turn);
 }
 
-function place(bench) {
-  const parts = ["header", "#lost", "#state", "nav", "main"].map((name) => document.querySelector(name));
-  document.body.classList.add("try");
-  document.body.prepend(h("div", { id: "console" }, ...parts), bench);
-}
-
-const bench = h("aside", { id: "bench", "aria-label": "The board" });
-place(bench);
+const bench = h("div", { id: "bench" });
+addDrawer("board", "Board", bench, "M7 7h10v10H7zM10 3v4M14 3v4M10 17v4M14 17v4M3 10h4M3 14h4M17 10h4M17 14h4");
+document.body.classList.add("try");
 const who = document.querySelector("#who");
 setText(who, "The board starts …");
 let board;
@@ -89,16 +83,18 @@ try {
 }
 const traced = new Pins(board, pins);
 const estop = estopButton(board);
-const picture = new RigPicture(traced, estop);
+document.querySelector("#tools").prepend(estop);
 const scope = new Scope(traced, shownPins());
 const power = h("button", { type: "button", onclick: () => board.reset() }, "Power off and on");
 const terminal = new ReplTerminal(board.repl, power);
+if (!device.axes.list.length) device.axes.set(setup.axes);
 const running = start(() => SerialLink.at(board.protocol, board.repl, "a board in this page"));
 const tour = new Tour({ ...running, pins: traced, estop, terminal, takeExample });
-const about = h("p", { class: "card faint" },
+const about = h("p", { class: "faint" },
   "What runs here is ", h("a", { href: setup.image }, "the image for a Pico"), ", on an emulated RP2040. Nothing leaves this page. ",
   h("a", { href: "licences.txt" }, "Licences"), " of the packages that it is made of.");
-bench.append(tour.element, picture.element, scope.element, terminal.element, about);
-keepDrawing(picture, scope);
+bench.append(tour.element, scope.element, terminal.element, about);
+running.drawer("board", true);
+keepDrawing(scope);
 running.device.addEventListener("connected", () => terminal.greet());
 board.addEventListener("halted", ({ detail }) => running.device.tell(`The board has stopped: ${detail.why}`, true));

@@ -1,11 +1,10 @@
-// Virtual axes: the rig's configuration, the camera's pose, jogs along straight lines, a drawing of the rig.
+// Virtual axes: the rig's configuration, the camera's pose, jogs along straight lines. Two drawers share them.
 
-import { check, field, h, number, read, setText } from "../dom.js";
-import { joints, TYPES } from "../kinematics.js";
-import { M } from "../protocol.js";
-import { Recent } from "../recent.js";
-import { RigDrawing } from "../rig_drawing.js";
-import { packConfig, parseTable } from "../virtual_config.js";
+import { check, field, h, number, read, setText } from "./dom.js";
+import { TYPES } from "./kinematics.js";
+import { M } from "./protocol.js";
+import { Recent } from "./recent.js";
+import { packConfig, parseTable } from "./virtual_config.js";
 
 const POSITION = 100_000;
 const MILLI = 1000;
@@ -29,61 +28,60 @@ const LINES = [
 
 const ARROWS = { up: "▲", down: "▼", left: "◀", right: "▶", forward: "⤒", backward: "⤓" };
 
-export class VirtualView {
-  title = "Virtual axes";
-  element = h("section");
+export class Virtual {
+  /** The drawer of the camera, and the part of Set up. */
+  camera = h("div", { class: "parts" });
+  setup = h("div", { class: "parts" });
+  /** The rig as this page has configured it, or null. */
+  rig = null;
   #device;
   #holds;
-  #moves;
+  #renewed;
   #recent = new Recent("recent rigs", "Configured before", (saved) => this.#takeUp(saved));
-  #rig = null; // the rig as this page has configured it
   #type = h("select", {}, ...Object.entries(TYPES).map(([type, { name }]) => h("option", { value: type }, name)));
   #fields = h("div");
   #axes = [];
   #lengths = {};
   #table = h("textarea", { rows: 4, spellcheck: false });
   #speed = h("input", { type: "range", min: "1", max: "100", value: "20" });
-  #pose = h("div", { class: "cards" });
+  #pose = h("div", { class: "parts" });
   #poses = [];
-  #drawing = new RigDrawing();
-  #without = h("p", { class: "faint" });
-  #able = h("div", { class: "view" });
+  #without = [h("p", { class: "faint" }), h("p", { class: "faint" })];
+  #able = [];
 
-  /** moves: the view with the uploaded move. */
-  constructor(device, holds, moves) {
+  /** renewed(): called when the rig has changed; toSetup(): shows the configuration. */
+  constructor(device, holds, renewed, toSetup) {
     this.#device = device;
     this.#holds = holds;
-    this.#moves = moves;
+    this.#renewed = renewed;
     device.axes.addEventListener("change", () => this.#rename());
     this.#type.addEventListener("change", () => this.#fill({}));
-    this.#able.append(
-      h("details", { class: "card", open: true }, h("summary", {}, "The rig"),
-        h("form", { onsubmit: (event) => this.#configure(event) },
-          field("Type", this.#type), this.#fields,
-          h("div", { class: "row" }, this.#recent.element, h("button", { class: "main" }, "Configure"),
-            h("button", { type: "button", onclick: () => this.#forget() }, "No virtual axes")))),
-      h("div", { class: "beside" },
-        h("div", { class: "card" }, h("h2", {}, "Along the camera's own axes"), this.#cross(), field("Jog speed, % of what the motors allow", this.#speed)),
-        this.#drawing.element),
-      this.#pose, this.#aimCard());
-    this.element.append(this.#without, this.#able);
+    this.#able = [
+      h("form", { "aria-label": "The rig", onsubmit: (event) => this.#configure(event) },
+        field("Type", this.#type), this.#fields,
+        h("div", { class: "row" }, this.#recent.element, h("button", { class: "main" }, "Configure"),
+          h("button", { type: "button", onclick: () => this.#forget() }, "No virtual axes"))),
+      h("div", { class: "parts" }, h("h3", {}, "Along the camera's own axes"), this.#cross(), field("Jog speed, % of what the motors allow", this.#speed),
+        h("h3", {}, "Each virtual axis"), this.#pose, this.#aimCard(),
+        h("button", { type: "button", onclick: toSetup }, "The rig's kind, motors and lengths…")),
+    ];
+    this.setup.append(this.#without[0], this.#able[0]);
+    this.camera.append(this.#without[1], this.#able[1]);
   }
 
   connected() {
     const can = this.#device.can(M.CAP_VIRTUALS);
-    setText(this.#without, can ? "" : "This device has no virtual axes.");
-    this.#able.hidden = !can;
-    this.#rig = null;
-    this.#drawing.clear();
+    for (const text of this.#without) setText(text, can ? "" : "This device has no virtual axes.");
+    for (const part of this.#able) part.hidden = !can;
+    this.rig = null;
     this.#takeUp(this.#recent.newest ?? {});
     this.#showPose();
+    this.#renewed();
   }
 
   render() {
-    const { virtual, positions } = this.#device.state;
+    const { virtual } = this.#device.state;
     for (const { shown, name } of this.#poses) setText(shown, virtual ? (virtual[name] / POSITION).toFixed(3) : "–");
-    this.#drawing.element.hidden = this.#rig === null;
-    if (this.#rig && positions.length) this.#drawing.draw(this.#rig, joints(this.#rig, (motor) => positions[motor - 1]));
   }
 
   // ---- the rig's configuration
@@ -147,10 +145,9 @@ export class VirtualView {
     const rig = { ...saved, table, nodal: [saved.nodalX, saved.nodalY, saved.nodalZ], safe: null };
     const bytes = this.#packed(rig);
     if (!bytes || !(await this.#device.ask("VirtConfig", { bytes }))) return;
-    this.#rig = rig;
+    this.rig = rig;
     this.#recent.add(TYPES[rig.type].name, saved);
-    this.#drawing.clear();
-    this.#showPath();
+    this.#renewed();
     this.#device.tell(`${TYPES[rig.type].name}: configured.`);
     this.render();
   }
@@ -178,28 +175,16 @@ export class VirtualView {
 
   async #forget() {
     if (!(await this.#device.ask("VirtConfig", { bytes: packConfig({ type: M.VIRT_NONE }) }))) return;
-    this.#rig = null;
+    this.rig = null;
+    this.#renewed();
     this.render();
-  }
-
-  /** Return the camera's path along the uploaded move. */
-  #showPath() {
-    const { move } = this.#moves;
-    if (!move || !this.#rig) return;
-    const { positions } = this.#device.state;
-    const frames = move.positions[0].map((_, frame) => joints(this.#rig, (motor) => move.positions[move.motors.indexOf(motor)]?.[frame] ?? positions[motor - 1]));
-    this.#drawing.showPath(this.#rig, frames);
-  }
-
-  shown() {
-    this.#showPath();
   }
 
   // ---- pose and jogs
 
   #showPose() {
     this.#poses = POSE.map(([motor, label, name, mains]) => {
-      const shown = h("output", { class: "position", "aria-label": label });
+      const shown = h("output", { "aria-label": label, "aria-live": "off" });
       const target = number(0, -20_000, 20_000, { step: "any", inputMode: "decimal" });
       const move = async (event) => {
         event.preventDefault();
@@ -209,16 +194,16 @@ export class VirtualView {
       const hold = (text, up) => this.#holds.button(
         h("button", { type: "button", class: "hold", "aria-label": `Jog ${label} ${up ? "up" : "down"}` }, text),
         `virtual ${motor}`, () => this.#jog(motor, mains, up), () => this.#stop(motor));
-      const card = h("article", { class: "card", "aria-label": label }, h("h2", {}, label), shown,
-        h("div", { class: "row" }, hold("−", false), hold("+", true)),
-        h("form", { onsubmit: move }, field("Move to", target), h("button", {}, "Move")));
+      const card = h("article", { class: "virtual", "aria-label": label }, h("b", {}, label), shown, hold("−", false), hold("+", true),
+        h("form", { onsubmit: move }, target, h("button", {}, "Move")));
+      target.setAttribute("aria-label", "Move to");
       return { name, shown, card };
     });
     this.#pose.replaceChildren(...this.#poses.map(({ card }) => card));
   }
 
   async #jog(motor, mains, up) {
-    const axis = this.#rig?.axes[TYPES[this.#rig.type].axes.findIndex((name) => mains.includes(name))];
+    const axis = this.rig?.axes[TYPES[this.rig.type].axes.findIndex((name) => mains.includes(name))];
     const steps = up === ((axis?.perUnit ?? 1) > 0) ? FARTHEST : -FARTHEST;
     await this.#held("VirtJog", { motor, speed: this.#share(), destination: steps });
   }
@@ -262,7 +247,7 @@ export class VirtualView {
       const [a, b, c] = [x, y, z].map((value) => Math.round(value * MILLI));
       if (await this.#device.ask("SetVirtAimPoint", { enable: Number(on.checked), x: a, y: b, z: c })) this.#device.tell(`The aim point is ${on.checked ? "on" : "off"}.`);
     };
-    return h("article", { class: "card", "aria-label": "Aim point" }, h("h2", {}, "Aim point"),
+    return h("article", { "aria-label": "Aim point" }, h("h3", {}, "Aim point"),
       h("form", { onsubmit: send }, check("Pan and tilt stay on it", on), ...inputs.map(([name, input]) => field(name, input)), h("button", {}, "Set aim point")));
   }
 }

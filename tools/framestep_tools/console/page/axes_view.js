@@ -1,17 +1,16 @@
 // Axes: the names and units of the motors, read from axes.toml and written to it.
 
-import { axesText, checkAxes, parseAxes } from "../axes.js";
-import { check, download, field, h, number, read, setText } from "../dom.js";
-import { UNITS } from "../protocol.js";
+import { axesText, checkAxes, parseAxes } from "./axes.js";
+import { check, download, field, h, number, read, setText } from "./dom.js";
+import { UNITS } from "./protocol.js";
 
 const SAVED = "axes.toml"; // in the browser, without a server
 const FEWEST_ROWS = 4;
 const GREATEST = 1e15;
 
 export class AxesView {
-  title = "Names, units";
-  worksAlone = true;
-  element = h("section");
+  title = "Names and units";
+  element = h("div", { class: "parts" });
   #device;
   #rows = [];
   #list = h("div", { class: "cards" });
@@ -23,9 +22,9 @@ export class AxesView {
     device.axes.addEventListener("change", () => this.#fill());
     this.element.append(
       h("article", { class: "card", "aria-label": "Names and units" },
-        h("h2", {}, "Names and units of the motors"),
+        
         this.#about,
-        h("p", { class: "faint" }, "Every command of framestep uses the same file, axes.toml. Limits are for positions typed here in units; soft limits on the board are set under Motors."),
+        h("p", { class: "faint" }, "Every command of framestep uses the same file, axes.toml. Limits are for positions typed here in units; soft limits on the board are in each motor's settings."),
         h("div", { class: "row" }, field("Take another axes.toml", this.#file),
           h("button", { type: "button", class: "main", onclick: () => this.#save() }, "Save"),
           h("button", { type: "button", onclick: () => this.#download() }, "Download"))),

@@ -1,7 +1,7 @@
 // Inputs, outputs and lights.
 
-import { check, field, h, number, read, setText } from "../dom.js";
-import { M } from "../protocol.js";
+import { check, field, h, number, read, setText } from "./dom.js";
+import { M } from "./protocol.js";
 
 const SHOWN = 12; // number of lights in the view
 const HIGHEST_LEVEL = 255;
@@ -9,7 +9,7 @@ const CAMERA = [[M.GIO_CAM_SHUTTER, "Shutter"], [M.GIO_CAM_METER, "Meter"]];
 
 export class OutputsView {
   title = "Inputs, outputs, lights";
-  element = h("section");
+  element = h("div", { class: "parts" });
   #device;
   #inputs = h("div", { class: "row" });
   #outputs = h("div", { class: "row" });
@@ -20,7 +20,7 @@ export class OutputsView {
     this.#device = device;
     this.#lights.send = (values) => device.demand("Dmx", values);
     this.#lights.failed = (error) => device.tell(error.message, true);
-    const card = (title, ...parts) => h("article", { class: "card", "aria-label": title }, h("h2", {}, title), ...parts);
+    const card = (title, ...parts) => h("article", { class: "card", "aria-label": title }, h("h3", {}, title), ...parts);
     this.element.append(
       h("div", { class: "cards" },
         card("Inputs", this.#inputs),
@@ -85,12 +85,12 @@ class Lights {
     this.#channels = channels;
     this.#levels.clear();
     if (!channels) {
-      this.element.replaceChildren(h("h2", {}, "Lights"), "This device has no lights.");
+      this.element.replaceChildren(h("h3", {}, "Lights"), "This device has no lights.");
       return;
     }
     this.#first.max = String(channels);
     this.#first.addEventListener("change", () => this.#fill());
-    this.element.replaceChildren(h("h2", {}, "Lights"),
+    this.element.replaceChildren(h("h3", {}, "Lights"),
       h("div", { class: "row" }, field("From channel", this.#first), check("Fade to each level", this.#fade),
         h("button", { type: "button", onclick: () => this.#dark() }, "All shown to 0")),
       this.#sliders);

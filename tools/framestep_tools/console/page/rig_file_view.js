@@ -1,17 +1,15 @@
 // The rig file and the board's load, through the board's other port: by framestep console or a second port of Web
 // Serial.
 
-import { h, setText } from "../dom.js";
-import { LoadCard } from "../load_card.js";
-import { allowed } from "../rig_text.js";
-import { RigWork } from "../rig_work.js";
-import { TerminalCard } from "../terminal_card.js";
+import { h, setText } from "./dom.js";
+import { LoadCard } from "./load_card.js";
+import { allowed } from "./rig_text.js";
+import { RigWork } from "./rig_work.js";
+import { TerminalCard } from "./terminal_card.js";
 
-export class RigView {
-  title = "Rig file, load";
-  /** Uses the REPL's port, which exists also while the protocol's does not. */
-  worksAlone = true;
-  element = h("section");
+export class RigFileView {
+  title = "Rig file, load, terminal";
+  element = h("div", { class: "parts" });
   #device;
   #work;
   #text = h("textarea", { rows: 18, spellcheck: false, "aria-label": "Rig file" });
@@ -41,7 +39,7 @@ export class RigView {
       this.#without,
       this.#choose,
       h("article", { class: "card", "aria-label": "Rig file of the board" },
-        h("h2", {}, "Rig file"),
+        h("h3", {}, "Rig file"),
         h("p", { class: "faint" }, "Putting it onto the board restarts the board: the drivers go off, so support what would fall. // comments are left out."),
         h("div", { class: "row" },
           button("Read from the board", () => this.#read()),

@@ -1,0 +1,266 @@
+"""The desk as a whole: what is where in each state, size and theme; a take from an empty rig, by
+keys and by touch."""
+
+import pytest
+from playwright.sync_api import expect
+
+from framestep_tools.console import demo
+from framestep_tools.console.axes_text import AxesText
+from framestep_tools.payloads import MotorResetPosition
+from host_tests.console.looking import (
+    AXE,
+    DRAWERS,
+    FINDINGS,
+    SET_UP,
+    close_drawer,
+    go_to,
+    log,
+    motor,
+    steps,
+    wait_connected,
+    wait_moving,
+    wait_rest,
+)
+from host_tests.console.pictures import KEYFRAMES
+
+SIZES = [(1280, 800), (1920, 1080), (390, 844), (844, 390)]
+PARTS = ["stop", "go", "ready", "timeline", "rig", "positions", "banner"]
+SPEED = 4.0  # times real time
+# Regions that may not overlap: [name, box] of those that are seen
+BOXES = """() => [...document.querySelectorAll(
+    '#banner, #tools, #rig, #line, #motors, #stop, #controls, #ready, #go, #pages')]
+    .filter((each) => each.checkVisibility())
+    .map((each) => [each.id, each.getBoundingClientRect().toJSON()])"""
+# Buttons whose text does not fit, or that are outside of the window
+CUT = """() => [...document.querySelectorAll('#top button, #line button, #motors button, #transport button')]
+    .filter((each) => each.checkVisibility({visibilityProperty: true}))
+    .filter((each) => {
+        const box = each.getBoundingClientRect();
+        return each.scrollWidth > each.clientWidth + 1 || box.right > innerWidth + 1
+            || box.left < -1 || box.bottom > innerHeight + 1;
+    })
+    .map((each) => `${each.id} ${each.textContent}`)"""  # noqa: E501
+SCROLLS = """() => [document.documentElement, document.querySelector('#rows'), document.querySelector('#chosen')]
+    .filter((each) => each.checkVisibility())
+    .filter((each) => each.scrollHeight > each.clientHeight + 1 || each.scrollWidth > each.clientWidth + 1)
+    .map((each) => each.id || 'page')"""  # noqa: E501
+
+
+def opened(stage, motors=8, rig=None, **options):
+    """Return a page whose motors have positions, and its device."""
+    device = stage.simulated({"estop": "no", "name": "desk", **(rig or {})}, motors, SPEED)
+    with device.client() as client:
+        for number in range(1, motors + 1):
+            client.request(MotorResetPosition(number, 0))
+    page = stage.page(stage.console(device.url).url, **options)
+    wait_connected(page)
+    return page, device
+
+
+def overlapping(boxes):
+    def over(one, other):
+        return (
+            min(one["right"], other["right"]) - max(one["left"], other["left"]) > 1
+            and min(one["bottom"], other["bottom"]) - max(one["top"], other["top"]) > 1
+        )
+
+    return [
+        (name, other)
+        for i, (name, box) in enumerate(boxes)
+        for other, there in boxes[i + 1 :]
+        if over(box, there)
+    ]
+
+
+def two_keys(page):
+    """Make a move of the first motor by K, jog and K."""
+    page.keyboard.press("Home")
+    page.keyboard.press("k")
+    expect(log(page)).to_contain_text("is a keyframe.")
+    before = steps(page)
+    page.keyboard.down("ArrowRight")
+    page.wait_for_timeout(300)
+    page.keyboard.up("ArrowRight")
+    wait_rest(page)
+    assert steps(page) > before
+    for _ in range(3):
+        page.keyboard.press("End")
+        page.wait_for_timeout(150)
+    page.keyboard.press("k")
+    expect(page.locator("#verdict")).to_be_visible()
+
+
+def test_a_take_by_keys_alone_from_an_empty_rig(stage):
+    """Pose, key, pose, key, ready, GO; then again. A changed move is uploaded once."""
+    page, _ = opened(stage, motors=2)
+    expect(page.locator("#go")).to_contain_text("no move yet")
+    two_keys(page)
+    there = steps(page)
+    for take in (1, 2):
+        page.keyboard.press("r")
+        expect(page.locator("#banner")).to_contain_text("READY")
+        page.keyboard.press("Space")  # plays the preview; it is no GO
+        wait_rest(page)
+        expect(page.locator("#banner")).to_contain_text(f"take {take}")
+        page.keyboard.press("Shift+Enter")
+        wait_moving(page)
+        expect(page.locator("#banner")).to_contain_text("Over")
+        assert steps(page) == there
+    uploads = [said for said in log(page).locator("p").all_text_contents() if "uploaded" in said]
+    assert len(uploads) == 1
+    go_to(page, "Log")
+    expect(page.get_by_role("row", name="1 Run")).to_contain_text("complete")
+    assert page.errors == []
+
+
+def test_dragging_the_preview_sends_nothing_that_moves(stage):
+    page, _ = opened(stage, motors=2)
+    two_keys(page)
+    page.keyboard.press("Home")
+    before = [steps(page, n) for n in (1, 2)]
+    box = page.locator("#curves").bounding_box()
+    page.mouse.move(box["x"] + 200, box["y"] + 30)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 400, box["y"] + 30, steps=5)
+    page.mouse.up()
+    expect(page.locator("#send b")).not_to_have_text("1")
+    wait_rest(page)
+    assert [steps(page, n) for n in (1, 2)] == before
+
+
+def states(page, device):
+    """Yield the name of each state once the page is in it."""
+    yield "at rest"
+    page.locator("#ready").click()
+    expect(page.locator("#banner")).to_contain_text("READY")
+    yield "ready"
+    page.locator("#go").click()
+    wait_moving(page)
+    yield "running"
+    page.keyboard.press("Escape")
+    expect(page.locator("#banner")).to_contain_text("Stopped")
+    wait_rest(page)
+    yield "stopped"
+    device.set_pin("estop", 0)
+    expect(page.locator("#banner")).to_contain_text("E-STOP")
+    yield "E-stop"
+    device.set_pin("estop", 1)
+    expect(page.locator("#banner")).not_to_contain_text("E-STOP")
+    with device.held():
+        expect(page.locator("#banner")).to_contain_text("NO ANSWER")
+        yield "no answer"
+    expect(page.locator("#banner")).not_to_contain_text("NO ANSWER")
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: "x".join(map(str, size)))
+def test_each_state_keeps_its_places(stage, size, theme):
+    """No overlap and no scrolling; no region moves; axe-core finds nothing."""
+    width, height = size
+    touch = width < 1000
+    page, device = opened(
+        stage,
+        viewport={"width": width, "height": height},
+        color_scheme=theme,
+        has_touch=touch,
+        rig={"limits": [{"low": 26}]},
+    )
+    page.evaluate(
+        "text => localStorage.setItem('keyframes', text)",
+        KEYFRAMES["buffer"].decode().replace("0, 0]", "0, 0, 0, 0]").replace("000", "00"),
+    )
+    page.reload()
+    wait_connected(page)
+    page.evaluate(AXE.read_text())
+    places = None
+    for state in states(page, device):
+        boxes = page.evaluate(BOXES)
+        assert overlapping(boxes) == [], state
+        assert page.evaluate(SCROLLS) == [], state
+        assert page.evaluate(CUT) == [], state
+        assert places in (None, boxes), state
+        places = boxes
+        expect(page.locator("#stop")).to_be_enabled()
+        assert page.evaluate(FINDINGS) == [], state
+    for part in PARTS:
+        assert page.locator(f'[data-part="{part}"]').count() == 1, part
+    if touch:
+        for name in ("jog", "move", "take"):
+            page.locator(f'[data-page="{name}"]').click()
+            assert overlapping(page.evaluate(BOXES)) == [], name
+            assert page.evaluate(FINDINGS) == [], name
+    assert page.errors == []
+
+
+def test_twelve_motors_fit(stage):
+    page, _ = opened(stage, motors=12, viewport={"width": 1280, "height": 800})
+    expect(page.locator("#rows li")).to_have_count(12)
+    assert page.evaluate(SCROLLS) == []
+    last = page.locator("#rows li").last.bounding_box()
+    stop = page.locator("#stop").bounding_box()
+    go = page.locator("#go").bounding_box()
+    assert last["y"] + last["height"] < stop["y"]
+    assert go["width"] * go["height"] > 0.9 * stop["width"] * stop["height"]
+
+
+def test_no_drawer_covers_stop_go_or_the_banner(stage):
+    page, _ = opened(stage, viewport={"width": 1280, "height": 800})
+    for view in [*DRAWERS, *SET_UP]:
+        go_to(page, view)
+        drawer = page.locator("#drawer").bounding_box()
+        for part in ("banner", "stop", "ready", "go"):
+            box = page.locator(f'[data-part="{part}"]').bounding_box()
+            below = box["y"] >= drawer["y"] + drawer["height"] - 1
+            assert below or box["y"] + box["height"] <= drawer["y"] + 1, (view, part)
+    close_drawer(page)
+    page.keyboard.press("?")
+    expect(page.locator("#d-title")).to_have_text("Keys")
+
+
+def test_the_demo_is_a_crane_with_a_move_that_fits(stage, tmp_path):
+    device = stage.simulated(demo.RIG, 8, SPEED)
+    device.at_board(lambda board: board.wire_switches())
+    with device.client() as client:
+        demo.set_up(client)
+    axes = tmp_path / "axes.toml"
+    axes.write_text(demo.axes_toml())
+    served = stage.console(device.url)
+    served.server.device.axes = AxesText(axes)
+    served.server.device.example = demo.keyframes()
+    page = stage.page(served.url, viewport={"width": 1280, "height": 800})
+    wait_connected(page)
+    expect(page.locator("#rows li")).to_have_count(8)
+    expect(page.locator("#verdict")).to_have_text("✓ fits")
+    expect(page.locator("#pose")).to_contain_text("Camera X")
+    page.locator("#ready").click()
+    expect(page.locator("#banner")).to_contain_text("READY")
+    page.locator("#go").click()
+    expect(page.locator("#banner")).to_contain_text("Over")
+    assert page.errors == []
+
+
+def test_a_take_by_touch(stage):
+    """A thumb starts nothing outside of the page Take; a jog lasts as long as the finger."""
+    page, _ = opened(stage, motors=2, viewport={"width": 390, "height": 844}, has_touch=True)
+    page.locator('[data-page="jog"]').tap()
+    expect(page.locator("#go")).to_contain_text("under Take")
+    page.locator('[data-page="move"]').tap()
+    page.locator("#keyhere").tap()
+    page.locator('[data-page="jog"]').tap()
+    up = motor(page, "Motor 1").get_by_role("button", name="Jog motor 1 up")
+    up.dispatch_event("pointerdown", {"pointerId": 1, "button": 0, "isPrimary": True})
+    wait_moving(page)
+    page.wait_for_timeout(300)
+    up.dispatch_event("pointerup", {"pointerId": 1})
+    wait_rest(page)
+    page.locator('[data-page="move"]').tap()
+    box = page.locator("#curves").bounding_box()
+    page.locator("#curves").tap(position={"x": box["width"] - 60, "y": 30})
+    page.locator("#keyhere").tap()
+    page.locator('[data-page="take"]').tap()
+    page.locator("#ready").tap()
+    expect(page.locator("#banner")).to_contain_text("READY")
+    page.locator("#go").tap()
+    wait_moving(page)
+    expect(page.locator("#banner")).to_contain_text("Over")
+    assert page.errors == []

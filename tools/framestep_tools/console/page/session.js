@@ -1,0 +1,185 @@
+// What a page has of its device: the link, who has the device, STOP, the state of the whole. Drawn by `frame.js` or the desk.
+
+import { Device } from "./device.js";
+import { check, h } from "./dom.js";
+import { Holds } from "./holds.js";
+import { SerialLink } from "./serial_link.js";
+import { M } from "./protocol.js";
+
+const AGAIN_MS = 1000; // from the end of a link to the next try
+const FAULTS = [M.CONDITION_RIG_FILE_INVALID, M.CONDITION_DRIVER, M.CONDITION_WATCHDOG_RESET];
+
+export const device = new Device();
+export const holds = new Holds();
+
+/** Events: "change". */
+class Session extends EventTarget {
+  /** Why the device is gone. */
+  lost = "";
+  /** Another page has the device. */
+  elsewhere = false;
+  /** Whether a server or another source opens the link by itself. */
+  automatic = false;
+  /** Called at each STOP. */
+  onstop = () => {};
+  /** Returns whether something goes on while nothing moves, so that a hidden page has to stop it. */
+  goesOn = () => false;
+  #open = null; // returns {link, hello}; null if the user connects by hand
+  #stopElsewhere = null; // stops everything while this page does not have the device
+  #tries = true;
+  #takes = false; // take the device from another page with the next try
+  #keep = h("input", { onchange: () => device.client?.keep(this.#keep.checked) });
+  /** A check box: whether runs go on without the page. */
+  keepLine = check("Runs and moves go on when this page is hidden or closed", this.#keep);
+
+  constructor() {
+    super();
+    this.keepLine.hidden = true; // until a link can keep them going
+    device.addEventListener("connected", () => {
+      this.lost = "";
+      this.elsewhere = false;
+      this.#keep.checked = device.hello.kept;
+      this.keepLine.hidden = !device.client.keeps;
+      this.#changed();
+    });
+    device.addEventListener("gone", ({ detail }) => this.#gone(detail));
+    device.addEventListener("stopped", ({ detail }) => {
+      holds.releaseAll();
+      this.onstop();
+      device.tell(detail, true);
+    });
+    window.addEventListener("keydown", (event) => {
+      if (event.key !== "Escape" || event.repeat) return;
+      event.preventDefault();
+      this.stop();
+    }, { capture: true });
+    document.addEventListener("visibilitychange", () => document.hidden && this.#unseen());
+    window.addEventListener("pagehide", () => this.#unseen());
+  }
+
+  #changed() {
+    this.dispatchEvent(new Event("change"));
+  }
+
+  // ---- the link
+
+  /** Connect by `open`, and repeat if that fails. null: the user connects by Web Serial. */
+  start(open, stopElsewhere = null) {
+    this.#open = open;
+    this.#stopElsewhere = stopElsewhere;
+    this.automatic = open !== null;
+    if (open) this.#serve();
+  }
+
+  async #connect(open) {
+    try {
+      await device.connect(await open());
+      return true;
+    } catch (error) {
+      device.tell(error.message, true);
+      return false;
+    }
+  }
+
+  /** Let the user pick a port of Web Serial, and connect to the device there. Return whether it answers. */
+  byCable(baud) {
+    this.#tries = false;
+    device.client?.close();
+    return this.#connect(() => SerialLink.open(baud));
+  }
+
+  async #serve() {
+    let said = "";
+    while (this.#tries) {
+      const taking = this.#takes;
+      this.#takes = false;
+      try {
+        await device.connect(await this.#open(taking));
+        return;
+      } catch (error) {
+        if (error.message !== said) device.tell(error.message, true);
+        said = error.message;
+        this.#isElsewhere(said);
+      }
+      await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
+    }
+  }
+
+  /** Take the device from the other page. */
+  takeOver() {
+    this.#takes = true;
+  }
+
+  #isElsewhere(why) {
+    this.elsewhere = /another page/.test(why);
+    if (this.elsewhere) this.lost = "";
+    this.#changed();
+  }
+
+  #gone({ why, known }) {
+    holds.releaseAll();
+    this.#changed();
+    if (!known) return;
+    this.lost = "The link to the device has ended.";
+    this.#isElsewhere(why);
+    device.tell(this.elsewhere ? `${why[0].toUpperCase()}${why.slice(1)}.` : `The link has ended: ${why}.`, true);
+    if (this.#open && this.#tries && !device.restarts) setTimeout(() => this.#serve(), AGAIN_MS);
+  }
+
+  // ---- stop, and motion without this page
+
+  /** Whether STOP reaches a device. */
+  get canStop() {
+    return device.connected || this.#stopElsewhere !== null;
+  }
+
+  async stop() {
+    holds.releaseAll();
+    this.onstop();
+    if (device.client || !this.#stopElsewhere) {
+      device.ask("MotorStopAll");
+      return;
+    }
+    const { stop: text, bad } = await this.#stopElsewhere();
+    device.tell(text, bad);
+  }
+
+  /** The page is hidden: holds have ended by themselves; stop everything else. */
+  #unseen() {
+    if (device.client && (device.state.moving || this.goesOn()) && !this.#keep.checked) this.stop();
+  }
+
+  // ---- the state of the whole
+
+  /** Say what moves. */
+  get motion() {
+    if (this.elsewhere) return "Another page has the device and shows what moves.";
+    if (!device.connected) return "Nothing is connected.";
+    if (!device.knowsWhatMoves) return "What moves is not known.";
+    const moving = [];
+    for (let motor = 1; motor <= device.motors; motor += 1) if (device.moves(motor)) moving.push(motor);
+    const what = moving.length ? `${device.axes.titles(moving)} ${moving.length > 1 ? "move" : "moves"}` : "Nothing moves";
+    return `${what}${device.state.lightsMove ? ", lights fade" : ""}.`;
+  }
+
+  /** The motion with the play head. */
+  get moving() {
+    return this.motion + (device.knowsWhatMoves ? ` Play head ${(device.state.playHead / 1000).toFixed(3)}` : "");
+  }
+
+  /** Why it is not known whether motors move; "" if it is. */
+  get blind() {
+    return device.connected && device.silent ? "The device does not answer." : this.lost;
+  }
+
+  /** Texts of the faults that the board reports. */
+  get faults() {
+    return device.conditionTexts(FAULTS.filter((bit) => device.state.conditions & bit));
+  }
+
+  get estop() {
+    return (device.state.conditions & M.CONDITION_ESTOP) !== 0;
+  }
+}
+
+export const session = new Session();
