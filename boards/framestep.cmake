@@ -7,6 +7,8 @@ if(NOT FRAMESTEP_VERSION)
     message(FATAL_ERROR "firmware/framestep/reports.py has no VERSION")
 endif()
 list(APPEND MICROPY_DEF_BOARD FRAMESTEP_VERSION=${FRAMESTEP_VERSION})
+# The SDK's own printf is for its panics; MicroPython has another one for numbers with fractions
+list(APPEND MICROPY_DEF_BOARD PICO_PRINTF_SUPPORT_FLOAT=0 PICO_PRINTF_SUPPORT_EXPONENTIAL=0)
 # Parts of MicroPython that are left out (headers are searched for in MICROPY_BOARD_DIR)
 if(PICO_PLATFORM STREQUAL "rp2040")
     list(APPEND MICROPY_DEF_BOARD MP_CONFIGFILE="../rp2040_port.h")

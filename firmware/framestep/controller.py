@@ -76,7 +76,7 @@ class Controller:
         self.count = hal.motors
         self.faults = FaultLog()
         self.reports = Reports(hal, rig, self.writer, self.axes, self.io)
-        self.gate = Gate(hal, self.axes, self.drivers, self.faults)
+        self.gate = Gate(hal, rig, self.axes, self.drivers, self.faults)
         self.moves = Moves(
             hal,
             self.reader,
@@ -306,6 +306,7 @@ class Controller:
             self.stops.check_board()
             if self.watchdog.check(now, self.reports.was_moving, self.was_open):
                 self.stops.on_host_lost()
+        stepper.waking(self.header)  # often enough for its counter
         if (now >> 7) & 15 != self.beat:
             self._light((now >> 7) & 15)
         flags = stepper.poll_flags(self.header)

@@ -6,7 +6,8 @@ from framestep.protocol import messages as m
 
 
 class Gate:
-    """Decides which motors may move, and switches their drivers on before they do.
+    """Decides which motors may move, and switches their drivers on before they do. No motor starts
+    until those have woken up (Axes.wake).
 
     `flags` has each motor's MOTOR_ bits of CONFIGURE. These have a bit for each motor: `powered`:
     its driver is on; `jogging`; `homing`: it is homed or waits for it. faults: a FaultLog, which is
@@ -14,8 +15,13 @@ class Gate:
     after construction.
     """
 
-    def __init__(self, hal, axes, drivers, faults):
+    def __init__(self, hal, rig, axes, drivers, faults):
         self.hal = hal
+        # from the switching on of each motor's driver to its first step, ms; None: no time
+        self.enable_ms = None
+        times = [rig.motor(i)["enable_ms"] for i in range(axes.count)]
+        if max(times):
+            self.enable_ms = array("i", times)
         self.axes = axes
         self.drivers = drivers
         self.faults = faults
@@ -125,10 +131,16 @@ class Gate:
         if self.drivers:
             bits &= self.drivers.ready
         if bits:
+            waking = bits
+            if not isinstance(self.hal.board.get("enable"), list):
+                # They share a pin: all are switched on with the first of them.
+                waking = 0 if self.powered else -1
             self.powered |= bits
             for motor in range(self.axes.count):
                 if (bits >> motor) & 1:
                     self.hal.enable(motor, True)
+                if self.enable_ms and (waking >> motor) & 1 and self.enable_ms[motor]:
+                    self.axes.wake(self.enable_ms[motor])
 
     def switch_off(self, bits):
         """Switch off the drivers of these motors."""

@@ -7,6 +7,7 @@ import pytest
 from framestep.protocol import messages as m
 from framestep_emulator import Emulator
 from framestep_tools.building import images
+from framestep_tools.building.board_files import board_data
 from framestep_tools.payloads import Ack, Dmx, GetCondition, HardStop, MotorMove, MotorSetSpeed
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_io import Wire, check_timing
@@ -103,6 +104,23 @@ def test_long_and_short_pulses_together():
         even = np.diff(rises)[way * 4 // 10 : way * 6 // 10] / 1e9
         assert even.mean() == pytest.approx(1 / speed, rel=1e-4)
         assert np.abs(even - even.mean()).max() < 0.5e-6
+
+
+def test_a_driver_gets_its_time_to_wake_up():
+    """From the edge of its enable pin to its first step."""
+    with EmulatedBoard({"motors": [{}, {"enable_ms": 200}]}, trace=False) as board:
+        emulator = board.emulator
+        session = Session(board)
+        enable = board_data("pico")["enable"]
+        emulator.trace_start([enable, *board.pins.step])
+        session.accept(MotorMove(1, 50), MotorMove(2, 50))
+        session.wait_idle()
+        edges = emulator.trace_read()
+    on = edges["t"][(edges["pin"] == enable) & (edges["level"] == 0)][0]
+    for motor in (0, 1):
+        steps = edges[(edges["pin"] == board.pins.step[motor]) & (edges["level"] == 1)]["t"]
+        assert len(steps) == 50
+        assert 200e6 <= steps[0] - on < 230e6
 
 
 def test_voltage_is_raised():

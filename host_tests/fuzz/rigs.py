@@ -27,6 +27,8 @@ def draw_rig(dice: Random, board: str) -> dict:
         if some() < 0.2:
             motor["setup_us"] = dice.choice((0, 1, 50, 200))
         if some() < 0.1:
+            motor["enable_ms"] = dice.choice((1, 50, 500, 2000))
+        if some() < 0.1:
             motor["hold_us"] = dice.choice((1, 50))
         if some() < 0.2:
             motor["backlash"] = dice.choice((1, 2, 24, 200, 1000, dice.randint(1, 10000)))

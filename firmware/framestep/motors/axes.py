@@ -2,7 +2,7 @@
 
 from array import array
 
-from framestep.base.clock import after
+from framestep.base.clock import after, reached
 from framestep.base.native import const
 from framestep.motors.axis import MOST_SEGMENTS, Axis
 from framestep.motors.backlash import BACKLASH
@@ -104,8 +104,8 @@ class Axes:
             left -= ((axis.block[stepper.WRITE_INDEX] - tail) & ALL_BITS) + _CALL
         for backlash in self.with_backlash:
             backlash.refresh()
-        bits = stepper.awaiting_target(self.kernel.state)
-        if not bits:
+        bits = stepper.awaiting_target(state)
+        if not bits or stepper.waking(state):
             return more
         motor = 0
         while not bits & 1:
@@ -116,8 +116,17 @@ class Axes:
 
     @property
     def filled(self):
-        """Whether every queue has AHEAD segments, or all segments of its phases."""
-        return emptiest_queue(self.kernel.state, AHEAD, 0) == 0
+        """Whether every queue has AHEAD segments, or all segments of its phases, and all drivers
+        are awake: motors may start."""
+        state = self.kernel.state
+        return emptiest_queue(state, AHEAD, 0) == 0 and not stepper.waking(state)
+
+    def wake(self, ms):
+        """Let no motor at rest start for so long, because drivers have been switched on."""
+        state = self.kernel.state
+        tick = after(state[stepper.TICKS], ms + 1)
+        if not stepper.waking(state) or reached(tick, state[stepper.AWAKE_AT]):
+            state[stepper.AWAKE_AT] = tick
 
     def choose_sample(self):
         """Set `reported` to the loads' positions after the pulses made so far.

@@ -176,7 +176,7 @@ class Axis(Motor):
         # The kernel's stops have no jerk limit, so a plan with one cannot begin within a stop.
         smooth = reals.sign(r, MAX_JERK) > 0
         if (
-            self.block[stepper.PENDING]
+            (self.block[stepper.PENDING] or stepper.waking(hal.kernel.state))
             and self.at_rest
             or smooth
             and self.stopping

@@ -40,7 +40,7 @@ class Moves:
         self.levels = LightLevels()
         self.triggers = Triggers()
         self.store = UploadStore(axes.count)
-        self.operations = OperationRunner(axes, self.store, safety)
+        self.operations = OperationRunner(axes, self.store, safety, gate.send)
         self.player = self.operations.player
         self.run_outputs = RunOutputs(axes, io, self.levels, self.triggers)
         self.run = RunMove(self.operations, self.run_outputs)

@@ -72,15 +72,19 @@ def _fetch_positions(store, bits: int, index: int, out):
 
 
 class OperationRunner:
-    """Runs one operation at a time."""
+    """Runs one operation at a time.
 
-    def __init__(self, axes, store, safety):
+    send: Gate.send, called with the bits of motors before they are sent somewhere.
+    """
+
+    def __init__(self, axes, store, safety, send=None):
         self.axes = axes
         self.store = store
         self.safety = safety
         self.player = UploadPlayer(axes, store)
         self.exceeded = self.player.exceeded  # the limit that the last move exceeded
         self.state = IDLE
+        self.send = send
         self.operation = Operation(self)
         self.start_positions = None  # for each motor: where the operation begins
         # for each motor: direction in which it starts, 1 up, -1 down, 0 unknown or not at all
@@ -387,7 +391,7 @@ class OperationRunner:
             if self.axes.filled:
                 self._release()
             return False
-        if self.moving():
+        if self.moving() or state == POSITIONING and stepper.waking(self.axes.kernel.state):
             return False
         if state == ENDING:
             self._end()
@@ -451,6 +455,8 @@ class OperationRunner:
             self._send(motor, self.start_positions, self.directions)
 
     def _send_all(self, bits, positions, directions=None):
+        if self.send:
+            self.send(bits)
         for motor in range(self.axes.count):
             if (bits >> motor) & 1:
                 self._send(motor, positions, directions)

@@ -39,7 +39,7 @@ class StepKernel:
         state[sw.AHEAD] = engine.LEAD * cycles - engine.SHORT_US * state[sw.CYCLES_PER_US]
         state[sw.SQUARE] = (1 << 25) // cycles
         state[sw.SHALLOWEST] = sw.UNSTRAINED
-        state[sw.ASKED] = -1
+        state[sw.ASKED] = state[sw.AWAKE_AT] = -1
         following = 0
         for i in range(motors - 1, -1, -1):
             block = self.blocks[i]

@@ -21,6 +21,7 @@ interrupt up to `LATEST` late moves no edge by more than some microseconds. If t
 dry by then, because its last pulse came early in its tick, it gets a new wait (START).
 """
 
+from framestep.base.clock import reached
 from framestep.base.native import const, micropython, ptr32
 
 TICK_US = const(1000)
@@ -56,7 +57,9 @@ SHALLOWEST = const(21)
 ASKED = const(22)  # when that was, in milliseconds modulo 2^29; -1: not since the start
 # 1: the E-stop has been pressed. Until the main loop finds it released, no motor starts.
 HELD = const(23)
-HEADER_WORDS = const(24)
+# The tick by which the drivers that were switched on have woken up, modulo 2^29; -1: they have
+AWAKE_AT = const(24)
+HEADER_WORDS = const(25)
 
 UNSTRAINED = const(1000)
 
@@ -275,6 +278,19 @@ def poll_flags(m: ptr32) -> int:
         if m[MODE] | m[PLANNED] | m[PENDING]:
             bits |= FLAG_BUSY
     return bits
+
+
+@micropython.viper
+def waking(m: ptr32) -> int:
+    """Return 1 while a driver that was switched on wakes up: no motor may begin to move then. m:
+    the header."""
+    at = m[AWAKE_AT]
+    if at < 0:
+        return 0
+    if reached(m[TICKS], at):
+        m[AWAKE_AT] = -1
+        return 0
+    return 1
 
 
 @micropython.viper

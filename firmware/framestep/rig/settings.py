@@ -75,6 +75,8 @@ MOTOR_SETTINGS = {
         "from the end of a step pulse to a change of direction, at least"),
     "enable_high": (bool, None, None, False, "",
         "the driver is on while its enable pin is high, not low"),
+    "enable_ms": (int, 0, 2000, 0, "ms",
+        "from the switching on of the driver to the first step, at least"),
     "backlash": (int, 0, 10000, 0, "steps",
         "steps that the motor makes after a change of direction before the load moves; framestep "
         "adds them at each turn, and they do not count in positions"),

@@ -21,7 +21,8 @@ TASKS = {
     ),
     "Motors": (
         "motor_count", "motors", "motors[].invert", "motors[].pulse_us", "motors[].setup_us",
-        "motors[].hold_us", "motors[].enable_high", "motors[].backlash", "motors[].jerk",
+        "motors[].hold_us", "motors[].enable_high", "motors[].enable_ms",
+        "motors[].backlash", "motors[].jerk",
         "hard_stop_factor", "remember_positions",
     ),
     "E-stop and limit switches": ("estop", "estop_cuts_power", "limits", "limits[]."),
