@@ -23,10 +23,13 @@ G3 = const(7)
 CUBIC_WORDS = const(9)
 
 LONGEST = const(32)  # ticks in a segment: limits rounding errors, and the time to a new plan
+# With so few ticks the kernel's sums are off by 24 units (Q22) at most: one of the velocity for
+# each tick, half of one of the acceleration 8·7/2 times, and some of the jerk. See meet().
+EXACT = const(8)
 
 _SLOW = const(0x2000000)  # Q22: eight steps per tick
 _STEEP = const(0x10000)  # Q16: a step per tick²
-# Q22: less than _STEP_TOLERANCE of pulse/tick.py by more than the 16 units that meet() leaves
+# Q22: less than _STEP_TOLERANCE of pulse/tick.py by more than the units that EXACT and meet() leave
 _NEAR = const(64)
 _SLOTS = const(sw.SEGMENTS - 1)
 _MASK = const(0x3FFFFFFF)

@@ -65,7 +65,8 @@ def feed(parts, other, base, most: int, enough: int):
                 n = segments.LONGEST
             cut(cubic, block, n)
             shift(cubic, n << 24, 6, 0)
-            meet(cubic, block, n)
+            if n > segments.EXACT:
+                meet(cubic, block, n)
             if mirrored:
                 mirror(block, other, base, mirrored - 1)
             w[LEFT] = w[LEFT] - n
