@@ -1,27 +1,17 @@
-"""Takes pictures of the console for the documents: wide, dark, on a phone.
+"""Takes pictures of the console, to look at: wide, dark, on a phone.
 
 python -m host_tests.console.pictures
 """
 
-import io
 import re
 
-from PIL import Image
-from PIL.PngImagePlugin import PngInfo
 from playwright.sync_api import expect, sync_playwright
 
 from framestep_tools.building.board_files import ROOT
 from host_tests.console.conftest import FLAGS, Stage, browser_program
 from host_tests.console.looking import close_drawer, go_to, log, wait_connected, wait_rest
 
-FOLDER = ROOT / "docs/use/console"
-# What a picture shows, for a test that it is not of an older page
-PARTS = """() => [...document.querySelectorAll("h1, h2, h3, button, label, legend, summary, th")]
-    .filter((element) => element.checkVisibility())
-    .filter((element) => !element.closest("#banner, #file, #verdict, #ready, #go, #keyhere, #send"))
-    .map((element) => element.getAttribute("aria-label") ?? element.textContent.trim())
-    .join("; ").replace(/\\s+/g, " ")"""
-COLORS = 160
+FOLDER = ROOT / "build/console"  # pictures of pixels are not kept in the repository
 RIG = {
     "name": "crane",
     "limits": [{"low": 26}],
@@ -117,15 +107,7 @@ def rest_on_frame(page):
 def take(page, view, file):
     """Write the picture of the desk with a drawer."""
     go_to(page, view)
-    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-    said = PngInfo()
-    said.add_text("parts", page.evaluate(PARTS))
-    picture.quantize(COLORS).save(file, optimize=True, pnginfo=said)
-
-
-def parts(file):
-    """Return the parts of the page when its picture was taken."""
-    return Image.open(file).text["parts"]
+    page.screenshot(path=file)
 
 
 class Names:
@@ -151,7 +133,7 @@ def crane(stage, speed=1.0):
 
 
 def main():
-    FOLDER.mkdir(exist_ok=True)
+    FOLDER.mkdir(parents=True, exist_ok=True)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=browser_program(), args=FLAGS)
         stage = Stage(browser)

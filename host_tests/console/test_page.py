@@ -23,20 +23,14 @@ from host_tests.console.looking import (
     wait_rest,
 )
 from host_tests.console.pictures import (
-    FOLDER,
     LOOKS,
-    PARTS,
-    PICTURES,
     VIEWS,
     crane,
-    parts,
-    path,
     prepare,
 )
 from host_tests.console.serial_ports import SavedPage
 from host_tests.covering import sweep
 
-LARGEST_PICTURE = 150_000  # bytes
 # Elements without a name for a screen reader: fields without a label, buttons and pictures without
 # a text
 NAMELESS = """() => [...document.querySelectorAll('button, input, select, textarea, [role=img]')]
@@ -71,9 +65,6 @@ def test_every_view_fits_and_everything_in_it_has_a_name(request, served, stage,
         assert stop["y"] >= 0, view
         assert stop["y"] + stop["height"] <= height, view
         assert page.evaluate(NAMELESS) == [], view
-        if (view, looks) in PICTURES:
-            stored = parts(path(view, looks))
-            assert page.evaluate(PARTS) == stored, f"{view} has changed: make console-pictures"
         page.locator("#d-body").evaluate(UNFOLD)
         if axe:
             assert page.evaluate(FINDINGS) == [], view
@@ -88,16 +79,6 @@ def test_every_view_fits_and_everything_in_it_has_a_name(request, served, stage,
     mistakes = [name.partition(":")[0] for name in page.evaluate(FINDINGS)]
     assert mistakes == ["heading-order", "label"]
     assert page.errors == []
-
-
-def test_each_view_has_its_pictures_in_the_documents():
-    page = (FOLDER.parent / "console.md").read_text()
-    files = {path(view, look) for view, look in PICTURES}
-    assert set(FOLDER.iterdir()) == files
-    for file in files:
-        assert f"(console/{file.name})" in page
-        assert file.stat().st_size < LARGEST_PICTURE
-    assert sum(file.stat().st_size for file in files) < LARGEST_PICTURE * 3
 
 
 def test_by_keyboard_alone(served, stage):
