@@ -577,10 +577,43 @@ def test_a_cancellation_together_with_the_answer_is_not_lost():
         asked = asyncio.create_task(bridge.moves())
         await asyncio.wait_for(port.sent.wait(), PATIENCE_S)
         await asyncio.sleep(0.05)  # the writer's thread is back, and the bridge waits
-        bridge.on_bytes(answer(0))
+        bridge.on_bytes(answer(1))
         asked.cancel()
         await asyncio.wait([asked], timeout=PATIENCE_S)
         assert asked.cancelled()
+        await bridge.close()
+
+    in_a_loop(play())
+
+
+def test_a_stop_and_the_question_what_moves_do_not_take_each_others_answers():
+    """Both wait for the port at the same time."""
+
+    class Board(SilentPort):
+        """Its motor 1 moves, and it answers everything after a while."""
+
+        def __init__(self):
+            super().__init__()
+            self.decoder, self.answers = FrameDecoder(), b""
+
+        def write(self, data):
+            time.sleep(0.05)
+            for frame in self.decoder.feed(data):
+                if frame.type == MotorStatus.TYPE:
+                    self.answers += encode(Status.TYPE, Status(1, 0).pack(), frame.id)
+                else:
+                    ok = messages.OK.to_bytes(2, "little")
+                    self.answers += encode(frame.type | messages.MSG_FLAG_ACK, ok, frame.id)
+
+        def read(self, size):
+            data, self.answers = self.answers, b""
+            return data or super().read(size)
+
+    async def play():
+        bridge = Bridge(Board(), "x")
+        moves, stopped = await asyncio.gather(bridge.moves(), bridge.stop_all("why"))
+        assert moves
+        assert stopped is None
         await bridge.close()
 
     in_a_loop(play())

@@ -159,10 +159,10 @@ class Bridge:
         device does not acknowledge it."""
         self._stopped = True
         self._jogs.stops()
-        number = self._next_id
+        number = self._new_id()
         answer = self._awaited[number] = self._loop.create_future()
         try:
-            await self._ask([MotorStopAll()])
+            await self._ask(MotorStopAll(), number)
             self.on_stopped(why)
             self._tell_others([Frame(number, MotorStopAll.TYPE, MotorStopAll().pack())])
             await asyncio.wait([answer], timeout=_ANSWER_S)
@@ -180,7 +180,8 @@ class Bridge:
 
     async def stop_jogs(self) -> None:
         """End all jogs; a run goes on."""
-        await self._ask(self._jogs.stops())
+        for stop in self._jogs.stops():
+            await self._ask(stop, self._new_id())
 
     async def moves(self) -> bool:
         """Ask the device whether any motor moves. Raises OSError if it does not answer.
@@ -188,7 +189,7 @@ class Bridge:
         Other messages meanwhile are dropped, so no page may be connected.
         """
         decoder = FrameDecoder()
-        number = self._next_id
+        number = self._new_id()
         answer: asyncio.Future[Status] = self._loop.create_future()
 
         def take(data: bytes) -> None:
@@ -197,7 +198,7 @@ class Bridge:
                     answer.set_result(Status.unpack(frame.payload))
 
         self.on_bytes = take
-        await self._ask([MotorStatus()])
+        await self._ask(MotorStatus(), number)
         # not wait_for: it loses a cancellation that comes together with the answer
         done, _ = await asyncio.wait([answer], timeout=_ANSWER_S)
         if not done:
@@ -209,17 +210,20 @@ class Bridge:
         if self._closing:
             return
         with contextlib.suppress(OSError):
-            await self._ask([MotorStopAll()])
+            await self._ask(MotorStopAll(), self._new_id())
         self._closing = True
         await asyncio.to_thread(self._reader.join)
         if self._shared_port:
             self._shared_port.close()
         await asyncio.to_thread(self._close_now)
 
-    async def _ask(self, requests: list[Payload]) -> None:
-        for request in requests:
-            await self._write(encode(request.TYPE, request.pack(), self._next_id))
-            self._next_id += 1
+    def _new_id(self) -> int:
+        """Return the ID of a request; no other one has it, also while both wait to be sent."""
+        self._next_id += 1
+        return self._next_id
+
+    async def _ask(self, request: Payload, number: int) -> None:
+        await self._write(encode(request.TYPE, request.pack(), number))
 
     async def _write(self, data: bytes) -> None:
         async with self._order:
