@@ -5,10 +5,12 @@ import os
 import random
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import pytest
@@ -208,6 +210,20 @@ def test_a_stop_of_one_motor_does_not_wait_for_the_others(address, capsys):
         assert cli.app.status(["stop", address]) == 0
         for process in filter(None, (first, second)):
             process.communicate(timeout=PATIENCE_S)
+
+
+def test_a_guest_is_heard_at_once():
+    """A stop does not wait until the program that has the port looks for guests."""
+    there, here = socket.socketpair()
+    shared = shared_port.SharedPort(SimpleNamespace(), "a port of its own", "test")
+    with there, here, ThreadPoolExecutor(1) as pool:
+        waiting = pool.submit(shared.wait, here, PATIENCE_S)
+        guest = shared_port.enter(shared_port.find("a port of its own"), PATIENCE_S)
+        assert waiting.result(PATIENCE_S / 2) == 0
+        guest.close()
+    shared.close()
+    without_file = SimpleNamespace()
+    assert shared.wait(without_file, PATIENCE_S) == shared_port.LOOK_S
 
 
 def test_a_stop_without_a_device_says_so(capsys):

@@ -39,7 +39,7 @@ from ..payloads import (
     type_name,
 )
 from .open_port import close_port, is_socket, open_port
-from .shared_port import LOOK_S, STOPS, SharedPort
+from .shared_port import STOPS, SharedPort
 from .wire import Frame, FrameDecoder, encode
 
 if TYPE_CHECKING:
@@ -397,11 +397,11 @@ class Client:
         while True:
             if done():
                 return True
-            longest = _LONGEST_READ_S
+            wait_s = min(max(0.0, remaining), _LONGEST_READ_S)
             if self.shared_port:
                 self.shared_port.look()
-                longest = LOOK_S
-            self._take(self._read(min(max(0.0, remaining), longest)))
+                wait_s = self.shared_port.wait(self.port, wait_s)
+            self._take(self._read(wait_s))
             if remaining < _CLOCK_GRAIN_S:
                 return done()
             remaining = deadline - self.clock()

@@ -13,10 +13,11 @@ import hashlib
 import json
 import os
 import secrets
+import select
 import socket
 import tempfile
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from ..payloads import REQUESTS
 from .port_finder import split_rate
@@ -24,7 +25,8 @@ from .tcp_port import SCHEME, TcpPort, host_and_port, is_socket
 from .wire import Frame, FrameDecoder, encode
 
 STOPS = frozenset(kind for kind, cls in REQUESTS.items() if cls.STOPS)
-LOOK_S = 0.05  # interval at which the first program looks for guests
+# Interval at which the first program looks for guests where it cannot wait for them and its port
+LOOK_S = 0.05
 _SECRET_BYTES = 32
 
 
@@ -97,7 +99,8 @@ class Host(Protocol):
 
 
 class SharedPort:
-    """The sharing of a host's port with guests. The host calls `look`, `answer` and `pass_on`."""
+    """The sharing of a host's port with guests. The host calls `wait` before it reads, `look`,
+    `answer` and `pass_on`."""
 
     def __init__(self, client: Host, path: str, who: str):
         self._client = client
@@ -122,6 +125,16 @@ class SharedPort:
             self._file.unlink()
         for each in (self._server, *(guest.connection for guest in self._guests)):
             each.close()
+
+    def wait(self, port: Any, seconds: float) -> float:
+        """Wait until the port or a guest has something to read, at most `seconds`. Return the time
+        for which the host may wait at its port after that."""
+        files = [self._server, *(guest.connection for guest in self._guests)]
+        try:
+            select.select([port.fileno(), *files], [], [], seconds)
+        except (AttributeError, OSError, ValueError):  # no file, as on Windows, or a closed one
+            return min(seconds, LOOK_S)
+        return 0.0
 
     def look(self) -> None:
         """Accept new guests, and forward their messages."""

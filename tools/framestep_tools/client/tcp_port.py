@@ -62,6 +62,10 @@ class TcpPort:
             data += piece
         return bytes(data)
 
+    def fileno(self) -> int:
+        """Return the connection's file, to wait for it."""
+        return self._socket.fileno()
+
     def write(self, data: bytes) -> int:
         """Send all bytes."""
         self._socket.sendall(data)

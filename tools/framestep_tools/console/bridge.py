@@ -96,7 +96,6 @@ class Bridge:
         self._shared_port: SharedPort | None = None
         if not is_socket(name):  # a socket has room for one client, and another program may be it
             self._let_others_through()
-        self._port.timeout = _LOOK_S
         self._reader = threading.Thread(target=self._read, name="console-reader", daemon=True)
         self._reader.start()
 
@@ -243,6 +242,11 @@ class Bridge:
         """Read the port in a separate thread, because reading blocks."""
         try:
             while not self._closing:
+                wait_s = _LOOK_S
+                if self._shared_port:
+                    wait_s = self._shared_port.wait(self._port, _LOOK_S)
+                if self._port.timeout != wait_s:
+                    self._port.timeout = wait_s
                 data = self._port.read(1)
                 if data:
                     data += self._port.read(self._port.in_waiting)
