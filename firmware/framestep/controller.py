@@ -307,6 +307,7 @@ class Controller:
             if self.watchdog.check(now, self.reports.was_moving, self.was_open):
                 self.stops.on_host_lost()
         stepper.waking(self.header)  # often enough for its counter
+        self.safety.poll_shared()
         if (now >> 7) & 15 != self.beat:
             self._light((now >> 7) & 15)
         flags = stepper.poll_flags(self.header)

@@ -23,6 +23,8 @@ from framestep.stops import FAULT_HOMING, HOMING_REPORT
 
 SETTLE_MS = const(50)  # at rest, before a switch is judged: longer than it bounces
 _OWN_RATES = const(1)  # a speed for Axis.move_to() that means the rates of _set_velocity()
+_EITHER = const(-1)  # results of SharedSwitches.side()
+_ONE_END = const(-2)
 _Y = const(14)  # a scratch register of Motor.numbers
 
 # Phases
@@ -55,6 +57,7 @@ class Homing:
         self.reader = reader
         self.axes = axes
         self.safety = safety
+        self.shared = safety.shared
         self.inputs = inputs
         self.gate = gate
         self.operations = operations
@@ -77,6 +80,7 @@ class Homing:
         self.pin = 0  # of the switch, a bit of Hal.levels()
         self.away = 0  # 1: away from the switch is downward
         self.found = False  # in this phase
+        self.probing = False  # on a switch of either end: it has to open on the way away from home
         self.rested_at = 0  # ms
         self.known = 0  # motors whose position was known, so that soft limits apply
         self.limits = 0  # soft limits to restore: 1 lower, 2 upper; the partner's times 4
@@ -178,7 +182,7 @@ class Homing:
             if not axis.moving:
                 self.restore()
             return
-        if (self.phase == _SEEK or self.phase == _AGAIN) and not self.found and self._active():
+        if (self.phase == _SEEK or self.phase == _AGAIN) and not self.found and self._at_switch():
             self.found = True
             self.axes.choose_sample()
             reals.copy_word(self.words, _FOUND, self.axes.reported, self.motor)
@@ -190,6 +194,11 @@ class Homing:
 
     def _active(self):
         return self.safety.is_active(self.pin)
+
+    def _at_switch(self):
+        """Return whether it is on its home switch, and not on one of the other end at this pin."""
+        safety = self.safety
+        return safety.is_active(self.pin & safety.counting_pins(self.motor, self.away))
 
     def _next(self):
         """Begin with the next motor, if there is one."""
@@ -209,11 +218,16 @@ class Homing:
         self.limits = 0
         if not (self.known >> self.motor) & 1:
             self._suspend_limits()
-        if self._active():  # it is on its switch
-            self.axis.position_to(self.words, _FOUND)
-            self._go(_BACK)
-        else:
+        side = self.shared.side(self.motor, self.pin) if self.shared else _ONE_END
+        self.probing = False
+        if not self._active() or side == 1 - self.away:
             self._go(_SEEK)
+            return
+        if side == _EITHER:  # perhaps it is on its home switch
+            self.probing = True
+            self.shared.put(self.motor, self.away)
+        self.axis.position_to(self.words, _FOUND)
+        self._go(_BACK)
 
     def _go(self, phase):
         """Set out on a phase."""
@@ -234,6 +248,8 @@ class Homing:
             back ^= 1
         else:
             words[_DISTANCE] = home["back_off"]
+            if self.probing:
+                speed = home["slow_speed"]
         start = _FOUND
         if back != self.away:
             self.axis.position_to(words, _HERE)
@@ -272,8 +288,14 @@ class Homing:
             else:
                 self._arrive()
         elif self._active():
-            self._fail(NOT_OPENED)
+            if self.probing:  # so it is on that of the other end
+                self.probing = False
+                self.shared.put(self.motor, 1 - self.away)
+                self._go(_SEEK)
+            else:
+                self._fail(NOT_OPENED)
         elif phase == _BACK:
+            self.probing = False
             self._go(_AGAIN)
         else:
             self._done()
@@ -294,6 +316,7 @@ class Homing:
         positions.about_to_change()
         positions.put(self.motor, KNOWN, HOMED)
         self.axes.position_was_set(self.motor)
+        self.safety.position_was_set(self.motor)
         self.operations.settings_changed()
         self.reports.report_positions()
         self._restore_limits()
@@ -331,6 +354,9 @@ class Homing:
         """After release(): restore the limit switches of SET_LIMITS."""
         if self.phase == _ENDED:
             self.phase = _NONE
+            if self.probing:
+                self.probing = False
+                self.shared.forget(self.motor)
             self.safety.set_limit_pins(self.motor, self.away, self.pins)
 
     # ---------------------------------------------------------------- limits

@@ -156,3 +156,39 @@ def test_switch_that_does_not_work(session, at, stuck, reason, low, high):
     rail.stuck, rail.at = None, -10_000
     rail.run(50)
     session.forget()
+
+
+class BothEnds(Rail):
+    """A rail of 2000 steps with a switch at each end, in series on one input. at: the step of the
+    motor's first position, from the lower end."""
+
+    def _switch(self):
+        level = int(not 0 < self.at + self.steps < 2000)
+        if level != self.level:
+            self.level = level
+            self.coming = [*self.bounce, level]
+        if self.coming:
+            self.emulator.set_pin(SWITCH, self.coming.pop(0))
+
+
+def test_both_switches_on_one_input():
+    """Homing begins on the upper one; then each end stops the motor."""
+    with EmulatedBoard({**RIG, "limits": [{"pin": SWITCH, "ends": "both"}]}) as board:
+        board.wire_switches()
+        session = Session(board, reply_s=0.1)
+        rail = BothEnds(session, 2010, bounce=(0, 1, 0, 1))
+        rail.run(50)
+        session.accept(p.MotorSetLimits(1, 0, 0, 0, 0, 1), p.Home(b"\1"))
+        rail.run_until_at_rest()
+        assert trust(session) == (KNOWN, HOMED)
+        assert 2010 + rail.steps == pytest.approx(BACK, abs=1)
+        assert 2010 + rail.lowest > -RUN_ON - 4 * SPEED / 1000  # after 4 ms of bounce
+        session.forget()
+        for target, code in ((4000, p.Ack.ERR_HARD_UP), (-4000, p.Ack.ERR_HARD_LOW)):
+            session.accept(p.MotorMove(1, target))
+            rail.run_until_at_rest()
+            session.refuse(code, p.MotorMove(1, target))
+        assert [(event.reason, event.motor) for _, event in session.events(p.HardStop)] == [
+            (1, 1),
+            (2, 1),
+        ]

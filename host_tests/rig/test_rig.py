@@ -89,6 +89,23 @@ def test_the_simulated_board_is_a_pico():
             "motors[1].home.limit: found 1, but limits[1].low has no pin",
         ),
         (
+            {"limits": [{"pin": 22, "ends": "both", "high": 26}]},
+            "limits[1].pin: found 22, but `high` and `low` are for switches with inputs of their "
+            "own; allowed is one or the other",
+        ),
+        (
+            {"limits": [{"low": 22, "ends": "both"}]},
+            'limits[1].ends: found "both", but there is no `pin`',
+        ),
+        (
+            {"limits": [{"pin": 22, "ends": "all"}]},
+            "limits[1].ends: found 'all', allowed is one of \"both\"",
+        ),
+        (
+            {"limits": [{"pin": 2}]},
+            "limits[1].pin: found 2, which is the board's step 1 already; allowed is a free pin",
+        ),
+        (
             {"limits": [{"low": 22}], "motors": [{"home": {"limit": 1}}]},
             "motors[1].home.travel: is missing, expected is a whole number from 1 to 100000000",
         ),

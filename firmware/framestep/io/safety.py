@@ -150,13 +150,18 @@ class Safety:
             words[_MOTORS + i * _MOTOR_WORDS] = as_word(addressof(axes[i].block))
         self.block = axes[0].block  # it leads to the others
         self.header = axes.kernel.state
-        self.sets = [
-            (
-                self._switch(limit["high"], limit["contact"]),
-                self._switch(limit["low"], limit["contact"]),
-            )
-            for limit in rig.limits
-        ]
+        self.sets = []
+        self.shared = None  # switches of both ends on one input
+        for limit in rig.limits:
+            high = self._switch(limit["high"], limit["contact"])
+            low = high
+            if limit["pin"] < 0:
+                low = self._switch(limit["low"], limit["contact"])
+            self.sets.append((high, low))
+        if [limit for limit in rig.limits if limit["pin"] >= 0]:
+            from framestep.io.shared_switches import SharedSwitches
+
+            self.shared = SharedSwitches(self, rig, axes)
         if rig.estop != "none":
             words[_ESTOP] = self._switch(hal.board["estop"], rig.estop)
         self._here = array("i", [0])
@@ -204,11 +209,36 @@ class Safety:
 
     def limit_pins(self, motor, upper):
         """Return the pins of the limit switches at one end of a motor. upper: 1 or 0."""
-        return self.words[_MOTORS + motor * _MOTOR_WORDS + _LOWER_PIN - upper]
+        if self.shared:
+            return self.shared.assigned[2 * motor + upper]
+        return self.counting_pins(motor, upper)
 
     def set_limit_pins(self, motor, upper, pins):
         """Use these pins for the limit switches at one end of a motor. upper: 1 or 0."""
+        if self.shared:
+            self.shared.assigned[2 * motor + upper] = pins
+            self.count_pins(motor, upper)
+        else:
+            self.words[_MOTORS + motor * _MOTOR_WORDS + _LOWER_PIN - upper] = pins
+
+    def counting_pins(self, motor, upper):
+        """Return those of these pins that count at present."""
+        return self.words[_MOTORS + motor * _MOTOR_WORDS + _LOWER_PIN - upper]
+
+    def count_pins(self, motor, upper):
+        """Let only those of these pins count that are the switch of this end."""
+        pins = self.shared.counting(motor, upper)
         self.words[_MOTORS + motor * _MOTOR_WORDS + _LOWER_PIN - upper] = pins
+
+    def position_was_set(self, motor):
+        """Take note that the position of a motor at rest has been set."""
+        if self.shared:
+            self.shared.hit_here(motor)
+
+    def poll_shared(self):
+        """Let both ends count for motors that have left one. Needed every few milliseconds."""
+        if self.shared:
+            self.shared.poll()
 
     def is_active(self, pins):
         """Return whether a switch at one of these pins is active."""
@@ -314,6 +344,10 @@ class Safety:
             news = held
         bits |= _approaching(words, words[ACTIVE])
         fresh = bits & ~self.at_limit
+        if fresh and self.shared:
+            for motor in range(self.axes.count):
+                if ((fresh | fresh >> LOWER) >> motor) & 1:
+                    self.shared.take(motor, (fresh >> motor) & 1, words[ACTIVE])
         self.at_limit = bits
         if fresh:
             self._report_limits |= fresh

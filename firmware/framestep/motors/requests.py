@@ -187,6 +187,7 @@ class Motors:
             return m.ERR_RANGE
         self.axes.positions.set_known(motor)
         self.axes.position_was_set(motor)
+        self.safety.position_was_set(motor)
         self.operations.settings_changed()
         self.reports.report_positions()
         return m.OK

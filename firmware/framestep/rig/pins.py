@@ -111,9 +111,20 @@ def assign(settings, board, servos=()):
             claim(pin, "motors[%d].servo.pin" % (i + 1), switches + drives)
     limits = read_list(LIMIT_SETTINGS, settings["limits"], "limits")
     for i, limit in enumerate(limits):
-        for key in ("high", "low"):
+        for key in ("high", "low", "pin"):
             if limit[key] != NO_PIN:
                 claim(limit[key], "limits[%d].%s" % (i + 1, key))
+        pin = limit["pin"]
+        if pin == NO_PIN:
+            if "ends" in settings["limits"][i]:
+                raise RigError('limits[%d].ends: found "both", but there is no `pin`' % (i + 1))
+        elif limit["high"] != NO_PIN or limit["low"] != NO_PIN:
+            raise RigError(
+                "limits[%d].pin: found %d, but `high` and `low` are for switches with inputs of "
+                "their own; allowed is one or the other" % (i + 1, pin)
+            )
+        else:
+            limit["high"] = limit["low"] = pin
     lists = []
     for key, table in (("outputs", OUTPUT_SETTINGS), ("inputs", INPUT_SETTINGS)):
         lists.append(None if settings[key] is None else read_list(table, settings[key], key))

@@ -125,6 +125,11 @@ LIMIT_SETTINGS = {
         "pin of the switch at the upper end, against ground; -1: none"),
     "low": (int, NO_PIN, 47, NO_PIN, "",
         "pin of the switch at the lower end, against ground; -1: none"),
+    "pin": (int, NO_PIN, 47, NO_PIN, "",
+        "instead of `high` and `low`: pin of the switches at both ends, wired to one input; -1: "
+        "none"),
+    "ends": (str, ("both",), None, "both", "",
+        "what the switches at `pin` are for: both ends (docs/use/homing.md)"),
     "contact": (str, ("nc", "no"), None, "nc", "",
         "the switches are closed (nc) or open (no) away from the end"),
 }

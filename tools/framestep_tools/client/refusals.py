@@ -180,6 +180,13 @@ def _at_switch(client: Client, motors: Any, code: Ack) -> str | None:
     found = [m for m in motors if (client.request(GetExceeded(m)).bits or 0) & bit]
     if not found:
         return None
+    both = SET_AT_UPPER | SET_AT_LOWER
+    for motor in found:
+        if (client.request(GetExceeded(motor)).bits or 0) & both == both:
+            return (
+                f"{client.axes.name(motor)} is at a limit switch, and nobody knows at which end: "
+                "framestep home finds out, or move it off by hand"
+            )
     where = "is at its" if len(found) == 1 else "are at their"
     return (
         f"{client.axes.names(found)} {where} {'upper' if up else 'lower'} limit switch, "
