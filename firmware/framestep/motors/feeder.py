@@ -65,7 +65,10 @@ def feed(parts, other, base, most: int, enough: int):
                 n = segments.LONGEST
             cut(cubic, block, n)
             shift(cubic, n << 24, 6, 0)
-            if n > segments.EXACT:
+            if n == w[LEFT] and w[PART] == 0 and w[AIMED]:
+                snap(cubic, parts[KNOT])  # the segment itself ends on the step
+                meet(cubic, block, n)
+            elif n > segments.EXACT:
                 meet(cubic, block, n)
             if mirrored:
                 mirror(block, other, base, mirrored - 1)

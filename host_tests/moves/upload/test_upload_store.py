@@ -187,7 +187,8 @@ def upload_in(order, memory, motors, frames, seed, spare=0):
         velocity, place, path = dice.randint(-2000, 2000), 0, []
         for _ in range(frames):
             path.append(place)
-            velocity += dice.randint(-511, 511)
+            # drawn back to rest, so that a long path stays in the range of positions
+            velocity += min(max(dice.randint(-511, 511) - velocity // 64, -511), 511)
             place += velocity
         cuts = [0, *sorted(dice.sample(range(1, frames), max(2, frames // 150))), frames]
         parts = [
