@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from framestep.motion import compute as f
 from framestep.motion import reals
-from framestep_tools.bench.virtual_precision import put
+from framestep_tools.move.kinematics import put
 
 A, B, C, D = 0, 2, 4, 6
 END = (f.END, 0, 0, 0)

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from framestep.motion import compute as c
 from framestep.motion import reals
 from framestep.motion.formula import FormulaError, formula
-from framestep_tools.bench.virtual_precision import put
 from framestep_tools.building.constants import FoldError, fold
+from framestep_tools.move.kinematics import put
 
 NAMES = {"A": 0, "B": 2, "C": 4, "D": 6, "J": 8, "SCRATCH": 16, "SCRATCH_END": 24}
 END = bytes((c.END, 0, 0, 0))

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages
-from framestep_tools.bench.virtual_precision import BANDS, RIGS, cases, errors, put, read
+from framestep_tools.bench.virtual_precision import BANDS, RIGS, cases, errors, read
+from framestep_tools.move.kinematics import put
 from host_tests.runtime import virtuals_replay
 
 REPLAY = Path(__file__).parent / "virtuals_replay.py"

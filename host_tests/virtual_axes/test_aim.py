@@ -22,8 +22,8 @@ from framestep.virtual_axes.registers import (
     V_PAN,
     V_TRACK,
 )
-from framestep_tools.bench.virtual_precision import Firmware, put
 from framestep_tools.judge import virtual_reference as reference
+from framestep_tools.move.kinematics import Firmware, put
 
 ANGLE = st.floats(-1000, 1000)
 PLACE = st.tuples(*[st.floats(-20000, 20000)] * 3)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from framestep.protocol import messages
 from framestep.virtual_axes.kinematics import kinematics
 from framestep.virtual_axes.registers import NODAL_RIGHT, SAFE, WRIST_EW
-from framestep_tools.bench.virtual_precision import Firmware, Refused
 from framestep_tools.judge.virtual_reference import Axis, Rig
+from framestep_tools.move.kinematics import Firmware, Refused
 from host_tests.virtual_axes.rigs import HEAD, near
 
 FULL = {

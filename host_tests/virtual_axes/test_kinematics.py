@@ -8,9 +8,9 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from framestep.protocol import messages
-from framestep_tools.bench.virtual_precision import Firmware, Refused
 from framestep_tools.judge import virtual_reference as reference
 from framestep_tools.judge.virtual_reference import Axis, Rig, Unreachable
+from framestep_tools.move.kinematics import Firmware, Refused
 from host_tests.virtual_axes.rigs import HEAD, near
 
 ANGLE = st.floats(-400, 400)
