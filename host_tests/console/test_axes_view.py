@@ -7,7 +7,7 @@ from playwright.sync_api import expect
 
 from framestep_tools.console.axes_text import AxesText
 from framestep_tools.errors import ToolError
-from framestep_tools.move.axes_file import axes_of
+from framestep_tools.move.axes_file import axes_of, camera_of
 from framestep_tools.move.rig_axes import Axes
 from framestep_tools.payloads import GetExceeded, MotorGetPosition, MotorSetLimits, MotorSetSpeed
 from host_tests.console.looking import (
@@ -195,6 +195,8 @@ def test_without_a_server_the_browser_keeps_them(stage, tmp_path, rig):
     stage.closing(saved.close)
     page = stage.page(saved.url)
     go_to(page, "Names and units")
+    camera = '[camera]  # the page keeps it\ntype = "X-Y-Z"\norigin = [\n  1, 2,\n  3]\n'
+    rig.write_text(RIG.replace("[[axis]]", camera + "[[axis]]", 2).replace(camera, "", 1))
     page.get_by_label("Take another axes.toml").set_input_files(rig)
     expect(log(page)).to_contain_text("axes.toml: names and units are in use.")
     first = page.get_by_role("group", name="Motor 1", exact=True)
@@ -205,6 +207,8 @@ def test_without_a_server_the_browser_keeps_them(stage, tmp_path, rig):
         page.get_by_role("button", name="Download").click()
     text = download.value.path().read_text()
     assert [(axis.name, axis.zero) for axis in axes_of(text, "it")] == [("track", -5), ("pan", -90)]
+    assert camera in text
+    assert camera_of(text, "it") == {"type": "X-Y-Z", "origin": [1, 2, 3]}
     page.reload()
     go_to(page, "Names and units")
     expect(first.get_by_label("Name")).to_have_value("track")

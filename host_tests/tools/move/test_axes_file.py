@@ -16,7 +16,7 @@ from host_tests.tools.move.move_samples import ARC, LINEAR, run
         ("[[axis]\n", "not valid TOML: "),
         ("", "expected an [[axis]] for each motor, found none"),
         ("axis = 3\n", "expected an [[axis]] for each motor, found none"),
-        ("fps = 24\n", 'expected only [[axis]] at the top, found "fps"'),
+        ("fps = 24\n", 'expected only [[axis]] and [camera] at the top, found "fps"'),
         (LINEAR + "step = 1\n", 'axis 2 (pan): no key "step"; there are name, motor'),
         (LINEAR + 'hold = "x"\n', "axis 2 (pan): \"hold\": expected a number, found 'x'"),
         (LINEAR.replace("motor = 1", "motor = 0"), '"motor": expected a whole number from 1 to 32'),

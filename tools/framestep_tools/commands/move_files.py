@@ -1,7 +1,7 @@
 """Conversion of moves: from other programs' formats to steps, and back."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -68,6 +68,37 @@ def _columns(given: list[str] | None) -> dict[str, str]:
     return found
 
 
+def _camera(given: list[str] | None) -> dict[str, Any]:
+    """Return values of keys of [camera] as TOML has them, or as text."""
+    from ..move.axes_file import tomllib
+    from ..move.camera_rig import KEYS
+
+    found: dict[str, Any] = {}
+    for text in given or []:
+        key, sign, value = (part.strip() for part in text.partition("="))
+        if not (key and sign and value) or key not in KEYS:
+            raise typer.BadParameter(
+                f"--camera: expected KEY=VALUE with one of {', '.join(KEYS)}, found {text[:80]!r}"
+            )
+        for written in (value, f"[{value}]", f'"{value}"'):
+            try:
+                found[key] = tomllib.loads(f"value = {written}")["value"]
+                break
+            except tomllib.TOMLDecodeError:
+                continue
+        if key == "ignore" and isinstance(found.get(key), str):
+            found[key] = [each.strip() for each in value.split(",")]
+    return found
+
+
+CameraKeys = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--camera",
+        metavar="KEY=VALUE",
+        help="another value of a key of [camera] in axes.toml: origin=first, up=z; may be repeated",
+    ),
+]
 Format = Annotated[
     str | None,
     typer.Option("--format", "-f", help=_FORMATS, metavar="FORMAT", callback=_format),
@@ -140,6 +171,7 @@ def import_move(
     start: Annotated[
         int | None, typer.Option(help="number of the first frame", min=-(10**9), max=10**9)
     ] = None,
+    camera: CameraKeys = None,
 ) -> None:
     """Convert another program's file to a move in steps.
 
@@ -147,7 +179,6 @@ def import_move(
     """
     from ..errors import ToolError
     from ..move import rig_axes
-    from ..move.axes_file import read_axes
     from ..move.move_conversion import to_move
     from ..move.move_file import or_example, write_move
     from ..move.move_formats import FORMATS, of_content
@@ -172,9 +203,18 @@ def import_move(
             f"there is no {found or rig_axes.FILE}, which assigns the axes of {file} "
             f"({', '.join(recording.names)}) to motors; docs/use/axes.md shows one"
         )
-    known = read_axes(found, every_motor=True)
+    rig = rig_axes.load(found, every_motor=True)
+    known = rig.list
     move, left = to_move(
-        recording, known, str(source), fps, start, _columns(column), unwrap, smooth
+        recording,
+        known,
+        str(source),
+        fps,
+        start,
+        _columns(column),
+        unwrap,
+        smooth,
+        rig.camera_rig(_camera(camera)),
     )
     if to_fps or speed:
         from ..move.resample import resampled
@@ -224,12 +264,17 @@ def export_move(
             metavar="N",
         ),
     ] = None,
+    pose: Annotated[
+        bool,
+        typer.Option("--pose", help="the camera's pose, by [camera] in axes.toml, not the axes"),
+    ] = False,
+    camera: CameraKeys = None,
 ) -> None:
     """Write a move in steps as another program's file."""
+    from ..errors import ToolError
     from ..move import rig_axes
     from ..move.any_file import read_any
-    from ..move.axes_file import read_axes
-    from ..move.move_conversion import to_table
+    from ..move.move_conversion import to_pose_table, to_table
     from ..move.move_file import or_example
     from ..move.move_formats import FORMATS, WITH_RATE, of_name
     from ..move.text_file import write_text
@@ -239,9 +284,15 @@ def export_move(
     if fps is not None and chosen.NAME not in WITH_RATE:
         raise typer.BadParameter(f"--fps is for {', '.join(WITH_RATE)}; {chosen.NAME} has no rate")
     found = rig_axes.find(axes) or rig_axes.FILE
-    known = read_axes(found, every_motor=True)
-    content = read_any(or_example(move), rig_axes.Axes(known, found), fps)
-    table = to_table(content, known)
+    axes_of_rig = rig_axes.load(found, every_motor=True)
+    content = read_any(or_example(move), axes_of_rig, fps)
+    if pose or camera:
+        rig = axes_of_rig.camera_rig(_camera(camera))
+        if rig is None:
+            raise ToolError(f"--pose needs [camera] in {found}, see docs/use/virtual-axes.md")
+        table = to_pose_table(content, axes_of_rig.list, rig, chosen.CAMERA)
+    else:
+        table = to_table(content, axes_of_rig.list)
     write_text(output, chosen.write(table, fps))
     note(*content.said)
     count = len(table.columns)

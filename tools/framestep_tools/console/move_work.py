@@ -6,7 +6,7 @@ from typing import Any
 
 from ..errors import ToolError
 from ..move import rig_axes
-from ..move.axes_file import axes_of, read_axes
+from ..move.axes_file import read_axes
 from ..move.move_file import Move
 from .axes_text import AxesText
 
@@ -33,7 +33,7 @@ class MoveWork:
         from ..payloads import RtRunMove
 
         asked = _values(text)
-        axes = rig_axes.Axes(axes_of(self._text(), "axes.toml") if self._text() else ())
+        axes = self._rig()
         move = _move(asked, axes)
         try:
             run = RtRunMove(
@@ -92,7 +92,7 @@ class MoveWork:
         name, content, fps = asked.get("name"), asked.get("text"), asked.get("fps")
         if not isinstance(name, str) or not isinstance(content, str):
             raise ToolError("the page has sent no file")
-        axes = rig_axes.Axes(axes_of(self._text(), "axes.toml") if self._text() else ())
+        axes = self._rig()
         read = decoded(content.encode(), f"cannot read {name}")
         move = any_of(read, name, axes, fps if isinstance(fps, int | float) and fps > 0 else None)
         return {
@@ -103,6 +103,10 @@ class MoveWork:
             "fps": move.fps,
             "said": list(move.said),
         }
+
+    def _rig(self) -> rig_axes.Axes:
+        text = self._text()
+        return rig_axes.of_text(text, "axes.toml") if text else rig_axes.Axes()
 
     def _text(self) -> str:
         return self._axes.read()["text"] if self._axes else ""

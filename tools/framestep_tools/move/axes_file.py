@@ -65,7 +65,7 @@ class Axis:
         """Return the step nearest to a position in `unit`."""
         return round((position - self.zero) * self._steps_per_unit)
 
-    def position(self, steps: int) -> float:
+    def position(self, steps: float) -> float:
         """Return the position of a step, in `unit`."""
         return steps / self._steps_per_unit + self.zero
 
@@ -164,13 +164,7 @@ def axes_text(path: str | os.PathLike) -> str:
 
 def axes_of(text: str, path: str | os.PathLike, every_motor: bool = False) -> list[Axis]:
     """Return the axes in the text of a file, as `read_axes` does. path: for errors."""
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise AxesFileError(f"{path}: not valid TOML: {error}") from None
-    for key in content:
-        if key != "axis":
-            raise AxesFileError(f'{path}: expected only [[axis]] at the top, found "{key}"')
+    content = _content(text, path)
     found = content.get("axis", [])
     if not isinstance(found, list) or not found or not all(isinstance(a, dict) for a in found):
         raise AxesFileError(f"{path}: expected an [[axis]] for each motor, found none")
@@ -192,6 +186,24 @@ def axes_of(text: str, path: str | os.PathLike, every_motor: bool = False) -> li
                 'a move has a column for each motor from 1 on; a motor at rest has "hold"'
             )
     return axes
+
+
+def camera_of(text: str, path: str | os.PathLike) -> Any:
+    """Return [camera] in the text of a file, which camera_rig.py reads, or None."""
+    return _content(text, path).get("camera")
+
+
+def _content(text: str, path: str | os.PathLike) -> dict[str, Any]:
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise AxesFileError(f"{path}: not valid TOML: {error}") from None
+    for key in content:
+        if key not in ("axis", "camera"):
+            raise AxesFileError(
+                f'{path}: expected only [[axis]] and [camera] at the top, found "{key}"'
+            )
+    return content
 
 
 def _axis(settings: dict[str, Any], where: str) -> Axis:

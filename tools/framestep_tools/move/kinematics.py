@@ -89,6 +89,10 @@ class Firmware:
     def _six(self, at: int) -> list[float]:
         return [reals.value(self.r, at + 2 * i) for i in range(6)]
 
+    def number(self, register: int) -> float:
+        """Return a number in a register."""
+        return reals.value(self.r, register)
+
     def configure(self, payload: bytes) -> None:
         """Configure it, as VIRT_CONFIG does."""
         if not read_configuration(frame(payload), self.kind, MOTORS, self.configuration):

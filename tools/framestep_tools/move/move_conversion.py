@@ -6,8 +6,11 @@ from collections.abc import Callable, Mapping
 
 from ..errors import ToolError
 from .axes_file import Axis
+from .camera_pose import PARTS, pose_columns
+from .camera_rig import CameraRig
 from .frame_times import to_frames
 from .move_file import Move
+from .move_formats.camera import Camera
 from .move_formats.recording import FIRST_FRAME, Channel, Column, Curve, Recording, Table
 from .move_formats.units import factor
 from .smoothing import smoothed
@@ -18,6 +21,7 @@ LONGEST = (
 )
 _CLOSE = 1e-6  # frames: what calculation may lose
 _FEWEST_DECIMALS = 4
+_POSE_DECIMALS = 6  # of millimetres, which gives the same steps again
 _TURNING_S = 0.2  # samples of a rotation farther apart may be a turn that is meant
 _MOST_SHOWN = 8
 _SMALL = 1e-6  # steps: what calculation may lose
@@ -33,14 +37,16 @@ def to_move(
     chosen: Mapping[str, str] | None = None,
     unwrap: bool = True,
     smooth: int | None = None,
+    camera: CameraRig | None = None,
 ) -> tuple[Move, list[str]]:
     """Return a move of the axes in their motors' order, and the file's names without an axis.
 
     fps: frames per second; a file in seconds needs it, a file in frames may not name others.
     start: number of the first frame (None: the file's, or 1); chosen: heading or number of the
     file's column by the name of an axis; unwrap: rotations go on beyond full turns;
-    smooth: over so many frames, needs scipy. Raises ToolError if an axis is not in the file, its
-    unit is of another kind, or a position is beyond its limits, with the frame.
+    smooth: over so many frames, needs scipy; camera: the rig that takes the camera to its poses in
+    the file. Raises ToolError if an axis is not in the file, its unit is of another kind, or a
+    position is beyond its limits or the rig's reach, with the frame.
     """
     if recording.seconds and fps is None:
         raise ToolError(f"{path} is in seconds: name the frames per second by --fps")
@@ -49,8 +55,18 @@ def to_move(
         raise ToolError(
             f"{path} is at {named:.10g} frames/s, --fps says {fps:.10g}: leave --fps out"
         )
-    channels = _assigned(recording, axes, path, chosen or {})
-    used = [channel.curve for channel in channels if channel]
+    chosen = chosen or {}
+    pose = pose_columns(recording, camera, chosen) if camera else None
+    posed: list[Axis] = []
+    others = axes
+    if camera and pose:
+        posed = camera.moved
+        others = [axis for axis in axes if axis not in posed]
+        chosen = {name: column for name, column in chosen.items() if name not in PARTS}
+    channels = _assigned(recording, others, path, chosen)
+    taken = [channel for channel in channels if channel]
+    taken += pose.channels.values() if pose else ()
+    used = [channel.curve for channel in taken]
     if not used:
         raise ToolError(f'{path}: no axis to take from it: each of the axes has "hold"')
     begin, end = min(curve.first for curve in used), max(curve.last for curve in used)
@@ -70,21 +86,41 @@ def to_move(
             raise ToolError(f"{path}: frame numbers have to fit 32 bits signed, found {edge}")
     if smooth and count < smooth:
         raise ToolError(f"--smooth {smooth} needs at least as many frames, {path} has {count}")
-    positions: dict[int, list[int]] = {}
     said = list(recording.said)
-    for axis, channel in zip(axes, channels, strict=True):
-        curve = channel.curve.moved(frame) if channel else None
-        if channel and curve and unwrap:
+
+    def over_frames(channel: Channel, name: str, unit: str) -> Curve:
+        """Return a channel's curve over frames, its full turns unwrapped."""
+        curve = channel.curve.moved(frame)
+        if unwrap:
             nearest = max(1.0, _TURNING_S * (fps or 1.0)) + _CLOSE
-            curve, turns = unwrapped(curve, channel.unit or axis.file_unit, nearest)
+            curve, turns = unwrapped(curve, channel.unit or unit, nearest)
             if turns:
-                said.append(_of_turns(axis.name, [math.ceil(x) - whole + number for x in turns]))
+                said.append(_of_turns(name, [math.ceil(x) - whole + number for x in turns]))
+        return curve
+
+    frames = [float(whole + i) for i in range(count)]
+    places: dict[int, list[float]] = {}
+    for axis, channel in zip(others, channels, strict=True):
+        curve = over_frames(channel, axis.name, axis.file_unit) if channel else None
         at = _position(axis, channel, curve, path)
-        places = [at(float(whole + i)) for i in range(count)]
-        if smooth and channel:
-            rough, places = places, smoothed(places, smooth)
-            said.append(_of_smoothing(axis, rough, places, smooth, number))
-        steps = [axis.steps(place) for place in places]
+        places[axis.motor] = [at(place) for place in frames]
+    if camera and pose:
+        poses = pose.poses(
+            lambda channel, unit: over_frames(channel, channel.name, unit), frames, camera, path
+        )
+        swing = camera.swing
+        turned = _in_degrees(swing, places[swing.motor]) if swing else []
+        found, about = camera.positions(poses, turned, number, path)
+        places |= found
+        said += [*pose.said, *about]
+    positions: dict[int, list[int]] = {}
+    moving = {axis.motor for axis, channel in zip(others, channels, strict=True) if channel}
+    moving |= {axis.motor for axis in posed}
+    for axis in axes:
+        if smooth and axis.motor in moving:
+            rough, places[axis.motor] = places[axis.motor], smoothed(places[axis.motor], smooth)
+            said.append(_of_smoothing(axis, rough, places[axis.motor], smooth, number))
+        steps = [axis.steps(place) for place in places[axis.motor]]
         for i, step in enumerate(steps):
             axis.check(step, number + i)
         positions[axis.motor] = steps
@@ -92,14 +128,22 @@ def to_move(
     if not any(channel.name for channel in recording.axes):
         said.append(
             ", ".join(
-                f"{channel} is {axis.name}"
-                for axis, channel in zip(axes, channels, strict=True)
+                f"{channel} is {name}"
+                for name, channel in [
+                    *((axis.name, channel) for axis, channel in zip(others, channels, strict=True)),
+                    *(pose.channels.items() if pose else ()),
+                ]
                 if channel
             )
         )
-    taken = {id(channel) for channel in channels}
-    left = [str(channel) for channel in recording.axes if id(channel) not in taken]
-    return Move(number, names, positions, named or fps, tuple(said)), left
+    known = {id(channel) for channel in taken}
+    left = [str(channel) for channel in recording.axes if id(channel) not in known]
+    return Move(number, names, positions, recording.fps or fps, tuple(said)), left
+
+
+def _in_degrees(axis: Axis, positions: list[float]) -> list[float]:
+    times = factor(axis.unit, "deg") or 1.0
+    return [position * times for position in positions]
 
 
 def _of_turns(name: str, frames: list[int]) -> str:
@@ -138,6 +182,8 @@ def _assigned(
     channels = recording.axes
     if channels and not any(channel.name for channel in channels):
         moving = [axis for axis in axes if axis.hold is None or axis.name in chosen]
+        if not moving:
+            return [None for _ in axes]
         asked = [axis for axis in moving if _column_number(chosen.get(axis.name, axis.in_file))]
         if not asked:
             if len(channels) != len(moving):
@@ -224,6 +270,24 @@ def to_table(move: Move, axes: list[Axis]) -> Table:
     columns = [_column(axis, move.positions[axis.motor]) for axis in axes if axis.hold is None]
     if not columns:
         raise ToolError('no axis to write: each of the axes has "hold"')
+    return Table(move.start_frame, columns, move.fps)
+
+
+def to_pose_table(move: Move, axes: list[Axis], rig: CameraRig, camera: Camera) -> Table:
+    """Return the pose of the rig's camera for export, as a format's camera.
+
+    Raises ToolError as `to_table` does, or if the rig's arm cannot be there.
+    """
+    to_table(move, axes)
+    poses = rig.poses(move.positions, move.start_frame)
+    written = camera.written(poses[:, :3], poses[:, 3:])
+    angles = {name for name, _ in camera.rotations}
+    columns = [
+        Column(name, "deg", _POSE_DECIMALS + 1, values.tolist())
+        if name in angles
+        else Column(name, "mm", _POSE_DECIMALS, values.tolist()).converted(rig.file_unit)
+        for name, values in written.items()
+    ]
     return Table(move.start_frame, columns, move.fps)
 
 

@@ -4,14 +4,18 @@ import errno
 import math
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from ..errors import USAGE, ToolError
-from .axes_file import MOTORS, AxesFileError, Axis, read_axes
+from .axes_file import MOTORS, AxesFileError, Axis, axes_of, axes_text, camera_of
 from .move_formats.units import UNITS, factor
+
+if TYPE_CHECKING:
+    from .camera_rig import CameraRig
 
 FILE = Path("axes.toml")
 STEPS = "steps"
@@ -57,10 +61,15 @@ def exists(path: Path) -> bool:
     return True
 
 
-def load(given: Path | None = None) -> "Axes":
+def load(given: Path | None = None, every_motor: bool = False) -> "Axes":
     """Read the axes.toml that `find` finds. Raises AxesFileError if it has a mistake."""
     path = find(given)
-    return Axes(read_axes(path), path) if path else Axes()
+    return of_text(axes_text(path), path, every_motor) if path else Axes()
+
+
+def of_text(text: str, path: str | os.PathLike, every_motor: bool = False) -> "Axes":
+    """Return the axes in the text of a file, as `axes_of` reads it. path: for errors."""
+    return Axes(axes_of(text, path, every_motor), path, camera_of(text, path))
 
 
 class Axes:
@@ -69,9 +78,30 @@ class Axes:
     Numbers of motors and plain numbers of steps are accepted for every motor.
     """
 
-    def __init__(self, axes: Iterable[Axis] = (), path: str | os.PathLike | None = None):
+    def __init__(
+        self,
+        axes: Iterable[Axis] = (),
+        path: str | os.PathLike | None = None,
+        camera: Any = None,
+    ):
+        """camera: [camera], as the file has it."""
         self.path = path
+        self._camera = camera
         self._of = {axis.motor: axis for axis in axes}
+
+    def camera_rig(self, changes: Mapping[str, Any] | None = None) -> "CameraRig | None":
+        """Return the rig of the camera, or None. changes: other values of keys of [camera].
+
+        Raises AxesFileError if [camera] has a mistake.
+        """
+        if self._camera is None and not changes:
+            return None
+        from .camera_rig import camera_rig
+
+        settings = self._camera
+        if changes and (settings is None or isinstance(settings, dict)):
+            settings = {**(settings or {}), **changes}
+        return camera_rig(settings, self.list, str(self.path or FILE))
 
     # ---- what is typed
 

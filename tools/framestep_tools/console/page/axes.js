@@ -228,14 +228,34 @@ function arrayOf(text) {
   return [values, rest.slice(1)];
 }
 
+const linesOf = (text) => text.replace(/^\uFEFF/, "").split(/\r\n|\n/);
+const AXIS = /^\s*\[\[\s*axis\s*\]\]\s*(#.*)?$/;
+const CAMERA = /^\s*\[\s*camera\s*\]\s*(#.*)?$/;
+
+/** Return [first line, line after it] of the table [camera], which the page leaves as it is; two equal ones if there is none. */
+function cameraLines(lines) {
+  const from = lines.findIndex((line) => CAMERA.test(line));
+  if (from < 0) return [0, 0];
+  const to = lines.findIndex((line, at) => at > from && AXIS.test(line));
+  return [from, to < 0 ? lines.length : to];
+}
+
+/** Return the text of the table [camera] in an axes.toml, or an empty one. */
+export function cameraText(text) {
+  const lines = linesOf(text);
+  return lines.slice(...cameraLines(lines)).join("\n").trimEnd();
+}
+
 /** Return the axes in the text of an axes.toml. Throws AxesError. Each key has to be on a line of its own. */
 export function parseAxes(text) {
   const list = [];
-  text.replace(/^\uFEFF/, "").split(/\r\n|\n/).forEach((line, at) => {
+  const lines = linesOf(text);
+  const [from, to] = cameraLines(lines);
+  lines.forEach((line, at) => {
     const bare = line.trim();
-    if (bare === "" || bare[0] === "#") return;
+    if (bare === "" || bare[0] === "#" || (at >= from && at < to)) return;
     const wrong = () => new AxesError(`line ${at + 1}: expected [[axis]] or a line such as unit = "deg", found “${bare.slice(0, 80)}”`);
-    if (/^\[\[\s*axis\s*\]\]\s*(#.*)?$/.test(bare)) {
+    if (AXIS.test(bare)) {
       list.push({});
       return;
     }
@@ -248,8 +268,8 @@ export function parseAxes(text) {
   return checkAxes(list);
 }
 
-/** Return the text of an axes.toml. */
-export function axesText(list) {
+/** Return the text of an axes.toml. camera: of its table [camera], or empty. */
+export function axesText(list, camera = "") {
   const value = (found) => (Array.isArray(found) ? `[${found.join(", ")}]` : JSON.stringify(found));
-  return list.map((axis) => ["[[axis]]", ...Object.keys(KEYS).filter((key) => axis[key] !== undefined).map((key) => `${key} = ${value(axis[key])}`), ""].join("\n")).join("\n");
+  return list.map((axis) => ["[[axis]]", ...Object.keys(KEYS).filter((key) => axis[key] !== undefined).map((key) => `${key} = ${value(axis[key])}`), ""].join("\n")).join("\n") + (camera && `\n${camera}\n`);
 }

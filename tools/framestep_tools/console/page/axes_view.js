@@ -1,6 +1,6 @@
 // Axes: the names and units of the motors, read from axes.toml and written to it.
 
-import { axesText, checkAxes, parseAxes } from "./axes.js";
+import { axesText, cameraText, checkAxes, parseAxes } from "./axes.js";
 import { check, download, field, h, number, read, setText } from "./dom.js";
 import { UNITS } from "./protocol.js";
 
@@ -13,6 +13,7 @@ export class AxesView {
   element = h("div", { class: "parts" });
   #device;
   #rows = [];
+  #camera = ""; // the text of [camera], which stays as it is
   #list = h("div", { class: "cards" });
   #about = h("p", { class: "faint" });
   #file = h("input", { type: "file", accept: ".toml", onchange: () => this.#open() });
@@ -47,6 +48,7 @@ export class AxesView {
   #take(text) {
     try {
       this.#device.axes.set(text ? parseAxes(text) : []);
+      this.#camera = cameraText(text ?? "");
       return true;
     } catch (error) {
       this.#device.tell(`axes.toml: ${error.message}`, true);
@@ -89,7 +91,7 @@ export class AxesView {
       this.#device.tell("No motor has a name, so there is nothing to save.", true);
       return;
     }
-    const text = axesText(list);
+    const text = axesText(list, this.#camera);
     const { axes } = this.#device.hello ?? {};
     try {
       if (axes) await this.#device.client.ask("write_axes", { text });
@@ -104,7 +106,7 @@ export class AxesView {
 
   #download() {
     const list = this.#read();
-    if (list) download("axes.toml", axesText(list), "application/toml");
+    if (list) download("axes.toml", axesText(list, this.#camera), "application/toml");
   }
 }
 

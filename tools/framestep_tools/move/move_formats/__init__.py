@@ -1,4 +1,4 @@
-"""Formats of moves: a module per format, with NAME, MEANING, ENDINGS (of file names), and
+"""Formats of moves: a module per format, with NAME, MEANING, ENDINGS (of file names), CAMERA, and
 `recognises`, `read` and `write`."""
 
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import Protocol
 
 from ..text_file import MoveFileError
 from . import ae_keyframes, arc, bvh, chan, csv_table, flair, kuper, maya_anim, raw
+from .camera import Camera
 from .recording import Recording, Table
 
 
@@ -15,6 +16,7 @@ class Format(Protocol):
     NAME: str
     MEANING: str
     ENDINGS: tuple[str, ...]
+    CAMERA: Camera  # how `write` writes a camera's pose
 
     def recognises(self, text: str) -> bool:
         """Return whether a file's text looks like this format."""

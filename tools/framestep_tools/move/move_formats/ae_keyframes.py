@@ -21,11 +21,13 @@ write (Fusion's to After Effects, openFrameworks' ofxAEKeyframe).
 """
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 
 from ..numerals import number
 from ..table import rate
 from ..text_file import MoveFileError, shown
+from .camera import Camera
 from .curves import Hold, Keyframes, Piece, Unreadable
 from .recording import Channel, Column, Recording, Table, check_increasing
 from .units import factor
@@ -33,6 +35,16 @@ from .units import factor
 NAME = "ae"
 MEANING = "After Effects' keyframes, copied as text"
 ENDINGS = (".aetxt",)
+
+_TURNS = (("Rotation", "z"), ("Y Rotation", "y"), ("X Rotation", "x"))
+# After Effects' axes: x to the right, y down, z ahead, in the scene and of the camera
+CAMERA = Camera(
+    ("Position X", "Position Y", "Position Z"), _TURNS, right="x", up="-y", back="-z", own=True
+)
+# All that a camera may have; that with a point of interest is turned toward it first
+_ORIENTED = replace(CAMERA, rotations=(*_TURNS, *((f"Orientation {a}", a.lower()) for a in "ZYX")))
+_POINT = ("Point of Interest X", "Point of Interest Y", "Point of Interest Z")
+_AIMED = replace(_ORIENTED, target=_POINT)
 
 _FIRST = re.compile(r"\s*Adobe After Effects \S+ Keyframe Data")
 _AXIS = re.compile(r"([XYZ])\b")
@@ -108,7 +120,8 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
         short = _short(name)
         title = short if shorts.count(short) == 1 else " ".join(name)
         channels.append(Channel(title, _keyframes(keys, f"{path}, {title}"), units[name], i))
-    return Recording(channels, step=1e-3, fps=fps)
+    aimed = any(channel.name.startswith("Point of Interest") for channel in channels)
+    return Recording(channels, step=1e-3, fps=fps, camera=_AIMED if aimed else _ORIENTED)
 
 
 def _short(name: tuple[str, ...]) -> str:

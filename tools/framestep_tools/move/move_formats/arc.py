@@ -17,6 +17,7 @@ from itertools import pairwise
 from ..frame_times import last_decimal
 from ..numerals import number
 from ..text_file import MoveFileError, shown
+from .camera import OWN
 from .curves import Keyframes, Point, Samples, Segment, within
 from .recording import Channel, Column, Recording, Table
 from .units import UNITS
@@ -24,6 +25,7 @@ from .units import UNITS
 NAME = "arc"
 MEANING = "Dragonframe's Arc move, XML with keyframes"
 ENDINGS = (".arcm", ".xml")
+CAMERA = OWN
 
 # The text is decoded already, whatever its declaration says.
 _DECLARATION = re.compile(r"\s*<\?xml[^>]*\?>")

@@ -23,6 +23,7 @@ from ..frame_times import last_decimal
 from ..numerals import number
 from ..table import FASTEST, SLOWEST, without_header
 from ..text_file import MoveFileError, shown
+from .camera import Camera
 from .curves import Samples
 from .raw import numbered
 from .recording import Channel, Recording, Table
@@ -32,6 +33,10 @@ NAME = "bvh"
 MEANING = "Biovision: joints with channels, then a line per frame"
 ENDINGS = (".bvh",)
 
+CAMERA = Camera(
+    ("camera.Xposition", "camera.Yposition", "camera.Zposition"),
+    (("camera.Zrotation", "z"), ("camera.Xrotation", "x"), ("camera.Yrotation", "y")),
+)
 _KINDS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
 _USUAL = (24, 25, 30, 48, 50, 60, 90, 100, 120, 240, 15, 12)
 _FILM = (24000 / 1001, 30000 / 1001, 48000 / 1001, 60000 / 1001, 120000 / 1001)
@@ -82,7 +87,20 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
         ],
         step=1.0,
         fps=_rate(period, f"{path}, line {line}"),
+        camera=_camera(names),
     )
+
+
+def _camera(names: list[str]) -> Camera | None:
+    """Return the first joint that has a position. Its rotations are in the order of their
+    channels, the last one first."""
+    position = [name for name in names if name.endswith("position")]
+    joint = position[0].rpartition(".")[0] if position else ""
+    x, y, z = (f"{joint}.{axis}position" for axis in "XYZ")
+    if not {x, y, z} <= set(names):
+        return None
+    turns = [name for name in names if name in {f"{joint}.{axis}rotation" for axis in "XYZ"}]
+    return Camera((x, y, z), tuple((name, name[-9].lower()) for name in reversed(turns)))
 
 
 def _channels(words: list[str], path: str) -> list[str]:

@@ -6,12 +6,16 @@
     5 to 7   rx ry rz    rotation in degrees
     8        vfov        vertical field of view in degrees; may be missing
 
+The camera looks along -z, y is up. Nuke turns it about z first, then x, then y (its rotation order
+ZXY), unless the user has chosen otherwise.
+
 Source: Foundry's reference of nukescripts.import_boujou, which names these columns.
 """
 
 from ..table import without_header
 from ..text_file import MoveFileError
 from . import raw
+from .camera import Camera
 from .curves import Samples
 from .recording import Channel, Recording, Table, check_frames, frame_rows, slots
 
@@ -20,6 +24,7 @@ MEANING = "Nuke's camera: a line per frame, position, rotation, field of view"
 ENDINGS = (".chan",)
 
 NAMES = ("tx", "ty", "tz", "rx", "ry", "rz", "vfov")
+CAMERA = Camera(("tx", "ty", "tz"), (("rz", "z"), ("rx", "x"), ("ry", "y")))
 _UNITS = {"rx": "deg", "ry": "deg", "rz": "deg", "vfov": "deg"}
 
 
@@ -49,6 +54,7 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
         ],
         step=1.0,
         fps=table.fps,
+        camera=CAMERA,
     )
 
 

@@ -12,6 +12,7 @@ from ..frame_times import last_decimal
 from ..table import Table as Text
 from ..table import contents, separator_of, with_header
 from ..text_file import MoveFileError, shown
+from .camera import OWN
 from .curves import Samples
 from .recording import Channel, Recording, Table, check_frames
 from .units import unit_of, without_unit
@@ -19,6 +20,7 @@ from .units import unit_of, without_unit
 NAME = "csv"
 MEANING = "a header, then a line per frame; the first column is frame or seconds"
 ENDINGS = (".csv", ".tsv")
+CAMERA = OWN
 
 # Headers of the first column, in lower case, and how many of its units a second has; None: frames
 _CLOCKS: dict[str, float | None] = {

@@ -24,6 +24,7 @@ from itertools import pairwise
 from ..table import Table as Text
 from ..table import contents, rate
 from ..text_file import MoveFileError, shown
+from .camera import Camera
 from .curves import Samples
 from .recording import Channel, Column, Recording, Table, check_frames, frame_rows, slots
 
@@ -31,6 +32,10 @@ NAME = "flair"
 MEANING = "Flair (MRMC): DATA_TYPE, POINTS and SPEED, then headings and a line per frame"
 ENDINGS = (".fla", ".cart")
 
+# MRMC's axes: x forward, y to the left, z up; positive roll is counterclockwise
+CAMERA = Camera(
+    ("XV", "YV", "ZV"), (("ROLL", "z"),), ("XT", "YT", "ZT"), right="-y", up="z", back="-x"
+)
 NAMES = ("XV", "YV", "ZV", "XT", "YT", "ZT", "ROLL")
 _LENGTHS = NAMES[:6]
 _UNITS = {
@@ -83,6 +88,7 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
         ],
         step=1.0,
         fps=fps or table.fps,
+        camera=CAMERA if "CARTS_RAW" in kind else None,
     )
 
 

@@ -7,12 +7,14 @@ from ..table import Table as Text
 from ..table import contents, without_header
 from ..text_file import MoveFileError, shown
 from . import raw
+from .camera import OWN
 from .curves import Samples
 from .recording import Channel, Recording, Table
 
 NAME = "kuper"
 MEANING = "Kuper ASCII: a line Axes = …, then a line of numbers per frame"
 ENDINGS = (".kup", ".kuper", ".asc")
+CAMERA = OWN
 
 _HEADER = re.compile(r"\s*axes\s*=(.*)", re.IGNORECASE)
 _BETWEEN_NAMES = re.compile(r"\s*[,;\t]\s*")

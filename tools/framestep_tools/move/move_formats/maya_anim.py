@@ -22,6 +22,7 @@ from itertools import pairwise
 from ..frame_times import last_decimal
 from ..numerals import number
 from ..text_file import MoveFileError, shown
+from .camera import Camera
 from .curves import Hold, Keyframes, Piece, Point, Segment, Unreadable
 from .recording import Channel, Column, Recording, Table
 from .units import UNITS
@@ -103,7 +104,23 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
     if not channels:
         raise MoveFileError(f"{path}: expected a curve with keys over time, found none")
     step = last_decimal(time for _, data in read for time in data.times) * times
-    return Recording(channels, fps is None, step, fps)
+    return Recording(channels, fps is None, step, fps, camera=_camera(channels))
+
+
+def _camera_of(node: str) -> Camera:
+    """Return a node with Maya's usual order of rotations: about x first, then y, then z."""
+    x, y, z = (f"{node}.translate{axis}" for axis in "XYZ")
+    return Camera((x, y, z), tuple((f"{node}.rotate{axis}", axis.lower()) for axis in "XYZ"))
+
+
+CAMERA = _camera_of("camera1")
+
+
+def _camera(channels: list[Channel]) -> Camera | None:
+    """Return the first node that moves along x, y and z, if there is one."""
+    names = {channel.name for channel in channels}
+    nodes = (channel.name.rpartition(".")[0] for channel in channels)
+    return next((c for c in map(_camera_of, nodes) if set(c.position) <= names), None)
 
 
 def _statements(text: str) -> Iterator[tuple[int, list[str]]]:

@@ -9,12 +9,14 @@ from itertools import pairwise
 from ..table import Table as Text
 from ..table import without_header
 from ..text_file import MoveFileError
+from .camera import OWN
 from .curves import Samples
 from .recording import FIRST_FRAME, Channel, Recording, Table
 
 NAME = "raw"
 MEANING = "a line of numbers per frame, without a header: a raw move, Maya's .mov"
 ENDINGS = (".txt", ".mov", ".raw")
+CAMERA = OWN
 
 _NUMBER = re.compile(r"\s*[+-]?(?:\d|[.,]\d)[\d.,eE+\-\s;]*$")
 _WHOLE = re.compile(r"[+-]?\d{1,10}")

@@ -7,6 +7,7 @@ from typing import Protocol
 
 from ..table import Table as Text
 from ..text_file import MoveFileError
+from .camera import Camera
 from .units import factor, without_unit
 
 FIRST_FRAME = 1  # in files that do not number their frames
@@ -77,7 +78,7 @@ class Recording:
     """Content of a file: its axes, over seconds or over frames.
 
     step: value of the last decimal of its times or frames; fps: frames per second that the file
-    names; said: what its user should know
+    names; said: what its user should know; camera: how it has a camera, if the format says so
     """
 
     channels: list[Channel]
@@ -85,6 +86,7 @@ class Recording:
     step: float = 0.0
     fps: float | None = None
     said: tuple[str, ...] = ()
+    camera: Camera | None = None
 
     @property
     def axes(self) -> list[Channel]:
