@@ -18,6 +18,7 @@
 #define MICROPY_PY_MATH_SPECIAL_FUNCTIONS (0) // math.erf, gamma, sinh and so on
 #undef MICROPY_EMIT_INLINE_THUMB
 #define MICROPY_EMIT_INLINE_THUMB (0) // @micropython.asm_thumb
+#define MICROPY_NO_NATIVE_COMPILER // @micropython.native gives bytecode, viper is refused; see patches/image
 #define MICROPY_PY_BUILTINS_COMPLEX (0) // complex numbers and cmath
 #define MICROPY_PY_CMATH (0)
 #undef MICROPY_PY_BUILTINS_HELP_TEXT
@@ -26,3 +27,5 @@
 #define MICROPY_HW_STDIN_BUFFER_LEN (256)
 #define CFG_TUD_CDC_RX_BUFSIZE (128)
 #define CFG_TUD_CDC_TX_BUFSIZE (128)
+// Endpoints 0 to 7, not to 15, for the same reason; two serial ports take 0 to 4
+#define CFG_TUD_ENDPPOINT_MAX (8)

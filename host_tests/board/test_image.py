@@ -85,6 +85,8 @@ def test_it_boots(firmware):
         assert set(repl.eval(looked)) == {1}
         assert board_data("pico")["name"] in repl.eval("__import__('sys').implementation._machine")
         assert repl.eval("__import__('re').sub('[0-9]+', '#', 'a12b')") == "a#b"
+        repl.exec("import micropython\n@micropython.native\ndef double(x):\n return 2 * x\n\n")
+        assert repl.eval("double(21)") == 42
         # what neopixel, onewire, ds18x20 and dht need, which `mpremote mip install` adds
         repl.exec("import _onewire; from machine import bitstream, dht_readinto")
 
