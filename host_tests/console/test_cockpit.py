@@ -172,6 +172,8 @@ def test_a_second_page_takes_the_device_over(opened, stage):
     second = stage.page(page.url)
     take = second.get_by_role("button", name="Take over")
     take.click()
+    second.get_by_role("button", name="Press again").click()
+    expect(second.locator("#banner")).not_to_contain_text("You watch")
     wait_connected(second)
     expect(take).to_be_hidden()
     wait_rest(second)

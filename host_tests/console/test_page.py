@@ -155,14 +155,20 @@ def test_two_pages(stage):
     first.get_by_label("Move to step").press("Enter")
     wait_moving(first)
     second = stage.page(console.url)
-    expect(second.locator("#banner")).to_contain_text("Another page has the device.")
-    expect(second.locator("#moving")).to_contain_text("Another page has the device")
+    banner = second.locator("#banner")
+    expect(banner).to_contain_text("Another page has the device. Motor 1 moves.")
+    begin = steps(second)
+    wait_far(second, 1, begin, 100)  # it sees the positions
+    expect(second.get_by_role("button", name="Jog motor 1 up")).to_be_disabled()
     expect(second.get_by_role("alert")).to_be_hidden()
-    second.get_by_role("button", name="STOP").click()
+    second.locator("#stop").click()
     expect(newest(second)).to_have_text("Stopped: all motors ramp down.")
     expect(log(first)).to_contain_text("Another page has stopped the motors.")
-    wait_rest(first)
+    for page in (first, second):
+        wait_rest(page)
+    expect(position(second)).to_have_text(str(steps(first)))
     second.get_by_role("button", name="Take over").click()
+    expect(second.locator("#banner")).not_to_contain_text("watch")
     wait_connected(second)
     expect(first.locator("#banner")).to_contain_text("Another page has the device.")
     expect(first.get_by_role("alert")).to_be_hidden()
@@ -171,9 +177,38 @@ def test_two_pages(stage):
     second.get_by_label("Move to step").fill("0")
     second.get_by_label("Move to step").press("Enter")
     wait_moving(second)
+    wait_moving(first)
     first.keyboard.press("Escape")
     expect(log(second)).to_contain_text("Another page has stopped the motors.")
     wait_rest(second)
+
+
+def test_taking_over_what_moves_takes_two_presses_and_handing_over(stage):
+    device = stage.simulated(motors=1)
+    console = stage.console(device.url)
+    first = stage.page(console.url)
+    wait_connected(first)
+    second = stage.page(console.url, **LOOKS["phone"], user_agent="a browser, Mobile")
+    wait_connected(second)
+    before = steps(first)
+    first.keyboard.down("ArrowRight")
+    wait_far(first, 1, before, 50)
+    wait_moving(second)
+    second.get_by_role("button", name="Take over").tap()
+    expect(second.locator("#banner")).to_contain_text("Taking over stops what moves.")
+    wait_moving(first)
+    first.keyboard.up("ArrowRight")
+    wait_rest(first)
+    go_to(first, "This page")
+    first.get_by_role("button", name="Hand over").click()
+    expect(log(first)).to_contain_text("A phone has taken the device over.")
+    expect(first.locator("#banner")).to_contain_text("A phone has the device. Nothing moves.")
+    expect(second.locator("#banner")).not_to_contain_text("watch")
+    second.close()  # the page that watches gets the device
+    expect(first.locator("#banner")).not_to_contain_text("watch")
+    wait_connected(first)
+    expect(first.get_by_role("alert")).to_be_hidden()
+    assert [*first.errors, *second.errors] == []
 
 
 def test_without_a_server_over_web_serial(stage, tmp_path):

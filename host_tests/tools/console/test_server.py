@@ -43,6 +43,7 @@ from framestep_tools.payloads import (
     MotorStatus,
     MotorStop,
     MotorStopAll,
+    Positions,
     RtJogAll,
     Status,
     VirtJog,
@@ -244,6 +245,69 @@ def test_a_page_takes_the_device_from_another(shared):
             taker = Client(port, PATIENCE_S)
             taker.wait_idle(PATIENCE_S)
             assert taker.request(MotorGetPosition()).steps[0] > before
+
+
+def watching(stage, agent="a browser"):
+    """Return the link of a page that watches, and what the server says first."""
+    link = stage.link(f"{stage.token}&watch=1", headers={"User-Agent": agent})
+    return link, json.loads(link.recv(PATIENCE_S))
+
+
+def told(link, key):
+    """Return the next of the server's texts with this key."""
+    while True:
+        message = link.recv(PATIENCE_S)
+        if isinstance(message, str) and key in (said := json.loads(message)):
+            return said[key]
+
+
+def test_a_page_that_watches_asks_and_moves_nothing(shared):
+    with shared.client() as client:
+        client.request(MotorJog(1, 10_000, FAR))
+        link, hello = watching(shared, "Mobile")
+        assert (hello["watch"], hello["holder"]) == (True, "another page")
+        assert told(client.port.link, "pages")[0]["who"] == "a phone"
+        with Client(SocketPort(link, hello), PATIENCE_S) as watcher:
+            assert watcher.request(Hi()).motors == 2
+            before = watcher.request(MotorGetPosition()).steps[0]
+            assert watcher.request(MotorStatus()).moving == [1]
+            for request in (MotorMove(2, 100), MotorStop(1), MotorStopAll()):
+                with pytest.raises(RequestRefused, match="ERR_GENERAL"):
+                    watcher.request(request)
+            watcher.wait_event(Positions, where=lambda each: each.steps[0] > before + 100)
+            assert client.request(MotorStatus()).moving == [1]
+        assert told(client.port.link, "pages") == []
+
+
+def test_a_page_hands_the_device_over_and_watchers_are_told(shared):
+    with shared.client() as client:
+        number = None
+        link, _ = watching(shared)
+        other, _ = watching(shared)
+        while number is None:
+            pages = told(client.port.link, "pages")
+            number = pages[0]["number"] if len(pages) == 2 else None
+        client.port.link.send(json.dumps({"hand_over": number}))
+        assert told(link, "take")
+        with shared.link(f"{shared.token}&take=1", headers={"User-Agent": "Mobile"}) as taker:
+            assert "has taken the device over" in told(client.port.link, "ended")
+            assert told(taker, "device")
+            while told(other, "holder") != "a phone":
+                pass
+        link.close()
+        other.close()
+
+
+def test_who_watches_gets_a_device_that_nobody_has(shared):
+    with shared.client():
+        link, _ = watching(shared)
+        other, _ = watching(shared)
+    assert told(link, "ended") == "no page has the device any more"
+    with shared.client():  # as the page does then
+        while told(other, "holder") is None:
+            pass
+    link.close()
+    other.close()
 
 
 def test_in_the_local_network_the_same_rules_hold(shared):

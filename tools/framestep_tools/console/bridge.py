@@ -28,6 +28,7 @@ from ..payloads import REQUESTS, Ack, MotorStatus, MotorStopAll, Payload, Status
 
 _LOOK_S = 0.05  # the reader waits this long for a byte before it checks whether to end
 _ANSWER_S = 5.0
+_MOST_AWAITED = 1000
 _FIRST_ID = 0xF000_0000  # IDs of the bridge's own requests; the page counts from 1
 _FIRST_OF_OTHERS = 0xE000_0000  # IDs of other programs' requests
 
@@ -72,6 +73,7 @@ class Bridge:
     All of these are called in the event loop: `on_bytes` with the device's bytes; `on_end` once,
     with the reason, if the port is gone; `on_stopped` with the reason when another program or page
     has stopped motors. From then on the page's jogs are refused until `released` is called.
+    `on_report` gets each message that the device sends unasked.
     """
 
     def __init__(self, port: Any, name: str):
@@ -79,6 +81,7 @@ class Bridge:
         self.on_bytes: Callable[[bytes], None] = lambda data: None
         self.on_end: Callable[[str], None] = lambda why: None
         self.on_stopped: Callable[[str], None] = lambda why: None
+        self.on_report: Callable[[Frame], None] = lambda frame: None
         self._port = port
         self._loop = asyncio.get_running_loop()
         self._jogs = Jogs()
@@ -91,7 +94,7 @@ class Bridge:
         self._closed = False
         self._decoder = FrameDecoder()
         self._answers = FrameDecoder()
-        self._awaited: dict[int, asyncio.Future[Frame]] = {}  # answers, by their IDs
+        self._awaited: dict[int, Callable[[Frame], None]] = {}  # what takes an answer, by its ID
         self._own_stops: queue.SimpleQueue[Frame] = queue.SimpleQueue()  # for other programs
         self._shared_port: SharedPort | None = None
         if not is_socket(name):  # a socket has room for one client, and another program may be it
@@ -159,18 +162,27 @@ class Bridge:
         self._stopped = True
         self._jogs.stops()
         number = self._new_id()
-        answer = self._awaited[number] = self._loop.create_future()
+        answer: asyncio.Future[Frame] = self._loop.create_future()
+        self._awaited[number] = answer.set_result
         try:
             await self._ask(MotorStopAll(), number)
             self.on_stopped(why)
             self._tell_others([Frame(number, MotorStopAll.TYPE, MotorStopAll().pack())])
             await asyncio.wait([answer], timeout=_ANSWER_S)
         finally:
-            del self._awaited[number]
+            self._awaited.pop(number, None)
         if not answer.done():
             raise OSError(f"{self.name} does not answer")
         if answer.result().payload[:2] != struct.pack("<H", Ack.OK):
             raise OSError(f"{self.name} has refused it")
+
+    async def ask_for(self, frame: Frame, on_answer: Callable[[Frame], None]) -> None:
+        """Send the question of a page that watches. Raises OSError if the port is gone."""
+        number = self._new_id()
+        if len(self._awaited) > _MOST_AWAITED:  # a device that does not answer
+            del self._awaited[next(iter(self._awaited))]
+        self._awaited[number] = on_answer
+        await self._write(encode(frame.type, frame.payload, number))
 
     def _tell_others(self, frames: list[Frame]) -> None:
         for frame in frames:
@@ -266,11 +278,11 @@ class Bridge:
 
     def _hear(self, data: bytes) -> None:
         self.on_bytes(data)
-        if self._awaited:
-            for frame in self._answers.feed(data):
-                answer = self._awaited.get(frame.id)
-                if answer and not answer.done():
-                    answer.set_result(frame)
+        for frame in self._answers.feed(data):
+            if frame.id == 0:
+                self.on_report(frame)
+            elif on_answer := self._awaited.pop(frame.id, None):
+                on_answer(frame)
 
     def _pass_on(self, shared_port: SharedPort, data: bytes) -> None:
         """Forward messages to other programs. The page ignores their IDs."""

@@ -6,6 +6,7 @@ from typing import Any
 
 from ..client import shared_port
 from ..client.client import Client
+from ..client.wire import Frame
 from ..errors import ToolError
 from ..payloads import MotorStopAll
 from .axes_text import AxesText
@@ -37,13 +38,19 @@ class ConsoleDevice:
         self.silence_s = SILENCE_S
         self.example: str | None = None  # keyframes for a page without any
         self.bridge: Bridge | None = None  # the open port
+        self.on_reports: set[Callable[[Frame], None]] = set()  # what gets the unasked messages
         self._open_port = open_port
 
     async def attach(self) -> Bridge:
         """Return the device's port, and open it if necessary. Raises ToolError."""
         if self.bridge is None:
             self.bridge = Bridge(await asyncio.to_thread(self._open_port), self.name)
+            self.bridge.on_report = self._report
         return self.bridge
+
+    def _report(self, frame: Frame) -> None:
+        for take in self.on_reports:
+            take(frame)
 
     async def let_go(self) -> None:
         """Stop everything and close the port."""

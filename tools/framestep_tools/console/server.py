@@ -5,8 +5,9 @@ requests: a Host other than this computer (DNS rebinding: a foreign name that le
 WebSocket with the Origin of another page, and one without the token. The token is part of the
 address that the server prints, and new each time.
 
-A link with `stop=1` stops everything, whichever page or program has the device, and takes it from
-nobody. The server answers `{"stop": "what came of it", "bad": false}` and closes the link.
+A link with `take=1` takes the device from the page that has it. One with `watch=1` watches it
+(watcher.py). One with `stop=1` stops everything, whichever page or program has the device, and
+takes it from nobody; the server answers `{"stop": "what came of it", "bad": false}` and closes it.
 """
 
 import asyncio
@@ -30,6 +31,7 @@ from . import page_files
 from .bridge import Bridge
 from .device import ConsoleDevice
 from .visit import Visit
+from .watcher import Watcher
 
 ADDRESS = "127.0.0.1"
 _EVERY = "0.0.0.0"  # also reached from the local network
@@ -59,8 +61,11 @@ class ConsoleServer:
         self._token = secrets.token_urlsafe(24)
         self._turn = asyncio.Lock()
         self._visit: Visit | None = None  # the page that has the device
+        self._coming = 0  # pages that wait for it
+        self._watchers: dict[int, Watcher] = {}
         self._hosts: set[str] = set()
         self._server: Any = None
+        self._ending: asyncio.Future[None] | None = None  # of a page's watching
         self._watch: asyncio.Task[None] | None = None
 
     async def start(self, port: int = 0, lan: str | None = None) -> None:
@@ -136,7 +141,7 @@ class ConsoleServer:
     async def _stop(self, page: ServerConnection) -> None:
         """Stop everything for a page that does not have the device."""
         try:
-            await self.device.stop("Another page has stopped the motors.")
+            await self.device.stop(f"{_who(page).capitalize()} has stopped the motors.")
             found = {"stop": "Stopped: all motors ramp down.", "bad": False}
         except (ToolError, OSError) as error:
             text = f"NOT STOPPED: {error}. Press the E-stop, or switch the motors' supply off."
@@ -148,17 +153,28 @@ class ConsoleServer:
     async def _connected(self, page: ServerConnection) -> None:
         if _asked(page, "stop"):
             await self._stop(page)
-            return
-        visit = Visit(self.device, page)
+        elif _asked(page, "watch"):
+            await self._watched(page)
+        else:
+            await self._visited(page)
+
+    async def _visited(self, page: ServerConnection) -> None:
+        """Give the device to a page, once no other one has it."""
+        visit = Visit(self.device, page, _who(page), self._hand_over)
         if _asked(page, "take") and self._visit:
-            await self._visit.end("another page has taken the device over")
+            await self._visit.end(f"{visit.who} has taken the device over", held=True)
+        self._coming += 1
         try:
             await asyncio.wait_for(self._turn.acquire(), _TURN_S)
         except (TimeoutError, asyncio.TimeoutError):
-            await visit.end("another page has the device")
+            await visit.end(f"{self._holder or 'another page'} has the device", held=True)
             return
+        finally:
+            self._coming -= 1
         try:
             self._visit = visit
+            self._tell_holder()
+            self._tell_watchers()
             await self._back()
             await visit.run()
         finally:
@@ -167,6 +183,54 @@ class ConsoleServer:
                 await self._leave()
             finally:
                 self._turn.release()
+                self._tell_watchers()
+                self._offer_later()
+
+    # ---- pages that watch
+
+    @property
+    def _holder(self) -> str | None:
+        return self._visit.who if self._visit else None
+
+    async def _watched(self, page: ServerConnection) -> None:
+        watcher = Watcher(self.device, page, _who(page), self._holder)
+        self._watchers[watcher.number] = watcher
+        self._tell_holder()
+        self._offer_later()
+        try:
+            await watcher.run()
+        finally:
+            self._watchers.pop(watcher.number, None)
+            self._tell_holder()
+
+    def _tell_watchers(self) -> None:
+        """Tell the pages that watch who has the device."""
+        for watcher in self._watchers.values():
+            watcher.say({"holder": self._holder})
+
+    def _tell_holder(self) -> None:
+        """Tell the page that has the device which ones watch."""
+        if self._visit:
+            self._visit.watched_by(
+                [{"number": each.number, "who": each.who} for each in self._watchers.values()]
+            )
+
+    def _hand_over(self, number: int) -> None:
+        if watcher := self._watchers.get(number):
+            watcher.say({"take": True})
+
+    def _offer_later(self) -> None:
+        """Let the first page that watches have a device that nobody has. The page that had it may
+        be loading again, so it comes first."""
+        if not self._visit:
+            asyncio.get_running_loop().call_later(_TURN_S, self._offer)
+
+    def _offer(self) -> None:
+        if self._visit or self._coming or not self._watchers:
+            return
+        watcher = self._watchers.pop(next(iter(self._watchers)))
+        self._ending = asyncio.ensure_future(watcher.end("no page has the device any more"))
+        self._offer_later()
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return a file of the page, or None to accept a WebSocket."""
@@ -212,6 +276,12 @@ def lan_address() -> str:
 def _asked(page: ServerConnection, what: str) -> bool:
     """Return whether the address of a page's link asks for something, such as take=1."""
     return bool(page.request and parse_qs(urlsplit(page.request.path).query).get(what))
+
+
+def _who(page: ServerConnection) -> str:
+    """Return how other pages name this one."""
+    program = page.request.headers.get("User-Agent", "") if page.request else ""
+    return "a phone" if "Mobi" in program else "another page"
 
 
 def _refusal(status: http.HTTPStatus, text: str) -> Response:

@@ -4,14 +4,18 @@ Binary messages are bytes of the protocol, in both directions. Texts are JSON. T
 `{"id": 1, "do": "read_rig"}` and gets `{"id": 1, "result": {…}}` or `{"id": 1, "error": "…"}`.
 `{"keep": true}` lets all motion but jogs go on without the page. The server first sends
 `{"device": …}`. It sends `{"stopped": "why"}` when another program or page has stopped motors; the
-page answers `{"released": true}` once it holds no jog. After the task `terminal` the server sends
-the REPL's output, `{"repl": "…"}`, and `{"repl_ended": "why"}`; the page sends `{"typed": "…"}`.
-Before it closes, the server sends `{"ended": "why"}`.
+page answers `{"released": true}` once it holds no jog. The pages that watch are
+`{"pages": [{"number": 1, "who": "a phone"}]}`; the page sends `{"hand_over": 1}` to let one take
+the device. After the task `terminal` the server sends the REPL's output, `{"repl": "…"}`, and
+`{"repl_ended": "why"}`; the page sends `{"typed": "…"}`.
+Before it closes, the server sends `{"ended": "why"}`, with `"held": true` if another page has the
+device.
 """
 
 import asyncio
 import contextlib
 import json
+from collections.abc import Callable
 from typing import Any
 
 from websockets.asyncio.server import ServerConnection
@@ -28,11 +32,22 @@ _TASKS = ("read_rig", "load", "live", "rest", "terminal", "close_terminal", *_WI
 
 
 class Visit:
-    """A connected page."""
+    """A connected page. who: how other pages name it; on_hand_over: called with the number of the
+    page that is to take the device."""
 
-    def __init__(self, device: ConsoleDevice, page: ServerConnection):
+    def __init__(
+        self,
+        device: ConsoleDevice,
+        page: ServerConnection,
+        who: str = "another page",
+        on_hand_over: Callable[[int], None] = lambda number: None,
+    ):
+        self.who = who
         self._device = device
         self._page = page
+        self._on_hand_over = on_hand_over
+        self._greeted = False
+        self._pages: list[dict[str, Any]] = []
         self._outbox: asyncio.Queue[bytes] = asyncio.Queue()
         self._tasks: set[asyncio.Task[None]] = set()
         self._typing = asyncio.Lock()  # keeps the order of what is typed
@@ -55,6 +70,9 @@ class Visit:
             if device.example:
                 hello["example"] = device.example
             await self._say(hello)
+            self._greeted = True
+            if self._pages:
+                await self._say({"pages": self._pages})
             await self._listen()
         except ToolError as error:
             await self.end(str(error))
@@ -67,9 +85,15 @@ class Visit:
             sender.cancel()
             dead_man.cancel()
 
-    async def end(self, why: str) -> None:
-        """Send the page the reason, and close."""
-        await self._say({"ended": why})
+    def watched_by(self, pages: list[dict[str, Any]]) -> None:
+        """Tell the page which ones watch: [{"number": 1, "who": "a phone"}]."""
+        self._pages = pages
+        if self._greeted:
+            self._start(self._say({"pages": pages}))
+
+    async def end(self, why: str, held: bool = False) -> None:
+        """Send the page the reason, and close. held: another page has the device."""
+        await self._say({"ended": why, "held": True} if held else {"ended": why})
         await self._page.close()
 
     async def _attach(self) -> None:
@@ -130,6 +154,9 @@ class Visit:
             if said.get("released") is True:
                 if self._device.bridge:
                     self._device.bridge.released()
+                return
+            if isinstance(said.get("hand_over"), int):
+                self._on_hand_over(said["hand_over"])
                 return
             if isinstance(said.get("typed"), str):
                 async with self._typing:

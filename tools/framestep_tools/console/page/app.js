@@ -1,6 +1,6 @@
 // The console: one desk. The regions of index.html get their parts here, and the banner its state. `start` begins.
 
-import { field, h, number, setText } from "./dom.js";
+import { field, h, number, setText, Twice, twice } from "./dom.js";
 import { keyList, listen } from "./keyboard.js";
 import { MoveDrawer } from "./move_drawer.js";
 import { Motors } from "./motors.js";
@@ -94,7 +94,8 @@ const log = h("div", { id: "log" });
 const takes = h("table", {}, h("tbody"));
 const conditions = h("ul", { id: "conditions", "aria-label": "Condition of the board" });
 const byCable = h("button", { type: "button", class: "main", hidden: !serialIsThere(), onclick: () => session.byCable() }, "Connect over USB…");
-const page = h("div", { class: "parts" }, h("div", { class: "row" }, byCable, field("Theme", theme)),
+const watching = h("ul", { "aria-label": "Pages that watch" });
+const page = h("div", { class: "parts" }, h("div", { class: "row" }, byCable, field("Theme", theme)), watching,
   h("p", { class: "faint" }, "Whether runs go on without this page: Options… beside the run. A phone: framestep console --lan prints its QR code. Each page may stop at any time; one page at a time may move."));
 const setup = { "Names and units": names.element, "Virtual axes": virtual.setup, "Rig file, load, terminal": file.element, "This page": page };
 const setupNav = h("nav", { "aria-label": "Set up" });
@@ -286,11 +287,18 @@ function showTakes() {
 
 // ---- the banner
 
+const takeOver = new Twice(() => session.takeOver(), () => due(), () => device.state.moving !== 0);
+
 /** Return [tone, mark, title, text, what the button says, what it does, short text for a phone]. */
 function whole() {
   const { state } = device;
   const moving = () => session.motion.replace(/ moves?\.$/, "").replace(/\.$/, "");
-  if (session.elsewhere) return ["other", "other", "You watch", "Another page has the device. STOP works from here, too.", "Take over", () => session.takeOver(), "Another page has the device."];
+  if (session.elsewhere && !device.silent) {
+    const what = session.estop ? "The E-stop is held." : session.faults.length ? `Fault: ${session.faults.join("; ")}.` : state.moving ? `${session.motion} Frame ${Math.floor(state.playHead / 1000)}.` : device.connected ? "Nothing moves." : "";
+    const holder = `${session.holder[0].toUpperCase()}${session.holder.slice(1)} has the device.`;
+    const [says, does] = takeOver.armed ? ["Taking over stops what moves.", "Press again"] : [what, "Take over"];
+    return ["other", "other", "You watch", `${holder} ${says}`, does, () => takeOver.press(), takeOver.armed ? says : holder];
+  }
   if (session.blind) return ["blind", "bad", device.connected ? "NO ANSWER" : "LINK LOST", `${session.blind} Whether motors move is NOT KNOWN: press the E-stop or switch their supply off.`, "", null, "Motors may move: press the E-stop."];
   if (!device.connected) return ["none", "none", "Not connected", session.automatic ? "Keyframes can be edited meanwhile." : serialIsThere() ? "Keyframes can be edited meanwhile." : "Open the address that framestep console prints.", !session.automatic && serialIsThere() ? "Connect…" : "", () => session.byCable()];
   if (session.estop) return ["bad", "bad", "E-STOP", "is held: nothing moves until it is released."];
@@ -425,6 +433,15 @@ device.addEventListener("connected", () => {
 device.addEventListener("gone", () => {
   setText($("who"), "Not connected");
   byCable.hidden = !serialIsThere();
+});
+
+session.addEventListener("change", () => {
+  const pages = device.client?.pages ?? [];
+  const text = pages.map(({ number }) => number).join();
+  if (watching.dataset.pages === text) return;
+  watching.dataset.pages = text;
+  watching.replaceChildren(...pages.map(({ number, who }) => h("li", {}, `${who[0].toUpperCase()}${who.slice(1)} watches. `,
+    twice("Hand over", "Press again: what moves stops", () => device.client?.handOver(number), () => device.state.moving !== 0))));
 });
 
 let news = 0;

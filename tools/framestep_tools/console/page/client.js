@@ -20,8 +20,13 @@ export class Refused extends Error {
   }
 }
 
-/** The link has ended, or no answer came in time. */
-export class LinkError extends Error {}
+/** The link has ended, or no answer came in time. `held`: another page has the device. */
+export class LinkError extends Error {
+  constructor(text, held = false) {
+    super(text);
+    this.held = held;
+  }
+}
 
 export class Client {
   #link;
@@ -29,7 +34,7 @@ export class Client {
   #nextId = 1;
   #waiting = new Map(); // id -> {request, resolve, reject, timer}
 
-  /** onreport: called with each unasked message, {kind, …}; onend: called once, with the reason. */
+  /** onreport: called with each unasked message, {kind, …}; onend: called once, with the reason and the link. */
   constructor(link, onreport, onend) {
     this.#link = link;
     link.onbytes = (bytes) => {
@@ -41,7 +46,7 @@ export class Client {
         reject(new LinkError(why));
       }
       this.#waiting.clear();
-      onend(why);
+      onend(why, link);
     };
   }
 
@@ -69,6 +74,15 @@ export class Client {
   /** Set whether a run goes on without this page. Only a server can keep the port open. */
   keep(on) {
     this.#link.keep?.(on);
+  }
+
+  /** The pages that watch this one: [{number, who}]. */
+  get pages() {
+    return this.#link.pages ?? [];
+  }
+
+  handOver(number) {
+    this.#link.handOver(number);
   }
 
   /** Whether the link can keep a run going without the page. */

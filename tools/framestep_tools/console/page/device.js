@@ -32,7 +32,7 @@ const NOTHING = {
 };
 
 /** Events: "change" for anything new, "settings" for a motor's, "message" {text, bad} for the user, "hardstop", "ended" after RT_END, "refused" with the error,
- * "stopped" with the reason when another program has stopped motors, "connected", "gone". */
+ * "stopped" with the reason when another program has stopped motors, "connected", "gone" with {why, known, held: another page has the device, said: the server has ended the link}, "pages", "holder", "take" as in WebSocketLink. */
 export class Device extends EventTarget {
   client = null;
   /** Names and units of the motors. */
@@ -50,6 +50,11 @@ export class Device extends EventTarget {
   #slowAt = 0;
   #unknown = new Set(); // requests that this device does not know
   #settings = []; // of each motor as it reports them, or null
+
+  /** Whether another page has the device, and this one watches. */
+  get watched() {
+    return this.connected && this.hello.watch === true;
+  }
 
   get connected() {
     return this.state.info !== null;
@@ -102,9 +107,15 @@ export class Device extends EventTarget {
   /** Use an open link. Resolves once the device has answered HI. */
   async connect({ link, hello }) {
     this.hello = hello;
+    link.onpages = () => this.dispatchEvent(new Event("pages"));
+    link.onholder = (who) => {
+      hello.holder = who;
+      this.dispatchEvent(new Event("holder"));
+    };
+    link.ontake = () => this.dispatchEvent(new Event("take"));
     link.onstopped = (why) => this.dispatchEvent(new CustomEvent("stopped", { detail: why }));
     this.#unknown.clear();
-    const client = new Client(link, (report) => this.#hear(report), (why) => this.#gone(client, why));
+    const client = new Client(link, (report) => this.#hear(report), (why, { held, said }) => this.#gone(client, { why, held, said }));
     this.client = client;
     this.state = structuredClone(NOTHING);
     this.silent = false;
@@ -225,13 +236,13 @@ export class Device extends EventTarget {
     }
   }
 
-  #gone(client, why) {
+  #gone(client, detail) {
     if (this.client !== client) return;
     clearTimeout(this.#timer);
     this.client = null;
     const known = this.connected;
     this.state = structuredClone(NOTHING);
-    this.dispatchEvent(new CustomEvent("gone", { detail: { why, known } }));
+    this.dispatchEvent(new CustomEvent("gone", { detail: { ...detail, known } }));
     this.#changed();
   }
 

@@ -82,6 +82,50 @@ export function takesText(element) {
     || (element.tagName === "INPUT" && !/^(button|checkbox|radio|submit)$/.test(element.type)));
 }
 
+const SURE_MS = 4000; // for which the first press counts
+
+/** Two presses, where one would do too much. */
+export class Twice {
+  #act;
+  #changed;
+  #needed;
+  #timer = 0;
+
+  /** act: called at the second press; changed: called when `armed` has changed; needed: whether it takes two presses now. */
+  constructor(act, changed, needed = () => true) {
+    [this.#act, this.#changed, this.#needed] = [act, changed, needed];
+  }
+
+  /** Whether the next press acts. */
+  get armed() {
+    return this.#timer !== 0;
+  }
+
+  press() {
+    const acts = this.armed || !this.#needed();
+    this.#set(!acts);
+    if (acts) this.#act();
+  }
+
+  /** Forget the first press. */
+  rest() {
+    this.#set(false);
+  }
+
+  #set(armed) {
+    clearTimeout(this.#timer);
+    this.#timer = armed ? setTimeout(() => this.#set(false), SURE_MS) : 0;
+    this.#changed();
+  }
+}
+
+/** Make a button that acts at its second press; `ask` is its text meanwhile. */
+export function twice(text, ask, act, needed) {
+  const button = h("button", { type: "button", onclick: () => presses.press(), onblur: () => presses.rest() }, text);
+  const presses = new Twice(act, () => setText(button, presses.armed ? ask : text), needed);
+  return button;
+}
+
 /** Let the browser save a text as a file. */
 export function download(name, text, type = "text/plain") {
   const address = URL.createObjectURL(new Blob([text], { type }));

@@ -7,6 +7,6 @@ const token = new URLSearchParams(location.search).get("token");
 const scheme = location.protocol === "https:" ? "wss" : "ws";
 const address = token && `${scheme}://${location.host}/link?token=${encodeURIComponent(token)}`;
 start(
-  address && ((take) => WebSocketLink.open(`${address}${take ? "&take=1" : ""}`)),
+  address && ((how) => WebSocketLink.open(`${address}${how && `&${how}=1`}`)),
   address && (() => WebSocketLink.stop(address)),
 );

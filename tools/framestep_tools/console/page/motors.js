@@ -1,6 +1,6 @@
 // Motors: a line for each, the chosen one below them, and the drawers for settings and positions.
 
-import { h, positionField, readSteps, setText } from "./dom.js";
+import { h, positionField, readSteps, setText, twice } from "./dom.js";
 import { Gamepads } from "./gamepads.js";
 import { MotorBar } from "./motor_bar.js";
 import { MotorSettings } from "./motor_settings.js";
@@ -48,7 +48,7 @@ export class Motors {
       choose: (by) => this.choose(work.chosen + by),
       stop: desk.stop,
     });
-    this.#homeAll = this.#twice("Home all motors", "Press again: all motors move", () => device.home([]));
+    this.#homeAll = twice("Home all motors", "Press again: all motors move", () => device.home([]));
     device.axes.addEventListener("change", () => this.#make());
     device.addEventListener("hardstop", ({ detail: { reason, motor } }) => {
       if (reason === M.HARD_STOP_UPPER || reason === M.HARD_STOP_LOWER) this.#switches.set(motor, reason === M.HARD_STOP_UPPER);
@@ -102,28 +102,6 @@ export class Motors {
       h("div", { class: "wide" }, h("table", {}, h("tbody", {}, ...this.#lines.map((line) => line.positionRow)))), this.#homeAll);
     this.choose(this.#desk.work.chosen);
     this.#showSpeed();
-  }
-
-  /** Make a button that acts at its second press. */
-  #twice(text, ask, act) {
-    let armed = 0;
-    const button = h("button", { type: "button" }, text);
-    const rest = () => {
-      clearTimeout(armed);
-      armed = 0;
-      setText(button, text);
-    };
-    button.addEventListener("click", () => {
-      if (armed) {
-        rest();
-        act();
-        return;
-      }
-      setText(button, ask);
-      armed = setTimeout(rest, 4000);
-    });
-    button.addEventListener("blur", rest);
-    return button;
   }
 
   /** Choose a motor, or the nearest there is. */

@@ -16,6 +16,8 @@ export const holds = new Holds();
 class Session extends EventTarget {
   /** Why the device is gone. */
   lost = "";
+  /** Why there is no link, in the server's words. */
+  why = "";
   /** Another page has the device. */
   elsewhere = false;
   /** Whether a server or another source opens the link by itself. */
@@ -28,6 +30,7 @@ class Session extends EventTarget {
   #stopElsewhere = null; // stops everything while this page does not have the device
   #tries = true;
   #takes = false; // take the device from another page with the next try
+  #watches = false; // watch the other page's device with the next try
   #keep = h("input", { onchange: () => device.client?.keep(this.#keep.checked) });
   /** A check box: whether runs go on without the page. */
   keepLine = check("Runs and moves go on when this page is hidden or closed", this.#keep);
@@ -37,11 +40,13 @@ class Session extends EventTarget {
     this.keepLine.hidden = true; // until a link can keep them going
     device.addEventListener("connected", () => {
       this.lost = "";
-      this.elsewhere = false;
+      this.elsewhere = device.watched;
       this.#keep.checked = device.hello.kept;
-      this.keepLine.hidden = !device.client.keeps;
+      this.keepLine.hidden = !device.client.keeps || this.elsewhere;
       this.#changed();
     });
+    for (const name of ["pages", "holder"]) device.addEventListener(name, () => this.#changed());
+    device.addEventListener("take", () => this.takeOver());
     device.addEventListener("gone", ({ detail }) => this.#gone(detail));
     device.addEventListener("stopped", ({ detail }) => {
       holds.releaseAll();
@@ -63,7 +68,8 @@ class Session extends EventTarget {
 
   // ---- the link
 
-  /** Connect by `open`, and repeat if that fails. null: the user connects by Web Serial. */
+  /** Connect by `open`, and repeat if that fails. open(how): "take" takes the device from another page, "watch" watches it, else "". null: the user connects by
+   * Web Serial. */
   start(open, stopElsewhere = null) {
     this.#open = open;
     this.#stopElsewhere = stopElsewhere;
@@ -91,15 +97,16 @@ class Session extends EventTarget {
   async #serve() {
     let said = "";
     while (this.#tries) {
-      const taking = this.#takes;
-      this.#takes = false;
+      const how = this.#takes ? "take" : this.#watches ? "watch" : "";
+      this.#takes = this.#watches = false;
       try {
-        await device.connect(await this.#open(taking));
+        await device.connect(await this.#open(how));
         return;
       } catch (error) {
         if (error.message !== said) device.tell(error.message, true);
-        said = error.message;
-        this.#isElsewhere(said);
+        said = this.why = error.message;
+        this.#isElsewhere(error.held === true);
+        if (this.#watches) continue;
       }
       await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
     }
@@ -108,22 +115,31 @@ class Session extends EventTarget {
   /** Take the device from the other page. */
   takeOver() {
     this.#takes = true;
+    if (this.elsewhere) device.client?.close();
   }
 
-  #isElsewhere(why) {
-    this.elsewhere = /another page/.test(why);
-    if (this.elsewhere) this.lost = "";
+  /** Who has the device while this page watches: "another page", "a phone". */
+  get holder() {
+    return (device.watched && device.hello.holder) || (device.watched ? "no page" : "another page");
+  }
+
+  #isElsewhere(on) {
+    this.elsewhere = this.#watches = on;
+    if (on) this.lost = "";
     this.#changed();
   }
 
-  #gone({ why, known }) {
+  #gone({ why, known, held, said }) {
     holds.releaseAll();
     this.#changed();
     if (!known) return;
-    this.lost = "The link to the device has ended.";
-    this.#isElsewhere(why);
-    device.tell(this.elsewhere ? `${why[0].toUpperCase()}${why.slice(1)}.` : `The link has ended: ${why}.`, true);
-    if (this.#open && this.#tries && !device.restarts) setTimeout(() => this.#serve(), AGAIN_MS);
+    const soon = this.elsewhere && (said || this.#takes); // this page has only watched
+    this.why = why;
+    if (!soon && !held) this.lost = "The link to the device has ended.";
+    this.#isElsewhere(held);
+    if (held) device.tell(`${why[0].toUpperCase()}${why.slice(1)}.`, true);
+    else if (!soon) device.tell(`The link has ended: ${why}.`, true);
+    if (this.#open && this.#tries && !device.restarts) setTimeout(() => this.#serve(), soon || held ? 0 : AGAIN_MS);
   }
 
   // ---- stop, and motion without this page
@@ -136,7 +152,7 @@ class Session extends EventTarget {
   async stop() {
     holds.releaseAll();
     this.onstop();
-    if (device.client || !this.#stopElsewhere) {
+    if ((device.client && !this.elsewhere) || !this.#stopElsewhere) {
       device.ask("MotorStopAll");
       return;
     }
@@ -146,14 +162,14 @@ class Session extends EventTarget {
 
   /** The page is hidden: holds have ended by themselves; stop everything else. */
   #unseen() {
-    if (device.client && (device.state.moving || this.goesOn()) && !this.#keep.checked) this.stop();
+    if (device.client && !this.elsewhere && (device.state.moving || this.goesOn()) && !this.#keep.checked) this.stop();
   }
 
   // ---- the state of the whole
 
   /** Say what moves. */
   get motion() {
-    if (this.elsewhere) return "Another page has the device and shows what moves.";
+    if (this.elsewhere && !device.connected) return "Another page has the device and shows what moves.";
     if (!device.connected) return "Nothing is connected.";
     if (!device.knowsWhatMoves) return "What moves is not known.";
     const moving = [];
