@@ -7,7 +7,7 @@ from framestep.base.clock import WRAP, elapsed
 from framestep.base.native import const
 from framestep.base.results import WHAT
 from framestep.gate import Gate
-from framestep.io.requests import GO, STOP, Io
+from framestep.io.requests import GO, SHOOT, STOP, Io
 from framestep.io.safety import Safety
 from framestep.io.watchdog import CHECK_MS, Watchdog
 from framestep.motors.axes import Axes
@@ -93,6 +93,11 @@ class Controller:
             from framestep.moves.path.smoothing import velocity
 
             self.operations.player.smooth(velocity)
+        self.next_shot = None
+        if rig.shoot_input:
+            from framestep.moves.next_shot import NextShot
+
+            self.next_shot = NextShot(self.axes, self.gate, self.moves)
         self.journal = self._restore() if rig.remember_positions else None
         self.now = 0
         self.housekept_at = 0
@@ -221,7 +226,7 @@ class Controller:
         if news:
             if news & STOP:
                 self.stops.on_stop_input()
-            if news & GO and self.moves.go_from_input():
+            if news & GO and self.moves.go_from_input() or news & SHOOT and self.next_shot.press():
                 self.reports.go = self.planning = True
         if self.drivers:
             bits = self.drivers.poll(now)
@@ -344,6 +349,8 @@ class Controller:
     def _plan(self, now):
         """Plan a piece, such as a frame or segments of one motor; the next pass goes on."""
         planned = self.virtuals.poll(now)
+        if self.next_shot:
+            self.next_shot.poll()
         if self.moves.poll():
             planned = True
         self.planning = self.axes.feed(planned) or planned

@@ -88,6 +88,15 @@ def test_the_simulated_board_is_a_pico():
             {"limits": [{"high": 22}], "motors": [{"home": {"limit": 1, "travel": 1000}}]},
             "motors[1].home.limit: found 1, but limits[1].low has no pin",
         ),
+        ({"shoot_input": 3}, "shoot_input: found 3, but there are 2 inputs"),
+        (
+            {"shoot_input": 1, "go_input": 1},
+            "shoot_input: found 1, which is go_input already; allowed is another input",
+        ),
+        (
+            {"shutter_delay_ms": 5001},
+            "shutter_delay_ms: found 5001, allowed is a whole number from 0 to 5000 ms",
+        ),
         (
             {"limits": [{"pin": 22, "ends": "both", "high": 26}]},
             "limits[1].pin: found 22, but `high` and `low` are for switches with inputs of their "

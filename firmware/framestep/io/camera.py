@@ -10,6 +10,8 @@ class Camera:
     def __init__(self, hal, rig):
         self.hal = hal
         self.down = 0
+        self.delay_ms = rig.shutter_delay_ms
+        self.hold_ms = rig.shutter_hold_ms
         self._shutter_high = rig.shutter_on == "high"
         self._meter_high = rig.meter_on == "high"
         self._shutter_pin = self._pin("shutter", self._shutter_high)

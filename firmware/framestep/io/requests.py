@@ -23,6 +23,7 @@ _LEVELS = const(8)
 NEWS = const(_SWITCHES | _INPUTS)  # a switch or an input has changed
 STOP = const(32)  # a stop input has become active
 GO = const(64)  # the input for GO has gone on
+SHOOT = const(128)  # the input that shoots a frame has gone on
 
 
 @micropython.viper
@@ -86,7 +87,9 @@ class Io:
         self._table = array("i", [as_word(addressof(words)) for words in tables])
         self.inputs_due = False  # GIO_IN is due
         self._go_bit = 1 << (rig.go_input - 1) if rig.go_input else 0
-        self._go_was = self.gio.inputs.values & self._go_bit
+        self._shoot_bit = 1 << (rig.shoot_input - 1) if rig.shoot_input else 0
+        self._buttons = self._go_bit | self._shoot_bit
+        self._were_on = self.gio.inputs.values & self._buttons
         self.handlers = {
             m.MSG_GIO_OUT: self._gio_out,
             m.MSG_GIO_IN: self._gio_in,
@@ -96,7 +99,8 @@ class Io:
             self.handlers[m.MSG_DMX] = self._dmx
 
     def poll(self, now):
-        """Do one pass. now: milliseconds modulo 2^29. Return bits of NEWS, STOP and GO."""
+        """Do one pass. now: milliseconds modulo 2^29. Return bits of NEWS, STOP, GO and
+        SHOOT."""
         self.now = now
         levels = self._read_levels()
         due = _due(self._table, levels)
@@ -105,11 +109,14 @@ class Io:
         news = due & NEWS
         if due & _INPUTS and self.gio.poll(now, levels):
             self.inputs_due = True
-            if self._go_bit:
-                was = self._go_was
-                self._go_was = self.gio.inputs.values & self._go_bit
-                if self._go_was and not was:
+            if self._buttons:
+                pressed = ~self._were_on
+                self._were_on = self.gio.inputs.values & self._buttons
+                pressed &= self._were_on
+                if pressed & self._go_bit:
                     news |= GO
+                if pressed & self._shoot_bit:
+                    news |= SHOOT
         if due & _RAMPS:
             self.lights.poll(now)
         if due & _LEVELS:

@@ -105,6 +105,7 @@ class Moves:
             self.levels.begin(frames)
             self.triggers.begin(frames)
             self.operations.drop_prepared()
+            self.shoot.forget()
             self.operations.exceeded[WHAT] = m.EXCEEDED_NOTHING
         return code
 
@@ -187,7 +188,7 @@ class Moves:
         """MSG_RT_RUN_MOVE: move the motors to where the run begins, to wait for GO (field notes 6.1
         to 6.9)."""
         reader = self.reader
-        code = self._may_begin()
+        code = self.may_begin()
         if code != m.OK:
             return code
         flags = reader.u16(m.RtRunMove.flags) if reader.length >= m.RtRunMove.open_angle else 0
@@ -221,7 +222,7 @@ class Moves:
         )
         if code == m.OK:
             self.gate.send(self.run.bits)
-        return self._report_exceeded(code)
+        return self.report_exceeded(code)
 
     def _exceeded(self, code):
         """Keep what exceeds the memory, and report it on the REPL once for an upload (field note
@@ -231,14 +232,14 @@ class Moves:
             exceeded = self.operations.exceeded
             if exceeded[WHAT] != m.EXCEEDED_MEMORY:
                 exceeded[WHAT] = m.EXCEEDED_MEMORY
-                self._report_exceeded(code)
+                self.report_exceeded(code)
             exceeded[MOTOR] = exceeded[FRAME] = 0
             exceeded[BY] = words[ASKED]
             exceeded[ROOM] = words[LEFT]
             words[ASKED] = 0
         return code
 
-    def _report_exceeded(self, code):
+    def report_exceeded(self, code):
         """Report on the REPL if the move exceeds what a motor can do (field note 5.5).
 
         Return `code`.
@@ -250,7 +251,7 @@ class Moves:
     def _shoot_frame(self):
         """MSG_RT_SHOOT_FRAME: direction 1 forward, 0 backward (field note 7.1)."""
         reader = self.reader
-        code = self._may_begin()
+        code = self.may_begin()
         if code == m.OK and reader.u8(m.RtShootFrame.direction) > 1:
             code = m.ERR_RANGE
         if code == m.OK:
@@ -265,12 +266,12 @@ class Moves:
             )
         if code == m.OK:
             self.gate.send(self.shoot.bits)
-        return self._report_exceeded(code)
+        return self.report_exceeded(code)
 
     def _shoot_frame2(self):
         """MSG_RT_SHOOT_FRAME2 (field note 7.3)."""
         reader = self.reader
-        code = self._may_begin()
+        code = self.may_begin()
         if code == m.OK:
             listed = self._listed(m.RtShootFrame2.motors, False)
             code = self.shoot.prepare_angles(
@@ -282,7 +283,7 @@ class Moves:
             )
         if code == m.OK:
             self.gate.send(self.shoot.bits)
-        return self._report_exceeded(code)
+        return self.report_exceeded(code)
 
     def _listed(self, offset, backward):
         """Put POS A and POS B of the motors listed at `offset` into the draft, swapped if
@@ -305,7 +306,7 @@ class Moves:
             offset += m.BlurMotor.SIZE
         return bits
 
-    def _may_begin(self):
+    def may_begin(self):
         """Return OK if an operation may be prepared, else the reason (field note 6.1)."""
         code = self.gate.may_move_all()
         if code == m.OK:
@@ -358,4 +359,4 @@ class Moves:
             )
         if code == m.OK:
             self.gate.send(self.jog.bits)
-        return self._report_exceeded(code)
+        return self.report_exceeded(code)

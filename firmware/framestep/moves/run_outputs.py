@@ -50,6 +50,8 @@ class RunOutputs:
         self.camera = io.camera
         self.lights = io.lights
         self.dmx = io.hal.dmx
+        self.delay_ms = io.camera.delay_ms  # from the shutter's signal to the exposure
+        self.hold_ms = io.camera.hold_ms  # from the end of the exposure to the signal's
         self.levels = levels
         self.triggers = triggers
         self.words = array("i", [0] * 2)
@@ -204,7 +206,7 @@ class RunOutputs:
         clock = self.cue_clock
         while self.queued <= plan.frames and self.count < _FULL:
             ahead = elapsed(clock.tick, ticks)
-            if _AHEAD < ahead < HALF and self.queued:
+            if _AHEAD + self.delay_ms < ahead < HALF and self.queued:
                 return
             self._frame()
 
@@ -228,6 +230,8 @@ class RunOutputs:
         if plan.stills:
             opened = clock.tick + (clock.us + self._share(plan.open_angle) + _ROUND_US) // 1000
             closed = clock.tick + (clock.us + self._share(plan.close_angle) + _ROUND_US) // 1000
+            opened -= self.delay_ms
+            closed += self.hold_ms
             # A camera has to see where one frame's pulse ends and the next one's begins.
             frame = clock.quotient // 1000
             closed = min(closed, opened + frame - max(1, min(_LONGEST_GAP, frame >> 3)))

@@ -50,6 +50,11 @@ from framestep.pulse.engine import CUE_DELAY_US
 RUN_UP_MS = const(1000)  # field note 7.1: fixed, so that Dragonframe can time its shutter
 LONGEST_MS = const(3600000)
 DEFAULT_MS = const(1000)  # for EXPOSURE 0 (field note 7.3)
+# Words of ShootFrame.request
+_BACKWARD = const(0)
+_PERMILLE = const(1)
+_OPENED = const(2)
+_CLOSED = const(3)
 _FARTHEST = const(0x3FFFFFFF)  # A and B are less than this many steps apart
 
 # An exposure from one angle to another that is so many degrees farther.
@@ -133,6 +138,7 @@ class ShootFrame(Operation):
         self.run_outputs = run_outputs
         self.shot = Shot(operations.axes.count)
         self.draft = Shot(operations.axes.count)
+        self.request = array("i", [0] * 4)  # numbers of the last one
         self.blurred = 0  # bits of motors with the blur flag
         self.done_tick = 0
         self.done = True
@@ -161,9 +167,37 @@ class ShootFrame(Operation):
             frame, False, exposure_ms, 0, opened, closed, listed, 0x3FFFFFFF, self.blurred
         )
 
+    def next_frame(self):
+        """Return the scene frame after the one prepared last, in its direction. Without one since
+        the upload, it is outside of the upload."""
+        store = self.store
+        if not self.shot.exposure_ms:
+            return store.end + 1
+        return store.start + self.shot.index + (-1 if self.request[_BACKWARD] else 1)
+
+    def forget(self):
+        """Forget the shot prepared last, as its upload is gone."""
+        self.shot.exposure_ms = 0
+
+    def prepare_next(self):
+        """Prepare next_frame() like the frame before, all motors along the path. Return a code."""
+        r = self.request
+        return self._prepare(
+            self.next_frame(),
+            r[_BACKWARD] != 0,
+            self.shot.exposure_ms,
+            r[_PERMILLE],
+            r[_OPENED],
+            r[_CLOSED],
+            0,
+            0,
+            self.shot.bits,
+        )
+
     def _prepare(self, frame, backward, exposure_ms, permille, opened, closed, listed, may, always):
-        """permille: 0 for SHOOT_FRAME2. may: bits of the motors that move if they are listed.
-        always: bits of the motors that move along the path even if a list leaves them out."""
+        """permille: 0 for SHOOT_FRAME2. may: bits of the motors that move if they are listed, 0 for
+        a frame without a list. always: bits of the motors that move along the path even if a list
+        leaves them out."""
         store = self.store
         player = self.player
         if store.state != UPLOADED:
@@ -184,7 +218,8 @@ class ShootFrame(Operation):
         shot.blurs = permille > 0
         shot.bits = listed & may & ~player.excluded
         # Without a list, SHOOT_FRAME also takes the motors that blur from the path.
-        from_path = (always if listed else self.blurred) & ~listed & player.motors()
+        from_path = always if listed or not may else self.blurred
+        from_path &= ~listed & player.motors()
         for motor in range(player.count):
             if (from_path >> motor) & 1 and not self._from_path(
                 motor, frame - store.start, backward, shot
@@ -202,6 +237,11 @@ class ShootFrame(Operation):
         self.shot = shot
         self.bits = shot.bits
         self.done = True
+        request = self.request
+        request[_BACKWARD] = 1 if backward else 0
+        request[_PERMILLE] = permille
+        request[_OPENED] = opened
+        request[_CLOSED] = closed
         self.operations.prepare(self, shot.starts, shot.directions, frame)
         return OK
 
@@ -245,7 +285,8 @@ class ShootFrame(Operation):
             return ERR_RANGE
         reals.put(r, RAMP, run_up_ms, 0)
         compute(r, _BEFORE_OPENING)
-        shot.begin_ms = max(reals.floor(r, _BEFORE_OPENING.ticks, HALF), 0) + 1
+        delay_ms = self.run_outputs.delay_ms
+        shot.begin_ms = max(reals.floor(r, _BEFORE_OPENING.ticks, HALF), delay_ms) + 1
         kernel = self.player.axes.kernel.state
         late = kernel[stepper.LEAD] * kernel[stepper.CYCLES] - kernel[stepper.AHEAD]
         reals.put(r, _WAIT.opens, shot.begin_ms, 0)
@@ -256,6 +297,8 @@ class ShootFrame(Operation):
             compute(r, _RAMPS_WITHIN)
             lasts = reals.floor(r, _RAMPS_WITHIN.ticks, HALF)
             shot.lasts_ms = max(shot.lasts_ms, lasts + 1)
+        held_ms = shot.begin_ms + shot.exposure_ms + self.run_outputs.hold_ms
+        shot.lasts_ms = max(shot.lasts_ms, held_ms)
         reals.fetch(shot.wait, 0, r, WAIT)
         reals.fetch(shot.ramp, 0, r, RAMP)
         reals.fetch(shot.window, 0, r, WINDOW)
@@ -400,9 +443,9 @@ class ShootFrame(Operation):
         shot = self.shot
         run_outputs = self.run_outputs
         opens = tick + shot.begin_ms
-        closes = opens + shot.exposure_ms
+        closes = opens + shot.exposure_ms + run_outputs.hold_ms
         run_outputs.schedule(tick, METER, METER)
-        run_outputs.schedule(opens, SHUTTER, SHUTTER)
+        run_outputs.schedule(opens - run_outputs.delay_ms, SHUTTER, SHUTTER)
         run_outputs.schedule(closes, SHUTTER | METER, 0)
         self.done_tick = after(tick, shot.lasts_ms)
         self.operations.axes.alarm(after(self.done_tick, -1))

@@ -141,8 +141,15 @@ def assign(settings, board, servos=()):
     for k, (table, mine) in enumerate(((OUTPUT_SETTINGS, outputs), (INPUT_SETTINGS, inputs))):
         if lists[k] is None:
             lists[k] = [read(table, {"pin": pin}, "") for pin in mine if pin not in taken]
-    if settings["go_input"] > len(lists[1]):
-        raise RigError(
-            "go_input: found %d, but there are %d inputs" % (settings["go_input"], len(lists[1]))
-        )
+    for key in ("go_input", "shoot_input"):
+        if settings[key] > len(lists[1]):
+            raise RigError(
+                "%s: found %d, but there are %d inputs" % (key, settings[key], len(lists[1]))
+            )
+    for key in ("go_input", "home_input"):
+        if settings["shoot_input"] and settings["shoot_input"] == settings[key]:
+            raise RigError(
+                "shoot_input: found %d, which is %s already; allowed is another input"
+                % (settings["shoot_input"], key)
+            )
     return limits, lists[0], lists[1]

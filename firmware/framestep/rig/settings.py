@@ -22,6 +22,9 @@ SETTINGS = {
         "clock of the processor; 0: the board's own, see its page"),
     "go_input": (int, 0, 16, 0, "",
         "number of the general input that gives GO when it goes on; 0: none"),
+    "shoot_input": (int, 0, 16, 0, "",
+        "number of the general input that shoots the next frame when it goes on "
+        "(docs/use/moves.md); 0: none"),
     "home_input": (int, 0, 16, 0, "",
         "number of the general input that homes all motors of unknown position when it goes on; "
         "0: none"),
@@ -53,6 +56,11 @@ SETTINGS = {
         "positions"),
     "shutter_on": (str, ("high", "low"), None, "high", "",
         "level of the shutter output while it is on"),
+    "shutter_delay_ms": (int, 0, 5000, 0, "ms",
+        "how long the camera takes from the shutter output to the exposure: the output goes on "
+        "that much earlier, in runs with stills and in go-motion"),
+    "shutter_hold_ms": (int, 0, 5000, 0, "ms",
+        "how long the shutter output stays on after the exposure, in the same"),
     "meter_on": (str, ("high", "low"), None, "high", "",
         "level of the meter output while it is on"),
     "remember_positions": (bool, None, None, False, "",

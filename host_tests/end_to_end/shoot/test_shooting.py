@@ -107,6 +107,29 @@ def test_pauses_are_of_the_boards_time(framestep, board, move):
     assert (opened_2 - closed_2) - (opened - closed) == pytest.approx(5e9, abs=50e6)
 
 
+@pytest.mark.parametrize("exposure", [0.1, 0.9])
+def test_every_is_from_shot_to_shot(framestep, board, move, exposure):
+    """Whatever the exposure and the way to the next frame."""
+    status, out, _ = framestep(
+        f"shoot 6-9 --move {move} --motors 1 --exposure {exposure} --every 5 {FAST}"
+    )
+    assert (status, out) == (0, "4 frames shot: 6-9\n")
+    opened = np.array([begin for begin, _ in exposures(board.edges())])
+    assert np.diff(opened) == pytest.approx(5e9, abs=3e6)
+
+
+def test_a_rig_that_is_slower_than_every(framestep, board, move):
+    status, out, _ = framestep(f"shoot 6-8 --move {move} --exposure 1 --every 0.5 {FAST}")
+    assert (status, out) == (
+        0,
+        "3 frames shot: 6-8\n"
+        "2 of them later than --every says: the rig and the exposure take longer\n",
+    )
+    status, _, err = framestep(f"shoot 6-8 --move {move} --every 5 --pause 1")
+    assert status == 2
+    assert "--every is from shot to shot, --pause between them: give one" in " ".join(err.split())
+
+
 def test_ctrl_c_reports_what_is_shot(framestep, board, move, monkeypatch):
     def shot(display, done, frame):
         if done == 2:

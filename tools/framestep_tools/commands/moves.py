@@ -346,6 +346,14 @@ def shoot(
     pause: Annotated[
         float, typer.Option(help="seconds to wait after each shot", min=0, max=3600)
     ] = 0,
+    every: Annotated[
+        float,
+        typer.Option(
+            help="seconds from shot to shot, whatever the exposure; 0: as soon as possible",
+            min=0,
+            max=86400,
+        ),
+    ] = 0,
     velocity: Velocity = None,
     acceleration: Acceleration = None,
     dmx: LightFile = None,
@@ -366,6 +374,8 @@ def shoot(
     ):
         if given and move is None:
             raise typer.BadParameter(f"{option} needs --move")
+    if every and pause:
+        raise typer.BadParameter("--every is from shot to shot, --pause between them: give one")
     wanted = frames_of(frames)
     known = load_axes(axes)
     content, lights = read_files(move, dmx, known) if move else (None, None)
@@ -374,7 +384,7 @@ def shoot(
     if content:
         section(content, min(wanted), max(wanted), False)
         blurred = _motors(content, motors, known)
-    shots = Shots(round(exposure * 1000), shutter_angle, content, blurred, settle, pause)
+    shots = Shots(round(exposure * 1000), shutter_angle, content, blurred, settle, pause, every)
     done: list[int] = []
     try:
         with moving(device, known) as client:
@@ -382,13 +392,15 @@ def shoot(
                 for each in set_speeds:
                     set_speed(client, each)
                 send(client, content, lights)
-            _shoot(client, wanted, shots, done)
+            late = _shoot(client, wanted, shots, done)
     except BaseException:
         if done:
             left = spans(wanted[len(done) :])
             print(f"{spans(done)} shot, {left} not", file=sys.stderr, flush=True)
         raise
     print(f"{len(done)} frame{'s' * (len(done) > 1)} shot: {spans(done)}")
+    if late:
+        print(f"{late} of them later than --every says: the rig and the exposure take longer")
 
 
 def _motors(content: "Move", text: str | None, axes: "Axes") -> list[int]:
@@ -412,7 +424,7 @@ def _listed(motors: "Iterable[int]") -> str:
     return ", ".join(map(str, motors))
 
 
-def _shoot(client: "Client", wanted: list[int], shots: "Shots", done: list[int]) -> None:
+def _shoot(client: "Client", wanted: list[int], shots: "Shots", done: list[int]) -> int:
     from rich.console import Console
 
     from ..move.move_display import ShotDisplay
@@ -422,7 +434,7 @@ def _shoot(client: "Client", wanted: list[int], shots: "Shots", done: list[int])
     names = shots.move.names if shots.move else {i: "" for i in range(1, info.motors + 1)}
     display = ShotDisplay(names, len(wanted), Console(highlight=False), client.axes)
     with display.running():
-        shoot(client, wanted, shots, display, done.append)
+        return shoot(client, wanted, shots, display, done.append)
 
 
 def add(app: typer.Typer) -> None:

@@ -29,9 +29,10 @@ TASKS = {
     "Drivers": ("motors[].driver", "motors[].driver."),
     "Homing": ("motors[].home", "home_input", "motors[].home."),
     "Servos": ("motors[].servo", "motors[].servo."),
-    "Moves": ("strict_moves", "smoothing", "go_input"),
+    "Moves": ("strict_moves", "smoothing", "go_input", "shoot_input"),
     "Camera, outputs and inputs": (
-        "shutter_on", "meter_on", "outputs", "outputs[].", "inputs", "inputs[].",
+        "shutter_on", "shutter_delay_ms", "shutter_hold_ms", "meter_on", "outputs", "outputs[].",
+        "inputs", "inputs[].",
     ),
     "Lights": ("dmx", "dmx_break_us", "dmx_mark_us", "dmx_ramp_ms"),
 }  # fmt: skip

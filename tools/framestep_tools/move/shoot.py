@@ -16,6 +16,7 @@ from .move_file import Move
 
 _ENDLESS = float("inf")
 _FULL_TURN = 360
+_LATE_S = 0.05
 _MOST_FRAMES = 100_000
 _RANGE = re.compile(r"(?P<first>-?\d{1,9})(?:-(?P<last>-?\d{1,9}))?")
 
@@ -52,7 +53,8 @@ def frames_of(texts: Sequence[str]) -> list[int]:
 @dataclass(frozen=True)
 class Shots:
     """How frames are shot: exposure in ms, degrees of the motion from half a frame before to half a
-    frame after that are exposed, pauses in seconds.
+    frame after that are exposed, pauses in seconds. every_s: from one GO to the next, 0 for as soon
+    as the pauses allow.
 
     move, motors: the upload, and its motors that move while the shutter is open. None: the motors
     that the device has set to blur.
@@ -64,6 +66,7 @@ class Shots:
     motors: Sequence[int] = ()
     settle_s: float = 0.0
     pause_s: float = 0.0
+    every_s: float = 0.0
 
     def request(self, frame: int) -> RtShootFrame2:
         """Return the request for a frame. The shutter is open in the middle of the motion."""
@@ -82,13 +85,15 @@ def shoot(
     shots: Shots,
     display: ShotDisplay,
     done: Callable[[int], None],
-) -> None:
+) -> int:
     """Shoot frames of the upload, one after the other. `done` is called with each shot frame.
+    Return how many came later than shots.every_s says, as the rig and the exposure take longer.
 
     Raises Stopped, with the reason, if something stops the motors, and RequestRefused (client.py).
     """
     client.events.clear()  # forget what has stopped motors before
     client.on_event = display.show
+    late, due = 0, None
     try:
         for count, frame in enumerate(frames):
             display.shot(count, frame)
@@ -98,6 +103,12 @@ def shoot(
             client.request(shots.request(frame))
             client.wait_idle(timeout_s=_ENDLESS)
             client.pump(shots.settle_s)
+            now = client.clock()
+            wanted = now if due is None else due + shots.every_s
+            if shots.every_s and now > wanted + _LATE_S:
+                late += 1
+            due = max(wanted, now)
+            client.pump(due - now)
             client.request(RtGo())
             client.wait_event(RtEnd, timeout_s=_ENDLESS)
             if is_stopped(client):
@@ -109,6 +120,7 @@ def shoot(
                 client.pump(shots.pause_s)
     finally:
         client.on_event = None
+    return late
 
 
 def spans(frames: Sequence[int]) -> str:
