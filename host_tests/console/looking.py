@@ -50,9 +50,11 @@ def wait_rest(page):
     expect(page.locator("#moving")).to_contain_text("Nothing moves")
 
 
-def wait_connected(page):
+def wait_connected(page, label=None):
+    """label: of the first motor's position, if it has a unit."""
     expect(page.locator("#who")).to_contain_text("firmware")
-    expect(position(page)).to_have_text(re.compile(r"\d"))
+    first = page.get_by_label(label) if label else position(page)
+    expect(first).to_have_text(re.compile(r"\d"))
 
 
 def log(page):

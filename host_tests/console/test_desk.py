@@ -4,8 +4,9 @@ keys and by touch."""
 import pytest
 from playwright.sync_api import expect
 
-from framestep_tools.console import demo
 from framestep_tools.console.axes_text import AxesText
+from framestep_tools.console.demo import axes_toml
+from framestep_tools.console.demo_board import DemoBoard
 from framestep_tools.payloads import MotorResetPosition
 from host_tests.console.looking import (
     AXE,
@@ -217,25 +218,67 @@ def test_no_drawer_covers_stop_go_or_the_banner(stage):
     expect(page.locator("#d-title")).to_have_text("Keys")
 
 
-def test_the_demo_is_a_crane_with_a_move_that_fits(stage, tmp_path):
-    device = stage.simulated(demo.RIG, 8, SPEED)
-    device.at_board(lambda board: board.wire_switches())
-    with device.client() as client:
-        demo.set_up(client)
+@pytest.fixture
+def demo(stage, tmp_path):
+    """Return the page of `framestep console --demo`."""
+    board = DemoBoard(SPEED)
+    stage.closing(board.close)
     axes = tmp_path / "axes.toml"
-    axes.write_text(demo.axes_toml())
-    served = stage.console(device.url)
+    axes.write_text(axes_toml())
+    served = stage.console(board.url)
+    served.server.device.simulate(board)
     served.server.device.axes = AxesText(axes)
-    served.server.device.example = demo.keyframes()
     page = stage.page(served.url, viewport={"width": 1280, "height": 800})
-    wait_connected(page)
+    wait_connected(page, "Position of track in mm")
+    return page
+
+
+def test_the_demo_is_a_crane_with_a_tour(demo):
+    """Its six steps, in order, as a user does them."""
+    page = demo
     expect(page.locator("#rows li")).to_have_count(8)
     expect(page.locator("#verdict")).to_have_text("✓ fits")
     expect(page.locator("#pose")).to_contain_text("Camera X")
+    assert page.evaluate(CUT) == []
+    tour = page.get_by_role("article", name="Tour")
+
+    def done(step):
+        expect(tour.locator("li").nth(step)).to_have_class("done")
+
+    up = page.get_by_role("button", name="Jog track up")
+    up.hover()
+    page.mouse.down()
+    page.wait_for_timeout(300)
+    page.mouse.up()
+    done(0)
+    page.get_by_role("button", name="Zero here").locator("visible=true").click()
+    done(1)
+    tour.get_by_role("button", name="Show me where").locator("visible=true").click()
+    expect(page.locator("#curves")).to_have_class("marked")
+    page.keyboard.press("End")
+    done(2)
     page.locator("#ready").click()
     expect(page.locator("#banner")).to_contain_text("READY")
     page.locator("#go").click()
     expect(page.locator("#banner")).to_contain_text("Over")
+    done(3)
+    page.locator("#ready").click()
+    expect(page.locator("#banner")).to_contain_text("READY")
+    page.locator("#go").click()
+    wait_moving(page)
+    estop = page.get_by_role("button", name="E-stop", exact=True)
+    estop.click()
+    expect(page.locator("#banner")).to_contain_text("E-STOP")
+    wait_rest(page)
+    estop.click()
+    expect(page.locator("#banner")).not_to_contain_text("E-STOP")
+    done(4)
+    tour.get_by_role("button", name="Type it for me").click()
+    expect(page.locator(".xterm-rows")).to_contain_text("motor 8")
+    done(5)
+    expect(tour.get_by_role("status")).to_contain_text("That was the tour")
+    page.get_by_role("button", name="Close the tour").click()
+    expect(tour).to_be_hidden()
     assert page.errors == []
 
 

@@ -158,8 +158,8 @@ def make_it_narrow(page):
 
 
 def show_board(page):
-    """The drawer with tour, scope and REPL."""
-    if not card(page, "Tour").is_visible():
+    """The drawer with scope and REPL."""
+    if not card(page, "Pins").is_visible():
         page.locator('[data-drawer="board"]:visible').click()
 
 

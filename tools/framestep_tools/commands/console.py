@@ -4,14 +4,16 @@ import asyncio
 import contextlib
 import signal
 import tempfile
-import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from .common import AxesFile, Url, put
+
+if TYPE_CHECKING:
+    from ..console.demo_board import DemoBoard
 
 _PORT = 7878
 _OPEN_S = 1.0
@@ -56,59 +58,31 @@ def console(
         return
     from ..client import port_finder
     from ..client.client import Client
-    from ..console.demo import keyframes, set_up
+    from ..console.demo_board import DemoBoard
     from ..console.server import lan_address
 
     address = lan_address() if lan else None
     if demo and device:
         raise typer.BadParameter("--demo simulates a device, so leave the other one out")
-    found = _simulated() if demo else contextlib.nullcontext(device or port_finder.protocol_port())
-    with found as url, _axes_of_demo(demo and not axes) as made:
-        with Client.open(url) as client:
-            client.greet()  # reports a wrong port here instead of on the page
-            if demo:
-                set_up(client)
+    with contextlib.ExitStack() as ending:
+        simulated = ending.enter_context(DemoBoard()) if demo else None
+        url = simulated.url if simulated else device or port_finder.protocol_port()
+        if simulated and not axes:
+            axes = ending.enter_context(_axes_of_demo())
+        elif not simulated:
+            with Client.open(url) as client:
+                client.greet()  # reports a wrong port here instead of on the page
         # a second Ctrl-C while motors ramp down closes the port, and the controller stops them
         with contextlib.suppress(KeyboardInterrupt):
-            example = keyframes() if demo else None
-            work = _serve(url, repl or _repl_of(url), port, address, browser, made or axes, example)
+            work = _serve(url, repl or _repl_of(url), port, address, browser, axes, simulated)
             asyncio.run(work)
 
 
 @contextlib.contextmanager
-def _simulated() -> Iterator[str]:
-    """Yield the address of a simulated board with a crane."""
-    from ..client.tcp_port import SCHEME
-    from ..console.demo import RIG
-    from ..simulator.boards import SimulatedBoard
-    from ..simulator.serve import Server
-
-    board = SimulatedBoard(RIG)
-    board.wire_switches()
-    server = Server(board, tcp="127.0.0.1:0")
-
-    def serve() -> None:
-        while not server.stopping:
-            server.step()
-
-    thread = threading.Thread(target=serve, name="simulated-board", daemon=True)
-    thread.start()
-    try:
-        yield SCHEME + server.announcements[-1].removeprefix("tcp ")
-    finally:
-        server.stop()
-        thread.join()
-        server.close()
-
-
-@contextlib.contextmanager
-def _axes_of_demo(demo: bool) -> Iterator[Path | None]:
+def _axes_of_demo() -> Iterator[Path]:
     """Yield an axes.toml for the demo's crane: the user's own is not changed."""
     from ..console.demo import axes_toml
 
-    if not demo:
-        yield None
-        return
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "axes.toml"
         path.write_text(axes_toml())
@@ -151,7 +125,7 @@ async def _serve(
     lan: str | None,
     browser: bool,
     axes: Path | None,
-    example: str | None,
+    simulated: "DemoBoard | None",
 ) -> None:
     from ..client.open_port import open_port
     from ..console.axes_text import AxesText
@@ -161,7 +135,8 @@ async def _serve(
 
     work = BoardWork(repl, url)
     device = ConsoleDevice(lambda: open_port(url, _OPEN_S), url, work, AxesText(axes))
-    device.example = example
+    if simulated:
+        device.simulate(simulated)
     server = ConsoleServer(device)
     await server.start(port, lan)
     ending = asyncio.Event()

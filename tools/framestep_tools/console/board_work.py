@@ -31,11 +31,12 @@ class NoRepl(ToolError):
 
 class BoardWork:
     """The REPL of the board with the protocol's port `protocol`. `path`: the REPL's port, or
-    None."""
+    None. prompt_only: there is a terminal, and no scripts can be run."""
 
-    def __init__(self, path: str | None, protocol: str):
+    def __init__(self, path: str | None, protocol: str, prompt_only: bool = False):
         self.path = path
         self.protocol = protocol
+        self.runs_scripts = path is not None and not prompt_only
         self._watched: Device | None = None  # stays open while the load is watched
         self._terminal: ReplTerminal | None = None
         self._end_terminal: Callable[[str], None] = lambda why: None
@@ -161,7 +162,7 @@ class BoardWork:
                 yield device
 
     def _open(self) -> Device:
-        if self.path is None:
+        if self.path is None or not self.runs_scripts:
             raise NoRepl(_NO_REPL)
         return Device(self.path)
 

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..client import shared_port
 from ..client.client import Client
@@ -12,6 +12,10 @@ from ..payloads import MotorStopAll
 from .axes_text import AxesText
 from .board_work import BoardWork
 from .bridge import Bridge
+from .demo import keyframes
+
+if TYPE_CHECKING:
+    from .demo_board import DemoBoard
 
 _ENTER_S = 1.0
 SILENCE_S = 1.5  # a jog ends if its page sends nothing for this long
@@ -37,9 +41,17 @@ class ConsoleDevice:
         self.keep = False  # all motion but jogs goes on without the page
         self.silence_s = SILENCE_S
         self.example: str | None = None  # keyframes for a page without any
+        self.press_estop: Callable[[bool], None] | None = None  # of a simulated board
         self.bridge: Bridge | None = None  # the open port
         self.on_reports: set[Callable[[Frame], None]] = set()  # what gets the unasked messages
         self._open_port = open_port
+
+    def simulate(self, board: "DemoBoard") -> None:
+        """Offer the pages of this device what only a simulated board has: an example, the E-stop,
+        a prompt."""
+        self.work = BoardWork(board.repl, board.url, prompt_only=True)
+        self.example = keyframes()
+        self.press_estop = board.press_estop
 
     async def attach(self) -> Bridge:
         """Return the device's port, and open it if necessary. Raises ToolError."""

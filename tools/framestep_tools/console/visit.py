@@ -27,7 +27,7 @@ from .move_work import MoveWork
 
 _LOOK_S = 0.1
 _OF_MOVES = ("check_move", "export_move", "read_move")
-_WITH_TEXT = ("check_rig", "write_rig", "write_axes", *_OF_MOVES)
+_WITH_TEXT = ("check_rig", "write_rig", "write_axes", "estop", *_OF_MOVES)
 _TASKS = ("read_rig", "load", "live", "rest", "terminal", "close_terminal", *_WITH_TEXT)
 
 
@@ -62,9 +62,11 @@ class Visit:
             device = self._device
             hello: dict[str, Any] = {
                 "device": device.name,
-                "repl": device.work.path is not None,
+                "repl": device.work.runs_scripts,
                 "kept": device.keep,
             }
+            if device.press_estop:
+                hello |= {"simulated": True, "terminal": True}
             if device.axes:
                 hello["axes"] = device.axes.read()
             if device.example:
@@ -187,6 +189,11 @@ class Visit:
             if not self._device.axes:
                 raise ToolError("this server keeps no axes.toml")
             return await asyncio.to_thread(self._device.axes.write, *arguments)
+        if task == "estop":
+            if not self._device.press_estop:
+                raise ToolError("only a simulated board's E-stop can be pressed on the page")
+            self._device.press_estop(arguments[0] == "pressed")
+            return {}
         if task in _OF_MOVES:
             return await asyncio.to_thread(getattr(MoveWork(self._device.axes), task), *arguments)
         if task == "terminal":

@@ -16,6 +16,7 @@ import { keepTheme } from "./theme.js";
 import { Timeline } from "./timeline.js";
 import { Transport } from "./transport.js";
 import { Virtual } from "./virtual.js";
+import { Tour } from "./tour.js";
 import { AxesView } from "./axes_view.js";
 import { Work } from "./work.js";
 
@@ -142,6 +143,41 @@ export function addDrawer(name, title, element, mark) {
   setupNav.append(h("button", { type: "button", class: "phone-only", onclick: () => openDrawer(name, true) }, title));
 }
 
+/** Add an E-stop for a board without one in reach. press(on): called with whether it is pressed. */
+export function addEstop(press) {
+  const estop = h("button", { type: "button", class: "estop", "aria-pressed": "false" }, "E-stop");
+  estop.addEventListener("click", () => {
+    const pressed = estop.getAttribute("aria-pressed") === "false";
+    estop.setAttribute("aria-pressed", String(pressed));
+    press(pressed);
+  });
+  $("tools").prepend(estop);
+  return estop;
+}
+
+/** Add a tour. parts: as for Tour; on a phone it is in the menu. */
+export function addTour(parts) {
+  const show = (on) => {
+    $("tour").hidden = !on;
+    $("tour-open").setAttribute("aria-expanded", String(on));
+    if (on && desk.narrow && opened) openDrawer(opened, false);
+  };
+  const tour = new Tour({
+    device, work, operation, ...parts,
+    show: (name) => {
+      if (!desk.narrow) return;
+      show(false);
+      if (name) toPage(name);
+    },
+  });
+  $("t-body").append(tour.element);
+  $("t-close").addEventListener("click", () => show(false));
+  $("tour-open").hidden = false;
+  $("tour-open").addEventListener("click", () => show($("tour").hidden));
+  setupNav.append(h("button", { type: "button", class: "phone-only", onclick: () => show(true) }, "Tour"));
+  show(!desk.narrow);
+}
+
 /** Show a drawer, or close it if it is open. open: true: show it in any case. */
 function openDrawer(name, open = opened !== name) {
   if (opened === "setup" && name !== "setup") file.hidden();
@@ -154,6 +190,7 @@ function openDrawer(name, open = opened !== name) {
   for (const [each, [, element]] of Object.entries(drawers)) element.hidden = each !== wanted;
   for (const button of document.querySelectorAll("[data-drawer]")) button.setAttribute("aria-expanded", String(button.dataset.drawer === wanted));
   if (!wanted) return;
+  if (desk.narrow) $("tour").hidden = true;
   setText($("d-title"), wanted === "setup" && desk.narrow ? "Menu" : drawers[wanted][0]);
   $("d-body").scrollTop = 0;
   if (wanted === "motor" && device.connected) motors.fill();
@@ -207,6 +244,7 @@ function toPage(name) {
 for (const button of $("pages").children) button.addEventListener("click", () => toPage(button.dataset.page));
 NARROW.addEventListener("change", () => {
   holds.releaseAll(); // a button that is turned away is not let go
+  if (desk.narrow) $("tour").hidden = true; // it covers everything there
   due();
 });
 
@@ -429,6 +467,20 @@ device.addEventListener("connected", () => {
   for (const each of parts) each.connected?.();
   if (device.hello.example && !work.move && !work.keys.all.length) work.openKeys(device.hello.example, "the example");
   due();
+});
+device.addEventListener("connected", () => {
+  if (!device.hello.simulated || $("tour-open").hidden === false) return;
+  const { terminal } = file;
+  addDrawer("repl", "REPL", terminal.element, "M4 5h16v14H4zM7 9l3 3-3 3M12 15h5");
+  const estop = addEstop((on) => device.client?.ask("estop", { text: on ? "pressed" : "released" }));
+  const repl = {
+    get lines() { return terminal.lines; },
+    enter(line) {
+      openDrawer("repl", true);
+      return terminal.enter(line);
+    },
+  };
+  addTour({ estop, repl, takeExample: null });
 });
 device.addEventListener("gone", () => {
   setText($("who"), "Not connected");

@@ -15,7 +15,7 @@ export class RigFileView {
   #text = h("textarea", { rows: 18, spellcheck: false, "aria-label": "Rig file" });
   #said = h("pre", { role: "status" });
   #load;
-  #terminal;
+  terminal;
   #buttons = [];
   #help = h("div", { class: "wide" });
   #without = h("p", { class: "faint" });
@@ -30,10 +30,10 @@ export class RigFileView {
       return made;
     };
     this.#load = new LoadCard((task) => this.#work.ask(task), (text) => device.tell(text, true), button);
-    this.#terminal = new TerminalCard(device);
+    this.terminal = new TerminalCard(device);
     device.addEventListener("gone", () => {
       this.#load.stop();
-      this.#terminal.allow();
+      this.terminal.allow();
     });
     this.element.append(
       this.#without,
@@ -48,7 +48,7 @@ export class RigFileView {
         this.#text, this.#said,
         h("details", { ontoggle: () => this.#showHelp() }, h("summary", {}, "All settings"), this.#help)),
       this.#load.element,
-      this.#terminal.element,
+      this.terminal.element,
     );
   }
 
@@ -66,7 +66,7 @@ export class RigFileView {
     const repl = this.#work.possible;
     for (const button of this.#buttons) button.disabled = !repl;
     this.#load.disabled = !repl;
-    this.#terminal.allow();
+    this.terminal.allow();
     this.#choose.hidden = repl || !client?.choosesRepl;
     const how = client?.choosesRepl ? "choose it, the first of the board's two, to have them." : "and this device shows no port for it: start framestep console with --repl, or use framestep rig edit.";
     setText(this.#without, repl ? "" : `The rig file and the load are asked on the board's REPL${client?.choosesRepl ? ": " : ", "}${how}`);

@@ -13,6 +13,8 @@ const PASTED = "\x04";
 export class TerminalCard {
   #device;
   #client = null; // while it is open
+  /** Number of entered lines. */
+  lines = 0;
   #terminal = null;
   #fit;
   #place = h("div", { class: "terminal-place" });
@@ -27,6 +29,13 @@ export class TerminalCard {
       h("p", { class: "faint" }, "MicroPython's prompt; framestep goes on meanwhile. Ctrl-C ends what you run there. Escape is STOP also here."),
       h("div", { class: "row" }, this.#open, this.#interrupt, this.#close), this.#said, this.#place);
     new ResizeObserver(() => this.#resize()).observe(this.#place);
+  }
+
+  /** Type a line for the user. */
+  async enter(line) {
+    if (!this.#client) await this.#begin();
+    this.#type(`${line}\r`);
+    this.#terminal?.focus();
   }
 
   /** Show whether there is a port for it. */
@@ -77,7 +86,9 @@ export class TerminalCard {
   }
 
   #type(text) {
-    this.#client?.type(text);
+    if (!this.#client) return;
+    this.#client.type(text);
+    this.lines += text.split("\r").length - 1;
   }
 
   async #end() {

@@ -62,7 +62,7 @@ export class WebSocketLink {
       const said = JSON.parse(data);
       if (said.device !== undefined) {
         this.#why = "the link to framestep console has closed";
-        resolve({ link: this, hello: { ...said, terminal: said.repl } });
+        resolve({ link: this, hello: { terminal: said.repl, ...said } });
       }
       else if (said.ended !== undefined) {
         this.#why = said.ended;

@@ -3,7 +3,7 @@
 import "framestep-console/style.css";
 import "@xterm/xterm/css/xterm.css";
 import "./try.css";
-import { addDrawer, start } from "framestep-console/app.js";
+import { addDrawer, addEstop, addTour, start } from "framestep-console/app.js";
 import { h, setText } from "framestep-console/dom.js";
 import { device } from "framestep-console/session.js";
 import { SerialLink } from "framestep-console/serial_link.js";
@@ -12,7 +12,6 @@ import setup from "framestep-console/setup.json";
 import { Pins } from "./pins.js";
 import { Scope } from "./scope.js";
 import { ReplTerminal } from "./terminal.js";
-import { Tour } from "./tour.js";
 
 const { pins } = setup;
 const PRESSED = 1; // the E-stop is normally closed: pressed, it lets its pin go high
@@ -29,16 +28,6 @@ async function makeBoard() {
   const worker = new Worker("board_worker.js");
   const [image, files] = await Promise.all([load(setup.image), load(setup.files)]);
   return new Board(worker, image, files, setup.closed);
-}
-
-function estopButton(board) {
-  const button = h("button", { type: "button", class: "estop", "aria-pressed": "false" }, "E-stop");
-  button.addEventListener("click", () => {
-    const pressed = button.getAttribute("aria-pressed") === "false";
-    button.setAttribute("aria-pressed", String(pressed));
-    board.setPin(pins.estop, pressed ? PRESSED : RELEASED);
-  });
-  return button;
 }
 
 /** Put the example move onto the desk, and set the velocities that it needs. */
@@ -82,19 +71,25 @@ try {
   throw error;
 }
 const traced = new Pins(board, pins);
-const estop = estopButton(board);
-document.querySelector("#tools").prepend(estop);
+const estop = addEstop((on) => board.setPin(pins.estop, on ? PRESSED : RELEASED));
 const scope = new Scope(traced, shownPins());
 const power = h("button", { type: "button", onclick: () => board.reset() }, "Power off and on");
 const terminal = new ReplTerminal(board.repl, power);
 if (!device.axes.list.length) device.axes.set(setup.axes);
 const running = start(() => SerialLink.at(board.protocol, board.repl, "a board in this page"));
-const tour = new Tour({ ...running, pins: traced, estop, terminal, takeExample });
 const about = h("p", { class: "faint" },
   "What runs here is ", h("a", { href: setup.image }, "the image for a Pico"), ", on an emulated RP2040. Nothing leaves this page. ",
   h("a", { href: "licences.txt" }, "Licences"), " of the packages that it is made of.");
-bench.append(tour.element, scope.element, terminal.element, about);
+bench.append(scope.element, terminal.element, about);
 running.drawer("board", true);
+const repl = {
+  get lines() { return terminal.lines; },
+  enter(line) {
+    running.drawer("board", true);
+    terminal.enter(line);
+  },
+};
+addTour({ estop, repl, takeExample });
 keepDrawing(scope);
 running.device.addEventListener("connected", () => terminal.greet());
 board.addEventListener("halted", ({ detail }) => running.device.tell(`The board has stopped: ${detail.why}`, true));
