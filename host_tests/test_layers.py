@@ -20,6 +20,7 @@ LAYERS = (
     ("motion",),
     ("motors",),
     ("io", "moves", "virtual_axes"),
+    ("rig.drivers",),
     ("rig.settings",),
     ("rig.homes", "rig.servos"),
     ("rig.pins",),

@@ -28,6 +28,7 @@ _READING = (
     "framestep.rig.homes",
     "framestep.rig.servos",
     "framestep.rig.settings",
+    "framestep.rig.drivers",
     "framestep.rig.pins",
     "framestep.rig",
     "framestep.board",

@@ -88,6 +88,14 @@ def test_the_simulated_board_is_a_pico():
             {"limits": [{"high": 22}], "motors": [{"home": {"limit": 1, "travel": 1000}}]},
             "motors[1].home.limit: found 1, but limits[1].low has no pin",
         ),
+        (
+            {"motors": [{"type": "a4989"}]},
+            'motors[1].type: found \'a4989\', allowed is one of "other", "a4988", "drv8825"',
+        ),
+        (
+            {"motors": [{"type": "a4988", "servo": {}}]},
+            'motors[1].type: found "a4988", but the motor is a servo',
+        ),
         ({"shoot_input": 3}, "shoot_input: found 3, but there are 2 inputs"),
         (
             {"shoot_input": 1, "go_input": 1},
@@ -166,6 +174,27 @@ def test_mistakes(settings, text):
     assert text in str(error.value)
 
 
+def test_a_type_of_driver_sets_what_is_not_given():
+    rig = Rig(
+        {
+            "motors": [
+                {"type": "tb6600", "hold_us": 2},
+                {"type": "tmc2209"},
+                {"type": "dm542", "pulse_us": 2.0},
+                {},
+            ]
+        },
+        BOARD,
+    )
+    keys = ("pulse_us", "setup_us", "hold_us", "enable_ms", "enable_high")
+    assert [tuple(rig.motor(i)[key] for key in keys) for i in range(4)] == [
+        (30.0, 15.0, 2, 1, False),
+        (1.0, 5.0, 0.02, 0, False),
+        (2.0, 5.0, 5.0, 200, False),
+        (1.0, 5.0, 0.0, 0, False),
+    ]
+
+
 def test_a_board_without_estop_pin():
     with pytest.raises(RigError, match="no E-stop pin"):
         Rig({"estop": "nc"}, {"gio": []})
@@ -184,6 +213,10 @@ SKR_PICO = board_data("skr_pico")
     ("settings", "text"),
     [
         ({"motor_count": 5}, "motor_count: found 5, this board has 4 motors"),
+        (
+            {"motors": [{"type": "a4988", "driver": {"run_ma": 500}}]},
+            'motors[1].type: found "a4988", but `driver` sets up a TMC2209',
+        ),
         ({"motors": [{}] * 5}, "motors: found 5, allowed is a list of at most 4 here"),
         (
             {"motor_count": 1, "motors": [{}, {}]},

@@ -4,6 +4,7 @@ A file with a mistake is ignored as a whole: all settings then stay at their def
 once at boot, and on a computer to check a file. Allocates.
 """
 
+from framestep.rig.drivers import complete
 from framestep.rig.pins import assign, fitted
 from framestep.rig.settings import (
     DRIVER_SETTINGS,
@@ -30,6 +31,17 @@ class Rig:
         mistake."""
         settings = read(SETTINGS, {} if found is None else found, "")
         self.motors = read_list(MOTOR_SETTINGS, settings["motors"], "motors")
+        for i, motor in enumerate(self.motors):
+            complete(motor, settings["motors"][i])
+            if motor["driver"] is not None and motor["type"] not in ("other", "tmc2209"):
+                raise RigError(
+                    'motors[%d].type: found "%s", but `driver` sets up a TMC2209'
+                    % (i + 1, motor["type"])
+                )
+            if motor["servo"] is not None and motor["type"] != "other":
+                raise RigError(
+                    'motors[%d].type: found "%s", but the motor is a servo' % (i + 1, motor["type"])
+                )
         driven = [motor for motor in self.motors if motor["driver"] is not None]
         self.board = fitted({} if board is None else board, settings["motor_count"], driven)
         if (found or {}).get("dmx") and board and "dmx" not in self.board:

@@ -4,6 +4,8 @@ Error texts name the key, the value found and what is allowed. The build leaves 
 a board's image. Allocates.
 """
 
+from framestep.rig.drivers import TYPE_SETTINGS
+
 # fmt: off
 # name: (type, lowest or choices, highest or length, default, unit, meaning)
 SETTINGS = {
@@ -75,6 +77,9 @@ SETTINGS = {
 }
 
 MOTOR_SETTINGS = {
+    "type": (str, ("other",) + tuple(TYPE_SETTINGS), None, "other", "",
+        "the driver. Where `pulse_us`, `setup_us`, `hold_us`, `enable_ms` and `enable_high` are "
+        "not given, they are what it needs (docs/use/drivers.md#types)"),
     "invert": (bool, None, None, False, "", "swaps the direction"),
     "pulse_us": (float, 0.25, 50.0, 1.0, "µs", "how long a step pulse is high, at least"),
     "setup_us": (float, 0.0, 200.0, 5.0, "µs",

@@ -209,6 +209,22 @@ def test_a_draft_with_comments(content):
         assert all(f'//   "{key}": ' in draft for key in table)
 
 
+def test_a_key_below_what_the_type_of_driver_needs(tmp_path, capsys):
+    file = tmp_path / "rig.json"
+    file.write_text(
+        '{"motors": [{"type": "tb6600", "pulse_us": 10, "enable_ms": 100}, {"type": "cl57t", '
+        '"enable_ms": 200, "enable_high": true}, {"pulse_us": 0.5}]}'
+    )
+    said = [
+        "motors[1].pulse_us: 10 µs is less than the 30 µs that a driver of type tb6600 needs",
+        "motors[2].enable_ms: 200 ms is less than the 500 ms that a driver of type cl57t needs",
+    ]
+    assert cli.app.status(["rig", "check", str(file)]) == 0
+    assert capsys.readouterr().out.splitlines()[1:] == [f"warning: {line}" for line in said]
+    assert cli.app.status(["rig", "check", str(file), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["warnings"] == said
+
+
 def test_a_draft_is_checked_as_what_the_board_would_get(tmp_path, capsys):
     file = tmp_path / "rig.json"
     file.write_text(rig_file.commented('{"name": "http://draft"}'), encoding="utf-8-sig")

@@ -7,10 +7,11 @@ import re
 import pytest
 
 from framestep.rig import Rig
+from framestep.rig.drivers import TYPE_SETTINGS
 from framestep.rig.settings import RigError
 from framestep_tools import cli
 from framestep_tools.building.board_files import ROOT, board_data, board_names
-from framestep_tools.documents import rig_schema, rig_table
+from framestep_tools.documents import driver_types, rig_schema, rig_table
 
 
 def test_page_is_up_to_date():
@@ -25,6 +26,14 @@ def test_a_changed_setting_shows(monkeypatch):
     )
     text = rig_table.PAGE.read_text()
     assert rig_table.updated(text) != text
+
+
+def test_driver_types_are_up_to_date():
+    text = driver_types.PAGE.read_text()
+    assert driver_types.updated(text) == text, (
+        "run python -m framestep_tools.documents.driver_types"
+    )
+    assert all(f"| `{name}` |" in text for name in TYPE_SETTINGS)
 
 
 def test_schema_is_up_to_date(capsys):

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from framestep import rig
-from framestep.rig import homes, servos, settings
+from framestep.rig import drivers, homes, servos, settings
 
 from ..client.port_finder import at_rate
 from ..errors import ToolError
@@ -108,6 +108,21 @@ def check(settings: dict[str, Any], board: Mapping[str, Any], name: str) -> rig.
         texts = [with_suggestion(mistake) for mistake in mistakes]
         count = [f"{len(texts)} mistakes:"] * (len(texts) > 1)
         raise RigFileError(f"{name}: " + "\n  ".join(count + texts)) from None
+
+
+def warnings(given: Mapping[str, Any]) -> list[str]:
+    """Return a sentence for each key of a valid rig file that is less than what the motor's type of
+    driver needs."""
+    found = []
+    for number, motor in enumerate(given.get("motors", []), 1):
+        for key, least in drivers.needs(motor.get("type", "other")).items():
+            if key in motor and key != "enable_high" and motor[key] < least:
+                unit = settings.MOTOR_SETTINGS[key][4]
+                found.append(
+                    f"motors[{number}].{key}: {motor[key]} {unit} is less than the "
+                    f"{least:g} {unit} that a driver of type {motor['type']} needs"
+                )
+    return found
 
 
 def _further(mistake: str, settings: dict[str, Any], board: Mapping[str, Any]) -> Iterator[str]:
@@ -340,7 +355,10 @@ def edit(device: "Device", protocol: str | None, file: Path | None = None) -> No
             f"{said}the board's rig file is as it was; "
             f"framestep rig edit {draft} goes on with the draft"
         ) from None
-    found = check(parse(new, RIG_FILE), board, RIG_FILE)
+    given = parse(new, RIG_FILE)
+    found = check(given, board, RIG_FILE)
+    for warning in warnings(given):
+        print(f"warning: {warning}")
     device.path = at_rate(device.path, found.settings["uart_baud"])
     try:
         print(greeting(*change.see(lambda: device, protocol, found.ports)))

@@ -52,7 +52,7 @@ _COMPILER = "framestep/motion/formula.py"  # only needed while the core is built
 # so the compiler drops code for CPython
 _ON_BOARDS = {"framestep.base.native": {"CPYTHON": 0}}
 _DECLARED = "framestep/protocol/declared/"  # for the host: of its messages a board has numbers,
-_SETTINGS = ("framestep/rig/settings.py", "framestep/rig/homes.py", "framestep/rig/servos.py")
+_SETTINGS = tuple(f"framestep/rig/{name}.py" for name in ("settings", "homes", "servos", "drivers"))
 _MESSAGES = "framestep/protocol/messages.py"  # here
 
 

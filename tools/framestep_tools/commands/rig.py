@@ -27,7 +27,9 @@ def rig_check(
     mark = content.startswith(codecs.BOM_UTF8)
     bare = content.removeprefix(codecs.BOM_UTF8)
     comments = rig_file.for_board(bare) != bare
-    found = rig_file.check(rig_file.read(file), board_data(board), str(file))
+    given = rig_file.read(file)
+    found = rig_file.check(given, board_data(board), str(file))
+    warnings = rig_file.warnings(given)
     if json:
         say_json(
             {
@@ -37,6 +39,7 @@ def rig_check(
                 "settings": found.settings,
                 "comments": comments,
                 "byte_order_mark": mark,
+                "warnings": warnings,
             }
         )
         return
@@ -51,6 +54,8 @@ def rig_check(
             else ""
         )
     )
+    for warning in warnings:
+        print(f"warning: {warning}")
 
 
 @rig.command("edit")

@@ -54,10 +54,12 @@ class BoardWork:
         mistake."""
         with self._device() as device:
             board = device.board()
-        found = rig_file.check(rig_file.parse(_bare(text), "rig.json"), board, "rig.json")
+        given = rig_file.parse(_bare(text), "rig.json")
+        found = rig_file.check(given, board, "rig.json")
         return {
             "text": f"valid for {board['name']}: {found.name.decode()!r}, "
             f"{len(found.motors)} motor{'s' * (len(found.motors) != 1)} set"
+            + "".join(f"; {warning}" for warning in rig_file.warnings(given))
         }
 
     def write_rig(self, text: str) -> dict[str, Any]:

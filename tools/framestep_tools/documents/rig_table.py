@@ -20,8 +20,8 @@ TASKS = {
         "virtuals", "clock_mhz",
     ),
     "Motors": (
-        "motor_count", "motors", "motors[].invert", "motors[].pulse_us", "motors[].setup_us",
-        "motors[].hold_us", "motors[].enable_high", "motors[].enable_ms",
+        "motor_count", "motors", "motors[].type", "motors[].invert", "motors[].pulse_us",
+        "motors[].setup_us", "motors[].hold_us", "motors[].enable_high", "motors[].enable_ms",
         "motors[].backlash", "motors[].jerk",
         "hard_stop_factor", "remember_positions",
     ),
