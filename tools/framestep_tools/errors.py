@@ -3,6 +3,8 @@
 import os
 import re
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import typer
@@ -53,6 +55,19 @@ class ToolError(Exception):
     """
 
     status = FAILED
+
+
+@contextmanager
+def extra(what: str) -> Iterator[None]:
+    """Wrap imports of optional libraries. If one is missing, name the command that installs it."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = {"vcd": "pyvcd", "pxr": "usd-core"}.get(str(error.name), error.name)
+        raise ToolError(
+            f"{what} needs {package}: pipx inject framestep {package}, or without pipx "
+            f"pip install {package}"
+        ) from None
 
 
 class Command(typer.Typer):

@@ -172,9 +172,7 @@ def test_the_rate_of_a_rounded_frame_time(period, fps):
         (BVH.replace("Frame Time", "Time"), ".t", "expected Frames: and Frame Time:"),
         (BVH.replace("0.041667", "0"), ".t", "line 18: Frame Time: expected seconds, found '0'"),
         (BVH.replace("MOTION", ""), ".t", "expected HIERARCHY, and MOTION below it"),
-        ("#usda 1.0\ndef Camera {}\n", ".usda", "it is a USD scene, which framestep does not read"),
         ("; FBX 7.4.0 project file\n", ".fbx", "it is an FBX scene, which framestep does not read"),
-        ('{ "asset": {}}', ".gltf", "it is a glTF scene, which framestep does not read: export"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_a_sentence(text, ending, said, shot, capsys):

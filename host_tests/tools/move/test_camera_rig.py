@@ -114,7 +114,7 @@ def test_the_rig_has_a_place_and_a_heading_in_the_scene(kind):
     assert np.abs(steps_of(chan(turned), toml) - steps).max() <= 1
 
 
-@pytest.mark.parametrize("name", ["csv", "chan", "flair", "ae", "bvh", "anim"])
+@pytest.mark.parametrize("name", ["csv", "chan", "flair", "ae", "bvh", "anim", "gltf", "usd"])
 @pytest.mark.parametrize("kind", RIGS)
 @settings(max_examples=5)
 @given(seed=st.integers(0, 10**6), heading=st.integers(-180, 180))
@@ -128,7 +128,9 @@ def test_a_pose_file_leads_back_to_the_same_steps(name, kind, seed, heading):
     table = to_pose_table(move, axes.list, axes.camera_rig(), chosen.CAMERA)
     text = chosen.write(table, None)
     recording = chosen.read(text, "f")
-    found, left = to_move(recording, axes.list, "f", camera=axes.camera_rig(), unwrap=False)
+    fps = 25.0 if recording.seconds else None
+    rig = axes.camera_rig()
+    found, left = to_move(recording, axes.list, "f", fps, camera=rig, unwrap=False)
     assert left == []
     for axis in axes.list:
         turn = 360 * DEG if axis.name == "pan" else 0  # matrices know no full turns

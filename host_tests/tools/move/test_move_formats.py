@@ -34,6 +34,8 @@ NAMES = {
         ["c.Yposition", "c.Zposition", "c.Xposition"],
     ),
 }
+# Scenes hold a camera's pose, not axes: test_scenes.py, test_camera_rig.py
+OF_AXES = sorted(FORMATS.keys() - {"gltf", "usd"})
 ANY = (["a1", "a2", "a3", "a4"], ["b1", "b2", "b3", "b4"])
 
 
@@ -88,7 +90,7 @@ EXTREMES = (
 )
 
 
-@pytest.mark.parametrize("name", sorted(FORMATS))
+@pytest.mark.parametrize("name", OF_AXES)
 @settings(max_examples=60, deadline=None)
 @example(EXTREMES)
 @given(axes_and_moves())
@@ -119,7 +121,7 @@ def test_seconds_give_the_same_steps(case, fps):
     assert found.positions == move.positions
 
 
-@pytest.mark.parametrize("name", sorted(FORMATS))
+@pytest.mark.parametrize("name", OF_AXES)
 def test_ten_thousand_frames_take_no_time(name):
     """A second of the processor is asked for; work that grows with the square takes seven."""
     axes = [
@@ -135,7 +137,7 @@ def test_ten_thousand_frames_take_no_time(name):
     assert found.positions == move.positions
 
 
-@pytest.mark.parametrize("name", sorted(FORMATS))
+@pytest.mark.parametrize("name", OF_AXES)
 def test_the_example_through_the_commands(name, shot, capsys):
     motors = read_move(CAMERA_MOVE).names
     angles, others = NAMES.get(name, ([f"rig.{axis}" for axis in motors.values()], []))
@@ -302,4 +304,4 @@ def test_axes_that_nobody_has_are_named(shot, capsys):
 
 def test_help_names_the_formats(capsys):
     assert cli.app.status(["import", "--help"]) == 0
-    assert ", ".join(FORMATS) in capsys.readouterr().out
+    assert ", ".join(FORMATS) in " ".join(capsys.readouterr().out.split())

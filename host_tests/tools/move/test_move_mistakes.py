@@ -111,7 +111,7 @@ def test_a_spoilt_file_is_read_or_refused(text, at, length, put):
         (
             "bones\n",
             [],
-            "not recognised as any of arc, anim, ae, bvh, flair, kuper, csv, raw",
+            "not recognised as any of gltf, usd, arc, anim, ae, bvh, flair, kuper, csv, raw",
         ),
         ("", [], "the file is empty"),
         ("animVersion 1.1;\n", [], "expected a curve with keys over time, found none"),
@@ -175,14 +175,18 @@ def test_one_sentence_says_what_is_wrong_and_nothing_is_written(text, options, s
     ("args", "status", "said"),
     [
         (["import", "SOURCE", "-o", "SOURCE"], 2, "is the file to read"),
-        (["import", "SOURCE", "-o", "OUT", "--format", "flare"], 2, "'flare' is not one of arc, "),
+        (
+            ["import", "SOURCE", "-o", "OUT", "--format", "flare"],
+            2,
+            "'flare' is not one of gltf, usd, ",
+        ),
         (["import", "nothing", "-o", "OUT"], 1, "cannot read the move nothing: No such file"),
         (["import", "SOURCE", "-o", "no/where.csv"], 1, "cannot write no/where.csv: No such file"),
         (["export", "SOURCE", "-o", "OUT"], 1, "no format has the ending (none); name one by"),
         (
             ["export", "SOURCE", "-o", "x.arcm", "--fps", "9"],
             2,
-            "--fps is for csv, anim, ae, bvh, flair; arc has no rate",
+            "--fps is for csv, anim, ae, bvh, flair, gltf, usd; arc has no rate",
         ),
         (
             ["export", "MOVE", "-o", "x.csv", "--fps", "inf"],

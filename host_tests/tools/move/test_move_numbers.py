@@ -7,6 +7,7 @@ from framestep_tools.move.move_file import read_move
 from framestep_tools.move.move_formats import FORMATS, of_content
 from framestep_tools.move.text_file import decoded, read_text
 from host_tests.tools.move.move_samples import ARC, LINEAR, MAYA, imported, run
+from host_tests.tools.move.test_move_formats import OF_AXES
 
 TABLE = [[0.0, 2.0], [1.25, 2.01], [-5.5, 2.0]]
 
@@ -175,7 +176,7 @@ def test_encodings_line_ends_and_the_end_of_a_dos_file(encoding, end, last, shot
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"PK\x03\x04anything", "it is a ZIP archive, such as an Excel workbook: save the sheet"),
+        (b"PK\x03\x04anything", "it is a ZIP archive: save an Excel sheet as CSV, unpack a .usdz"),
         (b"Kaydara FBX Binary  \0\x1a\0", "it is a binary FBX file: export the camera to another"),
         ("frame,a\n1,2\n".encode("utf-16-le"), "it is not text, see character 2 (if it is UTF-16"),
         (b"frame,a\n1,2\x01\n", "it is not text, see character 12"),
@@ -208,7 +209,7 @@ def test_a_blank_line_before_the_xml_declaration(shot):
     assert imported(shot, declared) == imported(shot, ARC)
 
 
-@pytest.mark.parametrize("name", sorted(FORMATS))
+@pytest.mark.parametrize("name", OF_AXES)
 def test_the_rate_travels_with_the_move(name, shot, capsys):
     """From an .anim at 25 frames/s into the move, from there into each file that can name it."""
     names = {

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import AxesFile, Json, extra, load_axes, put, say_json, talking
+from ..errors import extra
+from .common import AxesFile, Json, load_axes, put, say_json, talking
 from .moves import (
     FirstFrame,
     Fps,

@@ -125,21 +125,6 @@ def put(app: typer.Typer, *commands: Callable[..., Any]) -> None:
         app.command(cls=SpokenCommand)(command)
 
 
-@contextmanager
-def extra(what: str) -> Iterator[None]:
-    """Wrap imports of optional libraries. If one is missing, name the command that installs it."""
-    from ..errors import ToolError
-
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        package = {"vcd": "pyvcd"}.get(str(error.name), error.name)
-        raise ToolError(
-            f"{what} needs {package}: pipx inject framestep {package}, or without pipx "
-            f"pip install {package}"
-        ) from None
-
-
 def say_json(found: Any) -> None:
     """Print a line of JSON."""
     print(json.dumps(found, ensure_ascii=False), flush=True)

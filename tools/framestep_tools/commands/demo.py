@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from .common import extra, put
+from ..errors import extra
+from .common import put
 
 
 def demo(

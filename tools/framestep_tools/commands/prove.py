@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from .common import Json, Url, extra, put, say_json
+from ..errors import extra
+from .common import Json, Url, put, say_json
 
 _ASK = (
     "The step and direction pins of all motors will move, with up to 500 000 steps/s, and "

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import extra, put
+from ..errors import extra
+from .common import put
 
 if TYPE_CHECKING:
     from ..judge.trace import Trace

@@ -17,17 +17,15 @@ _END = "\x1a"  # Ctrl-Z: programs for DOS end a text with it
 _CONTROLS = {chr(i) for i in range(32)} - set("\t\n\f\v")
 # {first bytes of a file that is no text: what it is, and what to do}
 _OTHERS = {
-    b"PK\x03\x04": "it is a ZIP archive, such as an Excel workbook: save the sheet as CSV",
+    b"PK\x03\x04": "it is a ZIP archive: save an Excel sheet as CSV, unpack a .usdz",
     b"\xd0\xcf\x11\xe0": "it is an Excel or Word file of an old kind: save the sheet as CSV",
     b"Kaydara FBX Binary": "it is a binary FBX file: export the camera to another format instead, "
     "such as .chan, BVH or CSV",
-    b"PXR-USDC": "it is a binary USD file: export the camera to another format instead, such as "
-    ".chan, BVH or CSV",
-    b"glTF": "it is a binary glTF file: export the camera to another format instead, such as "
-    ".chan, BVH or CSV",
     b"\x1f\x8b": "it is compressed by gzip: decompress it first",
     b"%PDF": "it is a PDF",
 }
+
+BINARY = ("glTF", "PXR-USDC")  # formats of bytes begin like this
 
 
 class MoveFileError(ToolError):
@@ -35,7 +33,10 @@ class MoveFileError(ToolError):
 
 
 class Text(NamedTuple):
-    """A file's text, with \\n at the end of each line, and what its user should be told."""
+    """A file's text, with \\n at the end of each line, and what its user should be told.
+
+    Of a BINARY file a character is a byte, as in Latin-1.
+    """
 
     text: str
     said: tuple[str, ...] = ()
@@ -58,6 +59,8 @@ def decoded(data: bytes, failed: str) -> Text:
     for begin, is_one in _OTHERS.items():
         if data.startswith(begin):
             raise MoveFileError(f"{failed}: {is_one}")
+    if data.startswith(tuple(begin.encode() for begin in BINARY)):
+        return Text(data.decode("latin-1"))
     mark, encoding = next(((m, e) for m, e in _MARKS if data.startswith(m)), (b"", "utf-8"))
     content = data[len(mark) :]
     said: tuple[str, ...] = ()

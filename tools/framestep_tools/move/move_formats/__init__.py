@@ -5,7 +5,19 @@ from pathlib import Path
 from typing import Protocol
 
 from ..text_file import MoveFileError
-from . import ae_keyframes, arc, bvh, chan, csv_table, flair, kuper, maya_anim, raw
+from . import (
+    ae_keyframes,
+    arc,
+    bvh,
+    chan,
+    csv_table,
+    flair,
+    gltf,
+    kuper,
+    maya_anim,
+    raw,
+    usd,
+)  # fmt: skip
 from .camera import Camera
 from .recording import Recording, Table
 
@@ -37,16 +49,34 @@ class Format(Protocol):
 # Formats with more distinctive marks come first. Nothing but its ending tells chan from raw.
 FORMATS: dict[str, Format] = {
     module.NAME: module
-    for module in (arc, maya_anim, ae_keyframes, bvh, flair, kuper, csv_table, raw, chan)
+    for module in (
+        gltf,
+        usd,
+        arc,
+        maya_anim,
+        ae_keyframes,
+        bvh,
+        flair,
+        kuper,
+        csv_table,
+        raw,
+        chan,
+    )
 }
 
-WITH_RATE = ("csv", "anim", "ae", "bvh", "flair")  # formats whose files name frames per second
+WITH_RATE = (
+    "csv",
+    "anim",
+    "ae",
+    "bvh",
+    "flair",
+    "gltf",
+    "usd",
+)  # formats whose files name frames per second
 
 # {begin of a text: what it is, and the way out}
 _OTHERS = {
-    "#usda": "a USD scene",
     "; FBX": "an FBX scene",
-    '{"asset"': "a glTF scene",
 }
 _WAY_OUT = (
     "which framestep does not read: export the camera's curves as .chan (Nuke), .anim (Maya), BVH, "

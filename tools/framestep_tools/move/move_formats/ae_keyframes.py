@@ -39,7 +39,13 @@ ENDINGS = (".aetxt",)
 _TURNS = (("Rotation", "z"), ("Y Rotation", "y"), ("X Rotation", "x"))
 # After Effects' axes: x to the right, y down, z ahead, in the scene and of the camera
 CAMERA = Camera(
-    ("Position X", "Position Y", "Position Z"), _TURNS, right="x", up="-y", back="-z", own=True
+    ("Position X", "Position Y", "Position Z"),
+    _TURNS,
+    right="x",
+    up="-y",
+    back="-z",
+    own=True,
+    fixed=True,
 )
 # All that a camera may have; that with a point of interest is turned toward it first
 _ORIENTED = replace(CAMERA, rotations=(*_TURNS, *((f"Orientation {a}", a.lower()) for a in "ZYX")))

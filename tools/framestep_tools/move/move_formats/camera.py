@@ -23,6 +23,7 @@ class Camera:
     target: names of a point that the camera looks at, before the rotations
     right, up, back: the file's axes in these directions, such as "-y"; own: whether its camera has
     the same three axes, not x to the right, y up and z back
+    level: its angles are roll, tilt and pan, whatever is up; fixed: it does not depend on the user
     """
 
     position: tuple[str, str, str]
@@ -32,6 +33,8 @@ class Camera:
     up: str = "y"
     back: str = "z"
     own: bool = False
+    level: bool = False
+    fixed: bool = False
 
     @property
     def names(self) -> list[str]:
@@ -41,12 +44,13 @@ class Camera:
     def changed(self, order: str | None, up: str | None) -> "Camera":
         """Return it with another order of its three rotations, such as "XYZ": about x first; and
         with y or z up in the file."""
+        if self.fixed:
+            return self
         changed = self
-        if order:
-            about = {axis[-1].upper(): (name, axis) for name, axis in self.rotations}
-            if len(about) == len(self.rotations):
-                chosen = tuple(about[letter] for letter in order if letter in about)
-                changed = replace(changed, rotations=chosen)
+        if order and not self.level:
+            turns = {axis[-1].upper(): (name, axis) for name, axis in self.rotations}
+            chosen = tuple(turns[letter] for letter in order if letter in turns)
+            changed = replace(changed, rotations=chosen)
         if up == "z":
             changed = replace(changed, right="x", up="z", back="-y")
         return changed
@@ -54,24 +58,24 @@ class Camera:
     @property
     def is_direct(self) -> bool:
         """Whether its angles are roll, tilt and pan, one after the other."""
-        return (
+        return self.level or (
             self.target is None
             and (self.right, self.up, self.back) == ("x", "y", "z")
             and [axis[-1] for _, axis in self.rotations] == ["z", "x", "y"]
         )
 
     @property
-    def _world(self) -> np.ndarray:
+    def world(self) -> np.ndarray:
         """Matrix from the file's axes to x, y, z."""
         return np.array([_axis(each) for each in (self.right, self.up, self.back)])
 
     def places(self, position: Vectors) -> Vectors:
         """Return x, y, z of positions in the file."""
-        return position @ self._world.T
+        return position @ self.world.T
 
     def in_file(self, places: Vectors) -> Vectors:
         """Return positions in the file of x, y, z."""
-        return places @ self._world
+        return places @ self.world
 
     def angles(self, position: Vectors, target: Vectors | None, rotations: Vectors) -> Vectors:
         """Return pan, tilt, roll of the file's numbers; angles in degrees."""
@@ -83,9 +87,9 @@ class Camera:
         for i, (_, axis) in enumerate(self.rotations):
             matrix = about(axis[-1], turned[:, i]) @ matrix
         if self.own:
-            matrix = self._world @ matrix @ self._world.T
+            matrix = self.world @ matrix @ self.world.T
         elif target is None:
-            matrix = self._world @ matrix
+            matrix = self.world @ matrix
         if target is not None:
             ahead = self.places(target) - self.places(position)
             level = np.hypot(ahead[:, 0], ahead[:, 2])
@@ -107,7 +111,7 @@ class Camera:
                 columns |= dict(zip(self.target, self.in_file(ahead).T, strict=True))
                 values = -angles[:, 2:]
             else:
-                matrix = self._world.T @ matrix @ (self._world if self.own else np.eye(3))
+                matrix = self.world.T @ matrix @ (self.world if self.own else np.eye(3))
                 axes = "".join(axis[-1] for _, axis in self.rotations[:3])
                 values = going_on(turns_of(matrix, axes))
         for i in reversed(range(len(self.rotations[:3]))):
@@ -117,7 +121,8 @@ class Camera:
 
 
 # What a file without a convention of its own has
-OWN = Camera(("x", "y", "z"), (("roll", "-z"), ("tilt", "x"), ("pan", "y")))
+OWN = Camera(("x", "y", "z"), (("roll", "-z"), ("tilt", "x"), ("pan", "y")), level=True)
+SCENE = replace(OWN, fixed=True)  # of formats that say what is up
 ALIASES = {
     "x": ("x", "ew", "vew"), "y": ("y", "ns", "vns"), "z": ("z", "track", "vtrack"),
     "pan": ("pan", "vpan"), "tilt": ("tilt", "vtilt"), "roll": ("roll", "vroll"),

@@ -34,7 +34,13 @@ ENDINGS = (".fla", ".cart")
 
 # MRMC's axes: x forward, y to the left, z up; positive roll is counterclockwise
 CAMERA = Camera(
-    ("XV", "YV", "ZV"), (("ROLL", "z"),), ("XT", "YT", "ZT"), right="-y", up="z", back="-x"
+    ("XV", "YV", "ZV"),
+    (("ROLL", "z"),),
+    ("XT", "YT", "ZT"),
+    right="-y",
+    up="z",
+    back="-x",
+    fixed=True,
 )
 NAMES = ("XV", "YV", "ZV", "XT", "YT", "ZT", "ROLL")
 _LENGTHS = NAMES[:6]
