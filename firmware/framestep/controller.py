@@ -315,6 +315,9 @@ class Controller:
         self.safety.poll_shared()
         if (now >> 7) & 15 != self.beat:
             self._light((now >> 7) & 15)
+            if self.gate.switch_off_rested():
+                self.reports.report_positions()
+                self.active_passes = _ACTIVE_PASSES
         flags = stepper.poll_flags(self.header)
         if flags or news or self.operations.rt_end_due:
             self.active_passes = _ACTIVE_PASSES

@@ -90,6 +90,9 @@ MOTOR_SETTINGS = {
         "the driver is on while its enable pin is high, not low"),
     "enable_ms": (int, 0, 2000, 0, "ms",
         "from the switching on of the driver to the first step, at least"),
+    "off_after_s": (int, 0, 36000, 0, "s",
+        "the driver is switched off when the motor has been at rest for so long, and its position "
+        "is then held, not known; drivers that share an enable pin: when all have; 0: never"),
     "backlash": (int, 0, 10000, 0, "steps",
         "steps that the motor makes after a change of direction before the load moves; framestep "
         "adds them at each turn, and they do not count in positions"),

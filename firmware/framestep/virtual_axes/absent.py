@@ -17,6 +17,9 @@ class NoVirtuals:
     def moves_camera(self, motor):
         return False
 
+    def holds(self, motor):
+        return False
+
     def changed(self, motor):
         pass
 

@@ -116,6 +116,14 @@ class VirtualAxes:
 
     # ---------------------------------------------------------------- motors with an aim point
 
+    def holds(self, motor):
+        """Return whether this motor (from 0) is one of the rig that VIRT_CONFIG has defined."""
+        if self.configured:
+            for i in range(AXES):
+                if self.line.motor[i] == motor + 1:
+                    return True
+        return False
+
     def moves_camera(self, motor):
         """Return whether pan and tilt have to follow this motor (from 0) to stay aimed."""
         if self.line.aiming:

@@ -22,6 +22,7 @@ TASKS = {
     "Motors": (
         "motor_count", "motors", "motors[].type", "motors[].invert", "motors[].pulse_us",
         "motors[].setup_us", "motors[].hold_us", "motors[].enable_high", "motors[].enable_ms",
+        "motors[].off_after_s",
         "motors[].backlash", "motors[].jerk",
         "hard_stop_factor", "remember_positions",
     ),
