@@ -11,6 +11,7 @@ from framestep_tools.move import rig_axes
 from framestep_tools.move.any_file import read_any
 from framestep_tools.move.move_file import read_move
 from host_tests.tools.move.move_samples import ARC, LINEAR, run
+from host_tests.tools.move.test_ae_json import KEYED
 from host_tests.tools.move.test_camera_formats import AE, BVH, CHAN, FLAIR
 
 FILES = {
@@ -18,6 +19,7 @@ FILES = {
     "a.chan": (CHAN, "tx", "ry", []),
     "a.txt": (FLAIR, "XV", "ROLL", []),
     "ae.txt": (AE, "Position X", "Y Rotation", []),
+    "ae.json": (json.dumps(KEYED), "Position X", "Y Rotation", []),
     "a.bvh": (BVH, "Camera.Xposition", "Camera.Yrotation", []),
     "raw.txt": ("0.5 2\n0.6 2.5\n", "track", "pan", []),
     "s.csv": ("seconds;track;pan\n0;0,5;2\n0,04;0,6;2,5\n", "track", "pan", ["--fps", "25"]),

@@ -114,7 +114,9 @@ def test_the_rig_has_a_place_and_a_heading_in_the_scene(kind):
     assert np.abs(steps_of(chan(turned), toml) - steps).max() <= 1
 
 
-@pytest.mark.parametrize("name", ["csv", "chan", "flair", "ae", "bvh", "anim", "gltf", "usd"])
+@pytest.mark.parametrize(
+    "name", ["csv", "chan", "flair", "ae", "aejson", "bvh", "anim", "gltf", "usd"]
+)
 @pytest.mark.parametrize("kind", RIGS)
 @settings(max_examples=5)
 @given(seed=st.integers(0, 10**6), heading=st.integers(-180, 180))

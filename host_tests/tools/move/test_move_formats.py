@@ -17,7 +17,7 @@ from framestep_tools.move.move_formats.curves import Samples, Segment, within
 from framestep_tools.move.move_formats.units import UNITS, factor
 from host_tests.tools.move.move_samples import ARC, LINEAR, MAYA, MAYA_AXES, imported, run
 
-NAMED = {"arc", "anim", "csv", "chan", "flair", "ae"}  # formats that number their frames
+NAMED = {"arc", "anim", "csv", "chan", "flair", "ae", "aejson"}  # formats that number their frames
 # Names of axes that a format prescribes: those of angles, and others
 NAMES = {
     "anim": (
@@ -36,6 +36,7 @@ NAMES = {
 }
 # Scenes hold a camera's pose, not axes: test_scenes.py, test_camera_rig.py
 OF_AXES = sorted(FORMATS.keys() - {"gltf", "usd"})
+NAMES["aejson"] = NAMES["ae"]
 ANY = (["a1", "a2", "a3", "a4"], ["b1", "b2", "b3", "b4"])
 
 
@@ -106,7 +107,7 @@ def test_what_is_exported_gives_the_same_steps(name, case):
         unwrap=False,
     )
     assert replace(found, fps=None) == move
-    assert not left or name in ("chan", "ae"), "those have a fixed set of columns"
+    assert not left or name in ("chan", "ae", "aejson"), "those have a fixed set of columns"
 
 
 @settings(max_examples=60, deadline=None)
@@ -153,7 +154,7 @@ def test_the_example_through_the_commands(name, shot, capsys):
     assert run(shot, "export", CAMERA_MOVE.name, "-o", str(out), "--format", name) == 0
     assert f"frames 1 to 240 of 4 axes, as {name}" in capsys.readouterr().out
     assert run(shot, "import", str(out), "-o", str(back)) == 0
-    rated = name in ("anim", "ae", "bvh")
+    rated = name in ("anim", "ae", "aejson", "bvh")
     rate = " at 24 frames/s" if rated else ""
     assert f"frames 1 to 240{rate} for 4 motors, from {name}" in capsys.readouterr().out
     rate = b"# fps: 24\n" if rated else b""

@@ -1,5 +1,6 @@
 """A mistake in a move file gives one sentence, and nothing is written."""
 
+import json
 import os
 from contextlib import suppress
 from pathlib import Path
@@ -14,6 +15,7 @@ from framestep_tools.move.move_conversion import to_move
 from framestep_tools.move.move_formats import FORMATS, of_content
 from framestep_tools.move.move_formats.arc import axes_toml
 from host_tests.tools.move.move_samples import ARC, MAYA, run
+from host_tests.tools.move.test_ae_json import BAKED, KEYED, KEYS
 from host_tests.tools.move.test_camera_formats import AE, BVH, CHAN, FLAIR, SCENE
 
 VALID = [
@@ -28,6 +30,9 @@ VALID = [
     AE,
     BVH,
     SCENE,
+    json.dumps(KEYED),
+    json.dumps(BAKED),
+    json.dumps(KEYS),
 ]
 
 
@@ -111,7 +116,7 @@ def test_a_spoilt_file_is_read_or_refused(text, at, length, put):
         (
             "bones\n",
             [],
-            "not recognised as any of gltf, usd, arc, anim, ae, bvh, flair, kuper, csv, raw",
+            "not recognised as any of gltf, usd, arc, anim, ae, aejson, bvh, flair, kuper, csv",
         ),
         ("", [], "the file is empty"),
         ("animVersion 1.1;\n", [], "expected a curve with keys over time, found none"),
@@ -186,7 +191,7 @@ def test_one_sentence_says_what_is_wrong_and_nothing_is_written(text, options, s
         (
             ["export", "SOURCE", "-o", "x.arcm", "--fps", "9"],
             2,
-            "--fps is for csv, anim, ae, bvh, flair, gltf, usd; arc has no rate",
+            "--fps is for csv, anim, ae, aejson, bvh, flair, gltf, usd; arc has no rate",
         ),
         (
             ["export", "MOVE", "-o", "x.csv", "--fps", "inf"],

@@ -215,6 +215,7 @@ def test_the_rate_travels_with_the_move(name, shot, capsys):
     names = {
         "chan": ("tx", "rx"),
         "ae": ("Zoom", "Rotation"),
+        "aejson": ("Zoom", "Rotation"),
         "bvh": ("a.Xposition", "a.Xrotation"),
     }
 
@@ -234,7 +235,7 @@ def test_the_rate_travels_with_the_move(name, shot, capsys):
     out, back = shot / f"out{FORMATS[name].ENDINGS[0]}", shot / "back.csv"
     assert run(shot, "export", str(shot / "move.csv"), "-o", str(out), "--format", name) == 0
     assert run(shot, "import", str(out), "-o", str(back)) == 0
-    carries = name in ("anim", "csv", "ae", "bvh", "flair")
+    carries = name in ("anim", "csv", "ae", "aejson", "bvh", "flair")
     assert read_move(back).fps == (25 if carries else None)
     capsys.readouterr()
     given = ["import", str(out), "-o", str(back), "--fps", "24"]

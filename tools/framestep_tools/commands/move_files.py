@@ -9,7 +9,7 @@ from ..errors import extra
 from .common import AxesFile, SpokenCommand, fps_of, note
 
 # spelled out, so that --help loads none of them
-_FORMATS = "gltf, usd, arc, anim, ae, bvh, flair, kuper, csv, raw, chan"
+_FORMATS = "gltf, usd, arc, anim, ae, aejson, bvh, flair, kuper, csv, raw, chan"
 
 
 def _format(name: str | None) -> str | None:
@@ -259,8 +259,8 @@ def export_move(
     fps: Annotated[
         float | None,
         typer.Option(
-            help="csv: write seconds, at this many frames per second; anim, ae, bvh, flair, gltf, "
-            "usd: the file's rate, else the move's own",
+            help="csv: write seconds, at this many frames per second; anim, ae, aejson, bvh, "
+            "flair, gltf, usd: the file's rate, else the move's own",
             parser=fps_of,
             metavar="N",
         ),

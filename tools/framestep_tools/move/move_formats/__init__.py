@@ -6,6 +6,7 @@ from typing import Protocol
 
 from ..text_file import MoveFileError
 from . import (
+    ae_json,
     ae_keyframes,
     arc,
     bvh,
@@ -55,6 +56,7 @@ FORMATS: dict[str, Format] = {
         arc,
         maya_anim,
         ae_keyframes,
+        ae_json,
         bvh,
         flair,
         kuper,
@@ -64,15 +66,8 @@ FORMATS: dict[str, Format] = {
     )
 }
 
-WITH_RATE = (
-    "csv",
-    "anim",
-    "ae",
-    "bvh",
-    "flair",
-    "gltf",
-    "usd",
-)  # formats whose files name frames per second
+# formats whose files name frames per second
+WITH_RATE = ("csv", "anim", "ae", "aejson", "bvh", "flair", "gltf", "usd")
 
 # {begin of a text: what it is, and the way out}
 _OTHERS = {

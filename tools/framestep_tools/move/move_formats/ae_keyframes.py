@@ -125,9 +125,14 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
     for i, (name, keys) in enumerate(curves.items(), 1):
         short = _short(name)
         title = short if shorts.count(short) == 1 else " ".join(name)
-        channels.append(Channel(title, _keyframes(keys, f"{path}, {title}"), units[name], i))
+        channels.append(Channel(title, keyframes(keys, f"{path}, {title}"), units[name], i))
+    return Recording(channels, step=1e-3, fps=fps, camera=camera_of(channels))
+
+
+def camera_of(channels: list[Channel]) -> Camera:
+    """Return the camera with these properties."""
     aimed = any(channel.name.startswith("Point of Interest") for channel in channels)
-    return Recording(channels, step=1e-3, fps=fps, camera=_AIMED if aimed else _ORIENTED)
+    return _AIMED if aimed else _ORIENTED
 
 
 def _short(name: tuple[str, ...]) -> str:
@@ -135,7 +140,8 @@ def _short(name: tuple[str, ...]) -> str:
     return " ".join(name[-2:]) if name[-1] in ("X", "Y", "Z") else name[-1]
 
 
-def _keyframes(keys: list[tuple[float, float]], where: str) -> Keyframes:
+def keyframes(keys: list[tuple[float, float]], where: str) -> Keyframes:
+    """Return keyframes without anything known between those with other values."""
     pieces: list[Piece] = [
         Hold(before)
         if before == after
@@ -158,16 +164,20 @@ _PROPERTIES = {
     "Rotation": ("degrees",),
     "Zoom": ("pixels",),
 }
-NAMES = tuple(
-    f"{name} {title[0]}" if len(titles) > 1 else name
-    for name, titles in _PROPERTIES.items()
-    for title in titles
-)
 
 
-def write(table: Table, fps: float | None) -> str:
-    """Return the file's text: a keyframe at each frame, at the given frames per second, the move's,
-    or 24. Raises MoveFileError for another name than NAMES."""
+def parts(name: str) -> list[str]:
+    """Return the names of a property's components."""
+    titles = _PROPERTIES[name]
+    return [f"{name} {title[0]}" if len(titles) > 1 else name for title in titles]
+
+
+NAMES = tuple(part for name in _PROPERTIES for part in parts(name))
+
+
+def properties(table: Table) -> dict[str, Column]:
+    """Return the columns by their names, angles in degrees. Raises MoveFileError for another name
+    than NAMES."""
     columns: dict[str, Column] = {}
     for column in table.columns:
         if column.name not in NAMES:
@@ -179,6 +189,13 @@ def write(table: Table, fps: float | None) -> str:
         if angle and factor(column.unit, "deg") is None:
             raise MoveFileError(f"After Effects has {column.name} in deg, not in {column.unit}")
         columns[column.name] = column.converted("deg") if angle else column
+    return columns
+
+
+def write(table: Table, fps: float | None) -> str:
+    """Return the file's text: a keyframe at each frame, at the given frames per second, the move's,
+    or 24. Raises MoveFileError for another name than NAMES."""
+    columns = properties(table)
     lines = [
         "Adobe After Effects 8.0 Keyframe Data",
         "",
@@ -190,11 +207,11 @@ def write(table: Table, fps: float | None) -> str:
         "",
     ]
     for name, titles in _PROPERTIES.items():
-        parts = [f"{name} {title[0]}" if len(titles) > 1 else name for title in titles]
-        if not any(part in columns for part in parts):
+        names = parts(name)
+        if not any(part in columns for part in names):
             continue
         lines += ["\t".join(["Transform", name]), "\t".join(["", "Frame", *titles, ""])]
-        texts = [columns[p].texts() if p in columns else ["0"] * len(table.frames) for p in parts]
+        texts = [columns[p].texts() if p in columns else ["0"] * len(table.frames) for p in names]
         for i, frame in enumerate(table.frames):
             lines.append("\t".join(["", str(frame), *(text[i] for text in texts), ""]))
         lines.append("")
