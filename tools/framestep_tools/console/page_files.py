@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from framestep import texts
-from framestep.motors.positions import HOMED
+from framestep.motors.positions import DRIVER, HOMED
 from framestep.protocol import messages
 
 from .. import paths, payloads
@@ -99,6 +99,7 @@ def protocol_js() -> str:
         "CODES": {str(code.value): [code.name, code.description] for code in Ack},
         "TRUST": {"states": _texts(texts.STATES), "reasons": _texts(texts.REASONS)},
         "HOMED": HOMED,
+        "DRIVER_FAILED": DRIVER,
         "CONDITIONS": _texts(texts.CONDITIONS),
         "EXCEEDED": _texts(texts.EXCEEDED),
         "LIMITS_COUNT": texts.LIMITS_COUNT,

@@ -6,7 +6,7 @@ import { MoveDrawer } from "./move_drawer.js";
 import { Motors } from "./motors.js";
 import { Operation } from "./operation.js";
 import { OutputsView } from "./outputs.js";
-import { M, VERSION } from "./protocol.js";
+import { CONDITIONS, DRIVER_FAILED, M, VERSION } from "./protocol.js";
 import { RigFileView } from "./rig_file_view.js";
 import { RigView } from "./rig_view.js";
 import { Series } from "./series.js";
@@ -17,6 +17,7 @@ import { Timeline } from "./timeline.js";
 import { Transport } from "./transport.js";
 import { Virtual } from "./virtual.js";
 import { Tour } from "./tour.js";
+import { CURES } from "./cures.js";
 import { AxesView } from "./axes_view.js";
 import { Work } from "./work.js";
 
@@ -54,6 +55,7 @@ const desk = {
   series,
   keepLine: session.keepLine,
   stop: () => stop(),
+  forget: () => { last = null; },
   page: "take",
   get narrow() { return NARROW.matches; },
   get blind() { return session.blind !== ""; },
@@ -299,6 +301,7 @@ $("play").addEventListener("click", desk.play);
 async function stop() {
   stopper = "STOP on this page";
   playing = null;
+  if (device.state.moving) last = { kind: "stopped", title: "Stopped", text: "By STOP on this page." };
   await session.stop();
 }
 session.onstop = () => {
@@ -308,7 +311,10 @@ session.onstop = () => {
 };
 session.goesOn = () => series.goesOn;
 $("stop").addEventListener("click", stop);
-device.addEventListener("stopped", ({ detail }) => { stopper = detail.replace(/\.$/, ""); });
+device.addEventListener("stopped", ({ detail }) => {
+  stopper = detail.replace(/\.$/, "");
+  last = { kind: "stopped", title: "Stopped", text: detail };
+});
 device.addEventListener("hardstop", ({ detail }) => { stopper = detail.text ?? "the device"; });
 operation.addEventListener("over", () => {
   const { early, name } = operation;
@@ -327,24 +333,55 @@ function showTakes() {
 
 const takeOver = new Twice(() => session.takeOver(), () => due(), () => device.state.moving !== 0);
 
+let hangSeen = false; // the user knows that the watchdog has restarted the board
+
+function sentence(text) {
+  return `${text[0].toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? "" : "."}`;
+}
+
+/** Say a fault and its cure. */
+function theFault(bit) {
+  const { text, act = "", part: place, drawer } = CURES[bit];
+  const failed = device.state.trust.flatMap((each, i) => (each.reason === DRIVER_FAILED ? [i + 1] : []));
+  const what = bit === M.CONDITION_DRIVER && failed.length ? `The driver of ${device.axes.titles(failed)} does not work.` : sentence(device.conditionTexts([bit])[0]);
+  const does = () => {
+    if (place) toSetup(place);
+    else if (drawer) openDrawer(drawer, true);
+    else {
+      hangSeen = true;
+      due();
+    }
+  };
+  return ["bad", "bad", "Fault", `${what} ${text}`, act, does, text];
+}
+
 /** Return [tone, mark, title, text, what the button says, what it does, short text for a phone]. */
 function whole() {
   const { state } = device;
   const moving = () => session.motion.replace(/ moves?\.$/, "").replace(/\.$/, "");
   if (session.elsewhere && !device.silent) {
     const what = session.estop ? "The E-stop is held." : session.faults.length ? `Fault: ${session.faults.join("; ")}.` : state.moving ? `${session.motion} Frame ${Math.floor(state.playHead / 1000)}.` : device.connected ? "Nothing moves." : "";
-    const holder = `${session.holder[0].toUpperCase()}${session.holder.slice(1)} has the device.`;
+    const who = sentence(session.holder).slice(0, -1);
     const [says, does] = takeOver.armed ? ["Taking over stops what moves.", "Press again"] : [what, "Take over"];
-    return ["other", "other", "You watch", `${holder} ${says}`, does, () => takeOver.press(), takeOver.armed ? says : holder];
+    return ["other", "other", "You watch", `${who} has the device. ${says}`, does, () => takeOver.press(), takeOver.armed ? says : `${who} has it. ${says}`];
   }
-  if (session.blind) return ["blind", "bad", device.connected ? "NO ANSWER" : "LINK LOST", `${session.blind} Whether motors move is NOT KNOWN: press the E-stop or switch their supply off.`, "", null, "Motors may move: press the E-stop."];
-  if (!device.connected) return ["none", "none", "Not connected", session.automatic ? "Keyframes can be edited meanwhile." : serialIsThere() ? "Keyframes can be edited meanwhile." : "Open the address that framestep console prints.", !session.automatic && serialIsThere() ? "Connect…" : "", () => session.byCable()];
-  if (session.estop) return ["bad", "bad", "E-STOP", "is held: nothing moves until it is released."];
-  if (session.faults.length) return ["bad", "bad", "Fault", `${session.faults.join("; ")}.`, "Conditions…", () => openDrawer("log", true)];
+  const byHand = !session.automatic && serialIsThere();
+  if (session.blind) return ["blind", "bad", device.connected ? "NO ANSWER" : "LINK LOST", `${session.blind} Whether motors move is NOT KNOWN: press the E-stop or switch their supply off.`, byHand && !device.connected ? "Connect…" : "", () => session.byCable(), "Motors may move: press the E-stop."];
+  if (!device.connected) return ["none", "none", "Not connected", session.automatic ? `${session.why ? `${sentence(session.why)} ` : ""}Keyframes can be edited meanwhile.` : byHand ? "Keyframes can be edited meanwhile." : "Open the address that framestep console prints.", byHand ? "Connect…" : "", () => session.byCable()];
+  if (session.estop) return ["bad", "bad", "E-STOP", `is held: nothing moves until it is released. ${device.lost.length ? `${device.lost.length} positions are lost.` : "Positions are still known."}`];
+  const [fault] = session.faultBits;
+  if (fault) return theFault(fault);
   if (!device.knowsWhatMoves) return ["none", "none", "Connected", ""];
   if (work.uploading !== null) return ["moves", "moves", "Getting ready", `The move goes to the board: ${Math.round(work.uploading * 100)} %. STOP ends it.`];
-  if (series.goesOn) return ["moves", "moves", "Time-lapse", `${operation.text} Frame ${Math.floor(state.playHead / 1000)}.`];
-  if (operation.going) return ["moves", "moves", "Getting ready", `${operation.name}: the motors go to where it begins.`];
+  if (series.goesOn) {
+    const { done, count, due: next } = series.progress;
+    const left = next === null ? 0 : Math.ceil((next - performance.now()) / 1000);
+    return ["moves", "moves", "Time-lapse", `picture ${done + 1} of ${count}, frame ${transport.shotAt(done)}${left > 0 ? `, in ${left} s` : operation.playing ? ", exposes" : ""}. STOP ends it.`];
+  }
+  if (operation.going) {
+    const under = Array.from({ length: device.motors }, (_, i) => i + 1).filter((motor) => device.moves(motor)).length;
+    return ["moves", "moves", "Getting ready", `${operation.name}: ${under || "no"} of ${device.motors} motors ${under === 1 ? "is" : "are"} on the way to where it begins.`];
+  }
   if (operation.playing) {
     const [, to] = transport.range;
     const left = transport.mode === "run" ? Math.abs(to - state.playHead / 1000) / work.fps : null;
@@ -354,6 +391,7 @@ function whole() {
     const [from, to] = transport.range;
     return ["ready", "ready", "READY", `${operation.name} is ready: GO starts it, take ${transport.take}, ${((Math.abs(to - from) + 1) / work.fps).toFixed(1)} s.`];
   }
+  if (state.conditions & M.CONDITION_WATCHDOG_RESET && !hangSeen) return theFault(M.CONDITION_WATCHDOG_RESET);
   if (operation.lost) return ["warn", "warn", "Not known", operation.text];
   if (state.moving) return ["moves", "moves", `${moving()} moves`.replace(/^(.*,.*) moves$/, "$1 move"), holds.any ? `Jog at ${motors.speed} %; it ends when you let go.` : "STOP ends it."];
   const at = motors.atSwitch;
@@ -394,6 +432,7 @@ function render() {
   const { state } = device;
   if (state.moving && !moved && !operation.busy) last = null;
   moved = state.moving !== 0;
+  if (!(state.conditions & M.CONDITION_WATCHDOG_RESET)) hangSeen = false;
   document.body.classList.toggle("watch", session.elsewhere);
   document.body.classList.toggle("off", !device.connected);
   document.body.classList.toggle("stale", session.blind !== "");
@@ -408,7 +447,11 @@ function render() {
   setText($("stop-hint"), session.elsewhere ? "works from here, too" : session.blind ? "no answer: E-stop!" : desk.narrow ? "twice: harder" : "Esc; twice: harder");
   $("stop").disabled = false;
   const texts = device.conditionTexts();
-  if ([...conditions.children].map((item) => item.textContent).join("\n") !== texts.join("\n")) conditions.replaceChildren(...texts.map((text) => h("li", {}, text)));
+  if (conditions.dataset.texts !== texts.join("\n")) {
+    conditions.dataset.texts = texts.join("\n");
+    const bits = Object.keys(CONDITIONS).filter((bit) => state.conditions & bit);
+    conditions.replaceChildren(...bits.map((bit) => h("li", {}, CONDITIONS[bit], CURES[bit] ? h("p", { class: "faint" }, CURES[bit].text) : null)));
+  }
   for (const name of ["camera", "lights"]) drawers[name][1].inert = !desk.usable;
   motors.settings.inert = motors.positions.inert = !desk.usable;
   timeline.heads();

@@ -32,7 +32,7 @@ export class Motors {
   #speed;
   #speedIs;
   #homeAll;
-  #switches = new Map(); // motor -> whether it stands at its upper switch
+  #switches = new Map(); // motor -> {up: whether it stands at its upper switch, rests: whether it has been seen at rest since}
 
   /** desk: {device, holds, work, operation, stop, drawer(name), usable}; places: the elements of the page. */
   constructor(desk, { rows, chosen, speed, speedIs }) {
@@ -51,7 +51,7 @@ export class Motors {
     this.#homeAll = twice("Home all motors", "Press again: all motors move", () => device.home([]));
     device.axes.addEventListener("change", () => this.#make());
     device.addEventListener("hardstop", ({ detail: { reason, motor } }) => {
-      if (reason === M.HARD_STOP_UPPER || reason === M.HARD_STOP_LOWER) this.#switches.set(motor, reason === M.HARD_STOP_UPPER);
+      if (reason === M.HARD_STOP_UPPER || reason === M.HARD_STOP_LOWER) this.#switches.set(motor, { up: reason === M.HARD_STOP_UPPER, rests: false });
     });
     speed.addEventListener("input", () => this.#showSpeed());
     this.#showSpeed();
@@ -80,7 +80,7 @@ export class Motors {
   /** Say which motor stands at a limit switch: {motor, up}, or null. */
   get atSwitch() {
     const [found] = this.#switches;
-    return found ? { motor: found[0], up: found[1] } : null;
+    return found ? { motor: found[0], up: found[1].up } : null;
   }
 
   #showSpeed() {
@@ -123,8 +123,11 @@ export class Motors {
   }
 
   render() {
-    for (const motor of this.#switches.keys()) if (this.#device.moves(motor)) this.#switches.delete(motor);
-    for (const line of this.#lines) line.render(this.#switches.get(line.motor));
+    for (const [motor, at] of this.#switches) {
+      if (!this.#device.moves(motor)) at.rests = true;
+      else if (at.rests) this.#switches.delete(motor);
+    }
+    for (const line of this.#lines) line.render(this.#switches.get(line.motor)?.up);
   }
 
   // ---- jogs

@@ -5,6 +5,8 @@ export class Series {
   #device;
   #operation;
   #goesOn = false;
+  /** Pictures that are taken, of how many, and when the next GO comes: {done, count, due}; due is null until it is known. */
+  progress = { done: 0, count: 0, due: null };
 
   constructor(device, operation) {
     this.#device = device;
@@ -29,10 +31,12 @@ export class Series {
     let late = 0;
     let due = null; // of the next GO
     for (const frame of frames) {
+      this.progress = { done: shot.length, count: frames.length, due };
       if (!(await this.#ready(frame, request))) break;
       const now = performance.now();
       if (due !== null && now > due) late += 1;
       due = Math.max(due ?? now, now);
+      this.progress.due = due;
       await this.#until(() => performance.now() >= due, () => due - performance.now());
       if (!this.#goesOn) break;
       due += interval;

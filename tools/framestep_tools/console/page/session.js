@@ -1,5 +1,6 @@
 // What a page has of its device: the link, who has the device, STOP, the state of the whole. Drawn by `frame.js` or the desk.
 
+import { FAULTS } from "./cures.js";
 import { Device } from "./device.js";
 import { check, h } from "./dom.js";
 import { Holds } from "./holds.js";
@@ -7,7 +8,6 @@ import { SerialLink } from "./serial_link.js";
 import { M } from "./protocol.js";
 
 const AGAIN_MS = 1000; // from the end of a link to the next try
-const FAULTS = [M.CONDITION_RIG_FILE_INVALID, M.CONDITION_DRIVER, M.CONDITION_WATCHDOG_RESET];
 
 export const device = new Device();
 export const holds = new Holds();
@@ -101,6 +101,7 @@ class Session extends EventTarget {
       this.#takes = this.#watches = false;
       try {
         await device.connect(await this.#open(how));
+        if (this.#takes) device.client?.close(); // asked for meanwhile
         return;
       } catch (error) {
         if (error.message !== said) device.tell(error.message, true);
@@ -188,9 +189,14 @@ class Session extends EventTarget {
     return device.connected && device.silent ? "The device does not answer." : this.lost;
   }
 
+  /** Bits of the faults that the board reports. */
+  get faultBits() {
+    return FAULTS.filter((bit) => device.state.conditions & bit);
+  }
+
   /** Texts of the faults that the board reports. */
   get faults() {
-    return device.conditionTexts(FAULTS.filter((bit) => device.state.conditions & bit));
+    return device.conditionTexts(this.faultBits);
   }
 
   get estop() {

@@ -359,11 +359,21 @@ export class Timeline {
     return [event.clientX - left, event.clientY - top];
   }
 
+  /** Return the square or handle that a finger means: the nearest one within its target. */
+  #nearest({ pointerType, clientX, clientY }) {
+    if (pointerType !== "touch") return null;
+    const marks = [...this.#svg.querySelectorAll("[data-pose], [data-handle]")].map((mark) => {
+      const { x, y, width, height } = mark.getBoundingClientRect();
+      return [Math.hypot(x + width / 2 - clientX, y + height / 2 - clientY), mark];
+    }).sort(([one], [other]) => one - other);
+    return marks.length && marks[0][0] <= TARGET ? marks[0][1] : null;
+  }
+
   #begin(event) {
     if (event.button !== 0 || !this.#geo) return;
     event.preventDefault();
     this.#svg.setPointerCapture(event.pointerId);
-    const { way, diamond, pose, handle, side } = event.target.dataset;
+    const { way, diamond, pose, handle, side } = (this.#nearest(event) ?? event.target).dataset;
     const { all } = this.#work.keys;
     if (way !== undefined) this.#work.change(() => { all[way].way = ORDER[(ORDER.indexOf(all[way].way) + 1) % ORDER.length]; });
     else if (diamond !== undefined) this.#work.look(all[diamond].frame);

@@ -46,7 +46,7 @@ export class Transport {
   #shot = new Set(JSON.parse(localStorage.getItem(SAVED) ?? "[]"));
   #fields = {};
 
-  /** desk: {device, holds, work, operation, series, usable, narrow, page, refuse(text)}; places: the page's elements. */
+  /** desk: {forget(): of how the last thing has ended, device, holds, work, operation, series, usable, narrow, page, refuse(text)}; places: the page's elements. */
   constructor(desk, places, fps) {
     this.#desk = desk;
     this.#places = places;
@@ -100,6 +100,12 @@ export class Transport {
   nextLoop() {
     const names = Object.keys(LOOPS);
     this.#loop.value = names[(names.indexOf(this.#loop.value) + 1) % names.length];
+  }
+
+  /** The frame of the time-lapse's picture of this number, from 0. */
+  shotAt(number) {
+    const [from, to] = this.range;
+    return from + (to < from ? -number : number);
   }
 
   #known = null; // the ends of the move that the fields have followed
@@ -158,6 +164,7 @@ export class Transport {
   async ready() {
     const { operation, work } = this.#desk;
     if (this.#places.ready.disabled) return;
+    this.#desk.forget();
     if (operation.loops) {
       await operation.endLoop();
       return;
@@ -196,6 +203,7 @@ export class Transport {
   async go() {
     const { operation } = this.#desk;
     if (this.#places.go.disabled) return;
+    this.#desk.forget();
     this.#places.go.blur(); // so that no key presses it again
     if (this.mode === "run" || operation.ready) await operation.go();
     else if (this.mode === "frames") await this.#shoot();
@@ -250,7 +258,9 @@ export class Transport {
 
   /** Send the rig to the frame of the preview. */
   async send() {
-    if (!this.#places.send.disabled) await this.#rigTo(this.#desk.work.see);
+    if (this.#places.send.disabled) return;
+    this.#desk.forget();
+    await this.#rigTo(this.#desk.work.see);
   }
 
   async #rigTo(at) {
