@@ -73,7 +73,6 @@ class Controller:
             from framestep.io.tmc2209 import Drivers
 
             self.drivers = Drivers(hal, rig)
-        self.count = hal.motors
         self.faults = FaultLog()
         self.reports = Reports(hal, rig, self.writer, self.axes, self.io)
         self.gate = Gate(hal, rig, self.axes, self.drivers, self.faults)
@@ -315,7 +314,7 @@ class Controller:
         self.safety.poll_shared()
         if (now >> 7) & 15 != self.beat:
             self._light((now >> 7) & 15)
-            if self.gate.switch_off_rested():
+            if self.gate.resting and self.gate.switch_off_resting():
                 self.reports.report_positions()
                 self.active_passes = _ACTIVE_PASSES
         flags = stepper.poll_flags(self.header)
@@ -499,7 +498,7 @@ class Controller:
             bits |= m.CONDITION_ESTOP
         if self.hal.watchdog.caused_reset:
             bits |= m.CONDITION_WATCHDOG_RESET
-        if self.drivers and self.drivers.ready != (1 << self.count) - 1:
+        if self.drivers and self.drivers.ready != (1 << self.axes.count) - 1:
             bits |= m.CONDITION_DRIVER
         if self.operations.exceeded[WHAT]:
             bits |= m.CONDITION_EXCEEDED
@@ -532,7 +531,7 @@ class Controller:
         positions = self.axes.positions
         writer.begin(m.MSG_CONDITION, self.reader)
         writer.u32(self.condition())
-        for i in range(self.count):
+        for i in range(self.axes.count):
             writer.u8(positions.states[i])
             writer.u8(positions.reasons[i])
         writer.end()

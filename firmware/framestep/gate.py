@@ -2,9 +2,7 @@
 
 from array import array
 
-from framestep.base.clock import elapsed
 from framestep.protocol import messages as m
-from framestep.pulse.stepper import TICKS
 
 
 class Gate:
@@ -18,18 +16,17 @@ class Gate:
     """
 
     def __init__(self, hal, rig, axes, drivers, faults):
-        self.hal = hal
         # from the switching on of each motor's driver to its first step, ms; None: no time
         self.enable_ms = None
         times = [rig.motor(i)["enable_ms"] for i in range(axes.count)]
         if max(times):
             self.enable_ms = array("i", times)
-        # how long each motor rests until its driver is switched off, ms; None: no motor's is
-        self.off_after = None
+        self.resting = None
         times = [rig.motor(i)["off_after_s"] for i in range(axes.count)]
         if max(times):
-            self.off_after = array("i", [1000 * seconds for seconds in times])
-            self.rested_at = array("i", [0] * axes.count)  # ticks
+            from framestep.motors.resting import Resting
+
+            self.resting = Resting(axes, times, isinstance(hal.board.get("enable"), list))
         self.axes = axes
         self.drivers = drivers
         self.faults = faults
@@ -135,62 +132,41 @@ class Gate:
     def switch_on(self, bits):
         """Switch on the drivers of the enabled ones of these motors, which are about to move."""
         self.faults.clear()
-        if self.off_after:
-            self._count_rest(bits)
+        if self.resting:
+            self.resting.begin(bits)
         bits = self.coupled(bits) & self.with_flag(m.MOTOR_ENABLED) & ~self.powered
         if self.drivers:
             bits &= self.drivers.ready
         if bits:
             waking = bits
-            if not isinstance(self.hal.board.get("enable"), list):
+            if not isinstance(self.axes.hal.board.get("enable"), list):
                 # They share a pin: all are switched on with the first of them.
                 waking = 0 if self.powered else -1
             self.powered |= bits
             for motor in range(self.axes.count):
                 if (bits >> motor) & 1:
-                    self.hal.enable(motor, True)
+                    self.axes.hal.enable(motor, True)
                 if self.enable_ms and (waking >> motor) & 1 and self.enable_ms[motor]:
                     self.axes.wake(self.enable_ms[motor])
 
-    def _count_rest(self, bits):
-        """Count the rest of these motors from now on."""
-        ticks = self.axes.kernel.state[TICKS]
+    def switch_off_resting(self):
+        """Switch off drivers whose motors have been at rest for their `off_after_s`. The positions
+        are then HELD. Return whether there were any. To be called at least every second, if
+        `resting` is there."""
+        used = -1 if self.operations.busy else self.axes.moving_bits() | self.taken
+        bits = self.resting.due(self.powered, used, self.virtuals)
+        self.switch_off(bits)
         for motor in range(self.axes.count):
             if (bits >> motor) & 1:
-                self.rested_at[motor] = ticks
-
-    def switch_off_rested(self):
-        """Switch off the drivers of motors that have been at rest for their `off_after_s`, but none
-        that an operation, a virtual axis or a coupled motor needs. Their positions are then HELD.
-        Return whether there were any. To be called at least every second."""
-        if not self.off_after:
-            return False
-        axes = self.axes
-        ticks = axes.kernel.state[TICKS]
-        used = -1 if self.operations.busy else axes.moving_bits() | self.taken
-        due = 0
-        for motor in range(axes.count):
-            axis = axes[motor]
-            bit = 1 << motor
-            if used & bit or axis.partner or axis.leader or self.virtuals.holds(motor):
-                self.rested_at[motor] = ticks
-            elif self.off_after[motor] and self.powered & bit:
-                if elapsed(ticks, self.rested_at[motor]) >= self.off_after[motor]:
-                    due |= bit
-        if not due or due != self.powered and not isinstance(self.hal.board.get("enable"), list):
-            return False
-        self.switch_off(due)
-        for motor in range(axes.count):
-            if (due >> motor) & 1:
-                axes.positions.driver_off(motor)
-        return True
+                self.axes.positions.driver_off(motor)
+        return bits != 0
 
     def switch_off(self, bits):
         """Switch off the drivers of these motors."""
         self.powered &= ~bits
         for motor in range(self.axes.count):
             if (bits >> motor) & 1:
-                self.hal.enable(motor, False)
+                self.axes.hal.enable(motor, False)
 
     # ---------------------------------------------------------------- bits of motors
 

@@ -316,7 +316,8 @@ class Homing:
         positions.about_to_change()
         positions.put(self.motor, KNOWN, HOMED)
         self.axes.position_was_set(self.motor)
-        self.safety.position_was_set(self.motor)
+        if self.shared:
+            self.shared.hit_here(self.motor)
         self.operations.settings_changed()
         self.reports.report_positions()
         self._restore_limits()

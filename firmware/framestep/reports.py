@@ -2,7 +2,6 @@
 
 from framestep.base.clock import elapsed
 from framestep.protocol import messages as m
-from framestep.pulse import stepper
 
 VERSION = (0, 1, 0)
 CAPABILITIES = (
@@ -13,7 +12,7 @@ CAPABILITIES = (
 class Reports:
     """Keeps what is due to be sent until the writer has room.
 
-    header: the tick's. Call join() before the first pass. Nothing allocates after construction.
+    Call join() before the first pass. Nothing allocates after construction.
     """
 
     def __init__(self, hal, rig, writer, axes, io):
@@ -21,7 +20,6 @@ class Reports:
         self.writer = writer
         self.axes = axes
         self.io = io
-        self.header = hal.kernel.state
         self.moves = None
         self.operations = None
         self.virtuals = None
@@ -62,7 +60,7 @@ class Reports:
         now: ms. listened: whether a host has the port open.
         """
         writer = self.writer
-        moving = stepper.moving(self.header) != 0
+        moving = self.axes.moving
         if moving:
             if elapsed(now, self.sent_at) >= self.period_ms:
                 self.position = True

@@ -167,9 +167,7 @@ class Safety:
         self._here = array("i", [0])
         self.tripped = False  # the E-stop is held
         self.at_limit = 0  # motors being stopped at a limit, as returned by _approaching()
-        # reports that are due
-        self._report_estop = False
-        self._report_limits = 0
+        self._reports = 0  # that are due: 1 << ESTOP, and bits of _approaching()
         if self.words[SWITCHES]:
             hal.watch(self.words[SWITCHES], self.on_switch_change)
 
@@ -229,11 +227,6 @@ class Safety:
         """Let only those of these pins count that are the switch of this end."""
         pins = self.shared.counting(motor, upper)
         self.words[_MOTORS + motor * _MOTOR_WORDS + _LOWER_PIN - upper] = pins
-
-    def position_was_set(self, motor):
-        """Take note that the position of a motor at rest has been set."""
-        if self.shared:
-            self.shared.hit_here(motor)
 
     def poll_shared(self):
         """Let both ends count for motors that have left one. Needed every few milliseconds."""
@@ -340,7 +333,7 @@ class Safety:
         held = words[ACTIVE] & words[_ESTOP] != 0
         if held != self.tripped:
             self.tripped = held
-            self._report_estop = held
+            self._reports = self._reports & ~(1 << ESTOP) | (1 << ESTOP if held else 0)
             news = held
         bits |= _approaching(words, words[ACTIVE])
         fresh = bits & ~self.at_limit
@@ -350,7 +343,7 @@ class Safety:
                     self.shared.take(motor, (fresh >> motor) & 1, words[ACTIVE])
         self.at_limit = bits
         if fresh:
-            self._report_limits |= fresh
+            self._reports |= fresh
             news = True
         return news
 
@@ -379,9 +372,9 @@ class Safety:
         ESTOP; a motor (from 0) that has come to its upper limit; or LOWER plus a motor that has
         come to its lower one.
         """
-        if self._report_estop:
+        bits = self._reports
+        if bits >> ESTOP:
             return ESTOP
-        bits = self._report_limits
         if bits:
             for i in range(2 * LOWER):
                 if (bits >> i) & 1:
@@ -390,11 +383,8 @@ class Safety:
 
     def reported(self, what):
         """Note that a result of unreported() has been reported."""
-        if what == ESTOP:
-            self._report_estop = False
-        else:
-            self._report_limits &= ~(1 << what)
+        self._reports &= ~(1 << what)
 
     def drop_limit_reports(self):
         """Drop the reports of stops at limits."""
-        self._report_limits = 0
+        self._reports &= 1 << ESTOP

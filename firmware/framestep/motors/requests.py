@@ -34,21 +34,21 @@ class Motors:
         self.axes = axes
         self.gate = gate
         self.safety = safety
+        self.shared = safety.shared
         self.moves = moves
         self.operations = moves.operations
         self.virtuals = virtuals
         self.homing = homing
         self.reports = reports
-        self.count = axes.count
         # fastest velocity, steps/s, that each motor's pulses allow
         kernel = self.hal.kernel
         per_second = TICKS_PER_SECOND * kernel.state[stepper.CYCLES]
         self.fastest = array(
             "i", [min(VELOCITY_LIMIT, per_second // b[stepper.SHORTEST]) for b in kernel.blocks]
         )
-        self.heard_at = array("i", [0] * self.count)  # time of the last JOG, ms
+        self.heard_at = array("i", [0] * self.axes.count)  # time of the last JOG, ms
         self.words = array("i", [0] * 2)  # from the request: a target, or two limits
-        for i in range(self.count):
+        for i in range(self.axes.count):
             self.axes[i].set_jerk(self.rig.motor(i)["jerk"])
             self.axes.set_backlash(i, self.rig.motor(i)["backlash"])
         self.handlers = {
@@ -67,7 +67,7 @@ class Motors:
     def _motor(self):
         """Return the motor of this request, from 0; -1 if there is no such motor."""
         number = self.reader.u8(m.MotorMove.motor)  # the first field of all these requests
-        return number - 1 if 0 < number <= self.count else -1
+        return number - 1 if 0 < number <= self.axes.count else -1
 
     def _move(self):
         """MSG_MOTOR_MOVE (field notes 4.3 and 4.8).
@@ -140,7 +140,7 @@ class Motors:
     def end_jogs(self, now):
         """Stop motors whose JOG has not been repeated in time (field note 4.2). now: ms."""
         limit = self.rig.jog_timeout_ms
-        for motor in range(self.count):
+        for motor in range(self.axes.count):
             bit = 1 << motor
             if self.gate.jogging & bit:
                 axis = self.axes[motor]
@@ -187,7 +187,8 @@ class Motors:
             return m.ERR_RANGE
         self.axes.positions.set_known(motor)
         self.axes.position_was_set(motor)
-        self.safety.position_was_set(motor)
+        if self.shared:
+            self.shared.hit_here(motor)
         self.operations.settings_changed()
         self.reports.report_positions()
         return m.OK
@@ -230,7 +231,7 @@ class Motors:
 
     def _couple(self, motor, flags):
         """Couple the next motor to this one, or end that (field note 3.1). Return a code."""
-        if motor + 1 >= self.count:
+        if motor + 1 >= self.axes.count:
             return m.ERR_RANGE
         axis = self.axes[motor]
         partner = self.axes[motor + 1]
@@ -298,7 +299,7 @@ class Motors:
         writer = self.writer
         exceeded = self.operations.exceeded
         motor = self.reader.u8(m.GetExceeded.motor) - 1 if self.reader.length else exceeded[MOTOR]
-        if motor < 0 or motor >= self.count:
+        if motor < 0 or motor >= self.axes.count:
             return m.ERR_RANGE
         writer.begin(m.MSG_EXCEEDED, self.reader)
         writer.u8(exceeded[WHAT])

@@ -10,6 +10,7 @@ Loaded only if the rig file has `shoot_input`. Nothing allocates after construct
 from framestep.base.native import const
 from framestep.base.results import OK
 from framestep.moves.on_frame import all_on_frame
+from framestep.moves.shoot import BACKWARD, CLOSED, EXPOSURE, FRAME, MOTORS, OPENED, PERMILLE
 from framestep.moves.state_machine import POSITIONING, READY
 from framestep.pulse import stepper
 
@@ -31,6 +32,7 @@ class NextShot:
         self.store = moves.store
         self.run_outputs = moves.run_outputs
         self.shoot = moves.shoot
+        self.request = self.shoot.request
         self.positions = moves.positions
         self.step = _NOTHING
         self.frame = 0
@@ -40,14 +42,34 @@ class NextShot:
         operations = self.operations
         if operations.busy:
             return operations.operation is self.shoot and self.moves.go_from_input()
-        self.frame = self.shoot.next_frame()
+        self.frame = self._next_frame()
         if (
-            self.moves.may_begin() == OK
+            self.request[EXPOSURE]
+            and self.moves.may_begin() == OK
             and operations.send_to_frame(self.frame, self.positions) == OK
         ):
             self.run_outputs.show_frame(self.frame - self.store.start)
             self.step = _TO_FRAME
         return False
+
+    def _next_frame(self):
+        """Return the scene frame after the last shot, in its direction."""
+        return self.request[FRAME] + (-1 if self.request[BACKWARD] else 1)
+
+    def _prepare(self):
+        """Prepare the frame like the one before, with all motors along the path. Return a code."""
+        r = self.request
+        return self.shoot.prepare(
+            self.frame,
+            r[BACKWARD] != 0,
+            r[EXPOSURE],
+            r[PERMILLE],
+            r[OPENED],
+            r[CLOSED],
+            0,
+            0,
+            r[MOTORS],
+        )
 
     def poll(self):
         """Go on if motors have arrived. In each pass in which anything may be planned."""
@@ -62,9 +84,10 @@ class NextShot:
             if (
                 not operations.busy
                 and self.moves.may_begin() == OK
-                and self.shoot.next_frame() == self.frame
+                and self.request[EXPOSURE]
+                and self._next_frame() == self.frame
                 and all_on_frame(player, player.motors(), index)
-                and self.moves.report_exceeded(self.shoot.prepare_next()) == OK
+                and self.moves.report_exceeded(self._prepare()) == OK
             ):
                 self.gate.send(self.shoot.bits)
                 self.step = _PREPARED

@@ -13,7 +13,7 @@ from framestep.moves.jog import JogAll
 from framestep.moves.path.move_check import UNREPORTED
 from framestep.moves.run import RunMove
 from framestep.moves.run_outputs import OUTPUTS, RunOutputs
-from framestep.moves.shoot import ShootFrame
+from framestep.moves.shoot import EXPOSURE, ShootFrame
 from framestep.moves.state_machine import READY, OperationRunner
 from framestep.moves.upload.chunks import ASKED, LEFT
 from framestep.moves.upload.light_levels import LightLevels
@@ -105,7 +105,7 @@ class Moves:
             self.levels.begin(frames)
             self.triggers.begin(frames)
             self.operations.drop_prepared()
-            self.shoot.forget()
+            self.shoot.request[EXPOSURE] = 0
             self.operations.exceeded[WHAT] = m.EXCEEDED_NOTHING
         return code
 

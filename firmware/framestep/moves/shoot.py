@@ -51,10 +51,13 @@ RUN_UP_MS = const(1000)  # field note 7.1: fixed, so that Dragonframe can time i
 LONGEST_MS = const(3600000)
 DEFAULT_MS = const(1000)  # for EXPOSURE 0 (field note 7.3)
 # Words of ShootFrame.request
-_BACKWARD = const(0)
-_PERMILLE = const(1)
-_OPENED = const(2)
-_CLOSED = const(3)
+BACKWARD = const(0)
+PERMILLE = const(1)
+OPENED = const(2)
+CLOSED = const(3)
+FRAME = const(4)  # scene number
+EXPOSURE = const(5)  # ms; 0: there was none since the upload
+MOTORS = const(6)  # bits of those that it moves
 _FARTHEST = const(0x3FFFFFFF)  # A and B are less than this many steps apart
 
 # An exposure from one angle to another that is so many degrees farther.
@@ -138,7 +141,7 @@ class ShootFrame(Operation):
         self.run_outputs = run_outputs
         self.shot = Shot(operations.axes.count)
         self.draft = Shot(operations.axes.count)
-        self.request = array("i", [0] * 4)  # numbers of the last one
+        self.request = array("i", [0] * 7)  # the last one that was OK
         self.blurred = 0  # bits of motors with the blur flag
         self.done_tick = 0
         self.done = True
@@ -155,7 +158,7 @@ class ShootFrame(Operation):
         """
         if permille > 1000:
             return ERR_RANGE
-        return self._prepare(
+        return self.prepare(
             frame, backward, exposure_ms, permille or 1000, 0, 360, listed, self.blurred, 0
         )
 
@@ -163,39 +166,14 @@ class ShootFrame(Operation):
         """Check a SHOOT_FRAME2; like prepare_blur(). opened, closed: degrees, signed."""
         if closed <= opened:
             return ERR_RANGE
-        return self._prepare(
+        return self.prepare(
             frame, False, exposure_ms, 0, opened, closed, listed, 0x3FFFFFFF, self.blurred
         )
 
-    def next_frame(self):
-        """Return the scene frame after the one prepared last, in its direction. Without one since
-        the upload, it is outside of the upload."""
-        store = self.store
-        if not self.shot.exposure_ms:
-            return store.end + 1
-        return store.start + self.shot.index + (-1 if self.request[_BACKWARD] else 1)
+    def prepare(self, frame, backward, exposure_ms, permille, opened, closed, listed, may, always):
+        """Check a request, and move the motors to where it begins. Return a code.
 
-    def forget(self):
-        """Forget the shot prepared last, as its upload is gone."""
-        self.shot.exposure_ms = 0
-
-    def prepare_next(self):
-        """Prepare next_frame() like the frame before, all motors along the path. Return a code."""
-        r = self.request
-        return self._prepare(
-            self.next_frame(),
-            r[_BACKWARD] != 0,
-            self.shot.exposure_ms,
-            r[_PERMILLE],
-            r[_OPENED],
-            r[_CLOSED],
-            0,
-            0,
-            self.shot.bits,
-        )
-
-    def _prepare(self, frame, backward, exposure_ms, permille, opened, closed, listed, may, always):
-        """permille: 0 for SHOOT_FRAME2. may: bits of the motors that move if they are listed, 0 for
+        permille: 0 for SHOOT_FRAME2. may: bits of the motors that move if they are listed, 0 for
         a frame without a list. always: bits of the motors that move along the path even if a list
         leaves them out."""
         store = self.store
@@ -238,10 +216,13 @@ class ShootFrame(Operation):
         self.bits = shot.bits
         self.done = True
         request = self.request
-        request[_BACKWARD] = 1 if backward else 0
-        request[_PERMILLE] = permille
-        request[_OPENED] = opened
-        request[_CLOSED] = closed
+        request[BACKWARD] = 1 if backward else 0
+        request[PERMILLE] = permille
+        request[OPENED] = opened
+        request[CLOSED] = closed
+        request[FRAME] = frame
+        request[EXPOSURE] = exposure_ms
+        request[MOTORS] = shot.bits
         self.operations.prepare(self, shot.starts, shot.directions, frame)
         return OK
 

@@ -50,7 +50,7 @@ class StepKernel:
             block[sw.IDLE_AT] = -1000
             block[sw.SPAN] = block[sw.WHOLE_SPAN] = cycles
         state[sw.FIRST] = following
-        self.cues = array("i", [0] * (4 * sw.CUE_SLOTS))
+        self.cues = array("i", [0] * (sw.CUE_WORDS * sw.CUE_SLOTS))
         self._nowhere = array("i", [0])
         state[sw.CUES] = as_word(addressof(self.cues))
         state[sw.OUT_SET] = state[sw.OUT_CLEAR] = as_word(addressof(self._nowhere))
@@ -70,7 +70,7 @@ class StepKernel:
         state = self.state
         if (state[sw.CUE_WRITE_INDEX] - state[sw.CUE_READ_INDEX]) & WRAP >= sw.CUE_SLOTS:
             return False
-        k = (state[sw.CUE_WRITE_INDEX] & (sw.CUE_SLOTS - 1)) << 2
+        k = (state[sw.CUE_WRITE_INDEX] & (sw.CUE_SLOTS - 1)) * sw.CUE_WORDS
         cues = self.cues
         cues[k + sw.CUE_TICK] = tick & WRAP
         cues[k + sw.CUE_RAISED] = raised

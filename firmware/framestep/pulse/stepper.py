@@ -63,8 +63,9 @@ HEADER_WORDS = const(25)
 
 UNSTRAINED = const(1000)
 
-# A cue is a change of output pins at a tick; a slot of the ring has four words
+# A cue is a change of output pins at a tick; a slot of the ring has three words
 CUE_SLOTS = const(32)
+CUE_WORDS = const(3)
 CUE_TICK = const(0)
 CUE_RAISED = const(1)  # pins to raise
 CUE_LOWERED = const(2)

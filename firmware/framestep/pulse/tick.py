@@ -105,7 +105,7 @@ class Header(array):
         a = m[sw.CUE_WRITE_INDEX] - m[sw.CUE_READ_INDEX]
         while a:
             q = ptr32(m[sw.CUES])
-            k = (m[sw.CUE_READ_INDEX] & (sw.CUE_SLOTS - 1)) << 2
+            k = (m[sw.CUE_READ_INDEX] & (sw.CUE_SLOTS - 1)) * sw.CUE_WORDS
             if elapsed(m[sw.TICKS], q[k + sw.CUE_TICK]) > HALF:
                 break
             fifo = ptr32(m[sw.OUT_SET])

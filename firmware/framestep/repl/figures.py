@@ -96,7 +96,7 @@ def _interrupts(state, windows, us):
 def _queues(kernel):
     """Return [motor, waiting segments] of each motor that moves."""
     found = []
-    for motor in range(boot.controller.count):
+    for motor in range(boot.controller.axes.count):
         if boot.controller.axes[motor].moving:
             block = kernel.blocks[motor]
             found.append([motor + 1, (block[WRITE_INDEX] - block[READ_INDEX]) & WIDE_WRAP])

@@ -16,7 +16,7 @@ def _send(motor, target, speed):
     held = dead() or operation(controller)
     if held:
         return held
-    if not 1 <= motor <= controller.count or not -_FAR - 1 <= target <= _FAR:
+    if not 1 <= motor <= controller.axes.count or not -_FAR - 1 <= target <= _FAR:
         return m.ERR_RANGE
     controller.motors.words[0] = target
     if speed is None:
@@ -39,7 +39,7 @@ def _home(motors):
         return "no motor has `home` in the rig file"
     bits = 0
     for motor in motors:
-        if not 1 <= motor <= controller.count:
+        if not 1 <= motor <= controller.axes.count:
             return m.ERR_RANGE
         bits |= 1 << (motor - 1)
     return locked(controller.homing.start, bits or controller.homing.usable())
