@@ -22,6 +22,7 @@ from host_tests.console.looking import (
     wait_rest,
 )
 from host_tests.console.serial_ports import SavedPage
+from host_tests.tools.move.test_scenes import glb, gltf
 
 RIG = """# the rig
 [[axis]]
@@ -274,3 +275,43 @@ def test_another_programs_move(opened):
     expect(position(page, 1)).to_have_text("1600")
     expect(position(page, 2)).to_have_text("200")
     wait_rest(page)
+
+
+def test_poses_and_files_that_are_no_text(opened, rig):
+    """Scenes in binary, JSON that is no keyframes, and letters in Latin-1 go to the server."""
+    page, _ = opened
+    rig.write_text(
+        RIG.replace("limits = [0, 1450]", "") + '[camera]\ntype = "X-Y-Z"\nx = "track"\n'
+    )
+    go_to(page, "Move")
+    scene, data = gltf([(0, "translation", "LINEAR", [[0, 0, 0], [0.01, 0, 0], [0.03, 0, 0]])])
+    binary, data = gltf(
+        [(0, "translation", "LINEAR", [[0, 0, 0], [0.01, 0, 0], [0.03, 0, 0]])], uri=""
+    )
+    page.get_by_label("Frames per second").first.fill("25")
+    page.get_by_label("Frames per second").first.press("Tab")
+    files = [
+        ("shot.gltf", json.dumps(scene).encode(), "frames 1 to 3"),
+        ("shot.glb", glb(binary, data), "frames 1 to 3"),
+        (
+            "shot.kup",
+            "# S\u00fcd\nAxes = Camera Pan, Track\n-90 10\n".encode("latin-1"),
+            "frames 1",
+        ),
+    ]
+    for name, content, said in files:
+        page.get_by_label("Open a move").set_input_files(
+            {"name": name, "mimeType": "application/octet-stream", "buffer": content}
+        )
+        expect(page.locator("main")).to_contain_text(f"{name}: {said}")
+    page.get_by_label("Open a move").set_input_files(
+        {"name": "shot.glb", "mimeType": "application/octet-stream", "buffer": files[1][1]}
+    )
+    expect(page.locator("main")).to_contain_text("shot.glb: frames 1 to 3")
+    page.get_by_label("Export the move as").select_option("chan")
+    page.get_by_label("The camera's pose, not the axes").check()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Export", exact=True).click()
+    rows = [line.split() for line in download.value.path().read_text().splitlines()]
+    assert [float(row[1]) for row in rows] == [0, 10, 30]
+    assert page.errors == []

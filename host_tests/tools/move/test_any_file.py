@@ -69,6 +69,8 @@ def test_the_page_reads_it_as_well(file, shot):
     ("asked", "said"),
     [
         ("{}", "the page has sent no file"),
+        ('{"name": "f", "data": "A"}', "the page has sent no file"),
+        ('{"name": "f", "data": "ü"}', "the page has sent no file"),
         ('{"name": "f", "text": "\\u0000"}', "cannot read f: it is not text"),
         ('{"name": "f", "text": "0 1\\n"}', "f is in units, and there is no axes.toml, which"),
     ],

@@ -312,6 +312,15 @@ def test_a_slider_with_pan_begins_where_the_file_does(shot):
     assert read_move(out).positions == {1: [0, 800], 2: [-22500, -22725], 3: [7, 8]}
 
 
+def test_a_slider_may_be_called_track():
+    """It is z of an X-Y-Z rig, unless it is said to be another one."""
+    toml = SLIDER.replace('"slide"', '"track"')
+    move = moved("1 5 0 0 0 0 0 7\n", "a.chan", toml)
+    assert move.positions[1] == [400]
+    move = moved("1 0 0 5 0 0 0 7\n", "a.chan", toml.replace('x = "track"\n', ""))
+    assert move.positions[1] == [400]
+
+
 def test_every_command_and_the_page_take_poses(shot, capsys):
     (shot / "axes.toml").write_text(SLIDER + 'origin = "first"\nignore = ["tilt"]\n')
     (shot / "a.chan").write_text(SHOT.replace("20 0 11", "20 5 11"))

@@ -1,12 +1,12 @@
 """The page's requests about a move: the verdict of `framestep check`, the files of `framestep
 export`."""
 
+import base64
 import json
 from typing import Any
 
 from ..errors import ToolError
 from ..move import rig_axes
-from ..move.axes_file import read_axes
 from ..move.move_file import Move
 from .axes_text import AxesText
 
@@ -60,8 +60,9 @@ class MoveWork:
         }
 
     def export_move(self, text: str) -> dict[str, Any]:
-        """Return the file's {"text"}. Further values of the JSON: format, fps."""
-        from ..move.move_conversion import to_table
+        """Return the file's {"text"}. Further values of the JSON: format, fps; pose: whether it is
+        the camera's pose, not the axes."""
+        from ..move.move_conversion import to_pose_table, to_table
         from ..move.move_formats import FORMATS, WITH_RATE
 
         asked = _values(text)
@@ -73,9 +74,18 @@ class MoveWork:
                 "there is no axes.toml, which names the axes in the file: save one under Names, "
                 "units, or save the move as CSV in steps"
             )
-        table = to_table(
-            _move(asked, rig_axes.Axes()), read_axes(self._axes.path, every_motor=True)
-        )
+        axes = rig_axes.load(self._axes.path, every_motor=True)
+        move = _move(asked, rig_axes.Axes())
+        if asked.get("pose") is True:
+            rig = axes.camera_rig()
+            if rig is None:
+                raise ToolError(
+                    "there is no [camera] in axes.toml, which describes the rig of the camera: "
+                    "see docs/use/virtual-axes.md"
+                )
+            table = to_pose_table(move, axes.list, rig, chosen.CAMERA)
+        else:
+            table = to_table(move, axes.list)
         fps = asked.get("fps") if chosen.NAME in WITH_RATE else None
         return {"text": chosen.write(table, fps)}
 
@@ -83,17 +93,23 @@ class MoveWork:
         """Return the move in another program's file, as JSON like the one above, with names of the
         motors, fps (null: not known) and said: what a user should know.
 
-        Values of the JSON: name and text of the file, fps (null: it is not known).
+        Values of the JSON: name of the file, its text, or else its data in base64, fps (null: it
+        is not known).
         """
         from ..move.any_file import any_of
         from ..move.text_file import decoded
 
         asked = _values(text)
-        name, content, fps = asked.get("name"), asked.get("text"), asked.get("fps")
+        name, fps = asked.get("name"), asked.get("fps")
+        content = asked.get("text", asked.get("data"))
         if not isinstance(name, str) or not isinstance(content, str):
             raise ToolError("the page has sent no file")
+        try:
+            data = content.encode() if "text" in asked else base64.b64decode(content, validate=True)
+        except ValueError:
+            raise ToolError("the page has sent no file") from None
         axes = self._rig()
-        read = decoded(content.encode(), f"cannot read {name}")
+        read = decoded(data, f"cannot read {name}")
         move = any_of(read, name, axes, fps if isinstance(fps, int | float) and fps > 0 else None)
         return {
             "start": move.start_frame,

@@ -392,10 +392,13 @@ def camera_rig(settings: Any, axes: Sequence[Axis], path: str) -> CameraRig:
 def _joint(
     name: str, kind: int, settings: Mapping[str, Any], axes: Sequence[Axis], where: str
 ) -> Axis | None:
-    """Return the axis of a joint, or None."""
+    """Return the axis of a joint, or None. An axis that another key names is that one's."""
     wanted = [settings.get(name, name)]
-    if name not in settings and kind == reference.X_Y_Z and name in _ALSO:
-        wanted.append(_ALSO[name])
+    if name not in settings:
+        if kind == reference.X_Y_Z and name in _ALSO:
+            wanted.append(_ALSO[name])
+        named = {str(settings[key]).lower() for key in _JOINTS if key in settings}
+        wanted = [text for text in wanted if text not in named]
     axis = next((a for text in wanted for a in axes if a.name.lower() == text.lower()), None)
     if axis is None:
         if settings.get(name):

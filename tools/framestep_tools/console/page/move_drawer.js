@@ -1,6 +1,6 @@
 // The drawer of the move: files, what it needs next to what is set, the keyframes as a table.
 
-import { download, field, h, number, positionField, read, readSteps, setText } from "./dom.js";
+import { check, download, field, h, number, positionField, read, readSteps, setText } from "./dom.js";
 import { WAYS } from "./keyframes.js";
 import { moveText, textOf } from "./move_csv.js";
 import { FORMATS, M } from "./protocol.js";
@@ -10,7 +10,8 @@ const LONGEST_TEXT = 900_000; // characters of a move that the server takes
 const STEPS_FORMAT = "steps"; // CSV in steps, which needs no server
 const GREATEST = 1e9; // steps per frame
 const NEXT = 24; // frames from the last keyframe to the one that is suggested
-const ACCEPTED = ".json,.csv,.tsv,.txt,.arcm,.anim,.chan,.bvh,.kup,.asc,.mov,.raw,.xml,.fla,.cart,.aetxt,application/json,text/csv";
+const OTHERS = /"(?:asset|transformsBaked|positionKeyframes|keyframesFormat)"/; // in JSON of other programs
+const ACCEPTED = ".json,.csv,.tsv,.txt,.arcm,.anim,.chan,.bvh,.kup,.asc,.mov,.raw,.xml,.fla,.cart,.aetxt,.gltf,.glb,.usd,.usda,.usdc,application/json,text/csv";
 
 export class MoveDrawer {
   element = h("div", { class: "parts" });
@@ -20,6 +21,7 @@ export class MoveDrawer {
   #about = h("p", { class: "faint" });
   #file = h("input", { type: "file", accept: ACCEPTED, onchange: () => this.#open() });
   #format = h("select", {}, h("option", { value: STEPS_FORMAT }, "CSV in steps, for framestep upload"), ...Object.entries(FORMATS).map(([name, ending]) => h("option", { value: name }, `${name} (${ending})`)));
+  #pose = h("input", {});
   #needs = h("div", { class: "wide" });
   #raise = h("button", { type: "button", onclick: () => this.#work.raise() }, "Raise the speeds to fit");
   #judged = h("pre", { role: "status", "aria-label": "Verdict" });
@@ -41,7 +43,7 @@ export class MoveDrawer {
         h("div", { class: "row" }, this.#work.recent.element, this.#useKeys, this.#begin),
         this.#about,
         h("div", { class: "row" }, h("button", { type: "button", onclick: () => this.#save() }, "Save the keyframes"),
-          field("Export the move as", this.#format), h("button", { type: "button", onclick: () => this.#export() }, "Export"))),
+          field("Export the move as", this.#format), check("The camera's pose, not the axes", this.#pose), h("button", { type: "button", onclick: () => this.#export() }, "Export"))),
       h("article", { class: "parts", "aria-label": "Needs" }, h("h3", {}, "What it needs, and what is set"), this.#needs,
         h("div", { class: "row" }, this.#raise, this.#judge), this.#judged),
       h("article", { class: "parts", "aria-label": "Keyframe" }, h("h3", {}, "Keyframes"),
@@ -216,9 +218,14 @@ export class MoveDrawer {
     const [file] = this.#file.files;
     if (!file) return;
     try {
-      const text = await textOf(file);
-      if (/\.json$/i.test(file.name) || text.trimStart()[0] === "{") this.#work.openKeys(text, file.name);
-      else await this.#work.takeText(text, file.name);
+      const bytes = new Uint8Array(await file.arrayBuffer());
+      const text = await textOf(file).catch((error) => {
+        if (!this.#device.client?.keeps) throw error;
+        return null; // framestep console reads other encodings, and scenes in binary
+      });
+      const json = /\.json$/i.test(file.name) || text?.trimStart()[0] === "{";
+      if (text !== null && json && !OTHERS.test(text)) this.#work.openKeys(text, file.name);
+      else await this.#work.takeText(text, file.name, bytes);
     } catch (error) {
       this.#device.tell(error.message, true);
     }
@@ -242,7 +249,7 @@ export class MoveDrawer {
     }
     try {
       if (!this.#device.client?.keeps) throw new Error("This takes framestep console: export in steps, and use framestep export.");
-      const { text } = await this.#ask("export_move", this.#asJson({ format }));
+      const { text } = await this.#ask("export_move", this.#asJson({ format, pose: this.#pose.checked }));
       download(`move${FORMATS[format]}`, text);
     } catch (error) {
       this.#device.tell(error.message, true);

@@ -260,10 +260,10 @@ export class Work extends EventTarget {
     } else this.#before.pop();
   }
 
-  /** Take the text of a move, also of another program's file. */
-  async takeText(text, name) {
+  /** Take the text of a move, also of another program's file; null: only its bytes are known. */
+  async takeText(text, name, bytes = null) {
     try {
-      const move = await this.#parse(text, name);
+      const move = await this.#parse(text, name, bytes);
       if (move.fps !== null) this.#fps.value = String(Number(move.fps.toFixed(3)));
       this.#use(move, name);
       this.recent.add(name, moveText(move));
@@ -287,14 +287,16 @@ export class Work extends EventTarget {
   }
 
   /** Return the move in a text. Another program's is read by framestep console, if that serves the page. */
-  async #parse(text, name) {
+  async #parse(text, name, bytes) {
     try {
-      return parseMove(text, name, this.#device.axes);
+      if (text !== null) return parseMove(text, name, this.#device.axes);
+      throw Object.assign(new Error(), { foreign: true });
     } catch (error) {
       const { client } = this.#device;
       if (!error.foreign) throw error;
       if (!client?.keeps) throw new Error(`${error.message}; framestep console reads other programs' files`);
-      const asked = JSON.stringify({ name, text, fps: read(this.#fps) });
+      const content = text === null ? { data: btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join("")) } : { text };
+      const asked = JSON.stringify({ name, ...content, fps: read(this.#fps) });
       if (asked.length > LONGEST_TEXT) throw new Error(`${name} is too long for this page: framestep import reads it`);
       const { start, motors, names, positions, fps, said } = await client.ask("read_move", { text: asked });
       return { startFrame: start, endFrame: start + positions[0].length - 1, motors, names, positions, fps, counted: said.join("; ") };
