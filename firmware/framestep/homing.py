@@ -5,6 +5,9 @@ where the slow approach finds it becomes the `position` of the rig file. Then th
 once more, so that the switch is free. While a motor looks for its switch, the switch acts as one of
 its limits: Safety slows the motor down from an interrupt, whatever the main loop is busy with.
 
+The two sides of a gantry (`square_within`) go through these phases together, each to its own
+switch. If they are coupled, they are not until both are done.
+
 Loaded only if a motor of the rig file has `home`. Nothing allocates after construction.
 """
 
@@ -17,7 +20,16 @@ from framestep.motion import reals
 from framestep.motors.axis import MOTION_ACCELERATION, MOTION_VELOCITY
 from framestep.motors.bounds import update as update_bounds
 from framestep.motors.motor import MAX_ACCELERATION, TICKS_PER_SECOND
-from framestep.motors.positions import HELD, HOMED, HOMING, KNOWN, LOST, NOT_FOUND, NOT_OPENED
+from framestep.motors.positions import (
+    HELD,
+    HOMED,
+    HOMING,
+    KNOWN,
+    LOST,
+    NOT_FOUND,
+    NOT_OPENED,
+    NOT_SQUARE,
+)
 from framestep.protocol import messages as m
 from framestep.stops import FAULT_HOMING, HOMING_REPORT
 
@@ -35,12 +47,145 @@ _AGAIN = const(3)  # slowly toward it
 _LEAVE = const(4)  # off it, with the position known
 _ENDED = const(5)  # somebody has stopped it: until it is at rest, the switch is still its limit
 
+_UNCOUPLED = const(-1)  # a coupling; else it is Axis.reversed
+
 # Words
 _TARGET = const(0)
 _HERE = const(1)
 _DISTANCE = const(2)
 _FOUND = const(3)  # position at which the switch was found
 _WORDS = const(4)
+
+
+class Seeker:
+    """A motor that looks for its home switch. homing: the Homing that says what it does."""
+
+    def __init__(self, homing):
+        self.homing = homing
+        self.axes = homing.axes
+        self.safety = homing.safety
+        self.words = array("i", [0] * _WORDS)
+        self.pin = 0  # of the switch, a bit of Hal.levels()
+        self.away = 0  # 1: away from the switch is downward
+        self.found = False  # in this phase
+        self.limits = 0  # soft limits to restore: 1 lower, 2 upper; the partner's times 4
+        self.pins = 0  # pins of the limit switch at this end, to restore
+        self.motor = 0
+        self.axis = None
+        self.home = None
+
+    def begin(self, motor, known):
+        """Take a motor. known: its position is, so soft limits apply."""
+        self.motor = motor
+        self.axis = self.axes[motor]
+        self.home = self.homing.homes[motor]
+        upward = self.home["toward"] == "high"
+        self.away = 1 if upward else 0
+        self.pin = self.safety.sets[self.home["limit"] - 1][0 if upward else 1]
+        self.pins = self.safety.limit_pins(motor, self.away)
+        self.safety.set_limit_pins(motor, self.away, self.pins | self.pin)
+        self.limits = 0
+        if not known:
+            self._suspend_limits()
+
+    def active(self):
+        """Return whether its switch is active."""
+        return self.safety.is_active(self.pin)
+
+    def at_switch(self):
+        """Return whether it is on its home switch, and not on one of the other end at this pin."""
+        safety = self.safety
+        return safety.is_active(self.pin & safety.counting_pins(self.motor, self.away))
+
+    def stop_here(self, factor):
+        """It has found its switch: note where, and stop."""
+        self.found = True
+        reals.copy_word(self.words, _FOUND, self.axes.reported, self.motor)
+        self.axis.stop(self.homing.hal, factor)
+
+    def stand_on_switch(self):
+        """It is on its switch: note where."""
+        self.axis.position_to(self.words, _FOUND)
+
+    def go(self, distance, back):
+        """Set out for so many steps. back: from where the switch was found, away from it; else from
+        here, toward it."""
+        words = self.words
+        words[_DISTANCE] = distance
+        start = _FOUND
+        if not back:
+            self.axis.position_to(words, _HERE)
+            start = _HERE
+        away = self.away if back else self.away ^ 1
+        reals.add_words(words, _TARGET, words, start, words, _DISTANCE, away)
+        self.axis.move_to(self.homing.hal, words, _TARGET, _OWN_RATES)
+
+    def set_rates(self, speed, slower):
+        """Set the velocity of the next motion, in steps/s, at most its own and that of the axis
+        `slower`; its acceleration is the lower one of the two."""
+        axis = self.axis
+        r = axis.numbers
+        axis.speed = _OWN_RATES
+        axis.rates_outdated = False
+        speed = min(speed, axis.velocity, slower.velocity)
+        if axis.acceleration < slower.acceleration:
+            slower = axis
+        reals.put(r, MOTION_VELOCITY, speed, 0)
+        reals.put(r, _Y, TICKS_PER_SECOND, 0)
+        reals.divide(r, MOTION_VELOCITY, MOTION_VELOCITY, _Y)
+        reals.fetch(r, MOTION_ACCELERATION, slower.numbers, MAX_ACCELERATION)
+
+    def arrive(self):
+        """Make the place where the switch was found the `position` of the rig file. The motor has
+        come to rest some steps beyond it. Return whether that is possible."""
+        words = self.words
+        axis = self.axis
+        axis.position_to(words, _HERE)
+        reals.add_words(words, _DISTANCE, words, _HERE, words, _FOUND, 1)
+        words[_FOUND] = self.home["position"]
+        reals.add_words(words, _HERE, words, _FOUND, words, _DISTANCE, 0)
+        return axis.set_position(words, _HERE)
+
+    def is_found_at_limit(self, bits):
+        """Return whether it is one of these motors stopped at a limit, and the limit is its switch,
+        which is then not reported."""
+        own = 1 << self.motor
+        safety = self.safety
+        end = self.motor if self.away else self.motor + LOWER
+        both = own | (own << LOWER)
+        others = safety.is_active(self.pins & ~self.pin)
+        if not bits & own or safety.at_limit & both != 1 << end or others:
+            return False
+        safety.reported(end)
+        return True
+
+    def restore(self):
+        """Restore the limit switches of SET_LIMITS."""
+        self.safety.set_limit_pins(self.motor, self.away, self.pins)
+
+    def _suspend_limits(self):
+        """Suspend soft limits, as the motor's number does not show where it is."""
+        axis = self.axis
+        self.limits = (1 if axis.lower_enabled else 0) | (2 if axis.upper_enabled else 0)
+        axis.lower_enabled = axis.upper_enabled = False
+        partner = axis.partner
+        if partner:
+            self.limits |= (4 if partner.lower_enabled else 0) | (8 if partner.upper_enabled else 0)
+            partner.lower_enabled = partner.upper_enabled = False
+        update_bounds(axis)
+
+    def restore_limits(self):
+        """Restore the soft limits."""
+        limits = self.limits
+        if limits:
+            self.limits = 0
+            axis = self.axis
+            axis.lower_enabled = limits & 1 != 0
+            axis.upper_enabled = limits & 2 != 0
+            if axis.partner:
+                axis.partner.lower_enabled = limits & 4 != 0
+                axis.partner.upper_enabled = limits & 8 != 0
+            update_bounds(axis)
 
 
 class Homing:
@@ -72,19 +217,21 @@ class Homing:
         self.capable = 0
         for motor in found:
             self.capable |= 1 << motor
-        self.words = array("i", [0] * _WORDS)
+        # motors that are a side of a gantry together with the next one
+        self.pairs = 0
+        for motor in found:
+            if self.homes[motor]["square_within"]:
+                self.pairs |= 1 << motor
+                self.capable |= 2 << motor
+        self.order = bytes([i for i in found if not (self.pairs << 1 >> i) & 1])
         self.phase = _NONE
-        self.motor = 0
-        self.axis = self.axes[0]
-        self.home = self.homes[found[0]]
-        self.pin = 0  # of the switch, a bit of Hal.levels()
-        self.away = 0  # 1: away from the switch is downward
-        self.found = False  # in this phase
+        self.seekers = [Seeker(self), Seeker(self)]
+        self.paired = False  # both look for their switches, otherwise the first
+        self.coupling = _UNCOUPLED  # of the two, to restore
+        self.cleared = False  # both go back first, as a switch of a gantry was pressed
         self.probing = False  # on a switch of either end: it has to open on the way away from home
         self.rested_at = 0  # ms
         self.known = 0  # motors whose position was known, so that soft limits apply
-        self.limits = 0  # soft limits to restore: 1 lower, 2 upper; the partner's times 4
-        self.pins = 0  # pins of the limit switch at this end, to restore
         self.news = 0  # motors whose result has yet to be printed on the REPL
         button = rig.home_input
         self.button = 1 << (button - 1) if button else 0
@@ -109,9 +256,15 @@ class Homing:
         """Return the motors that have `home` and may move, one bit each."""
         bits = 0
         for motor in self.order:
-            if self.gate.enabled(motor):
+            if self._enabled(motor):
                 bits |= 1 << motor
         return bits
+
+    def _enabled(self, motor):
+        gate = self.gate
+        if (self.pairs >> motor) & 1 and not gate.flags[motor + 1] & m.MOTOR_ENABLED:
+            return False
+        return gate.enabled(motor)
 
     def start(self, bits):
         """Home the motors of these bits. Return a code; nothing changes unless it is OK."""
@@ -119,22 +272,25 @@ class Homing:
             return m.ERR_RANGE
         if not bits or not self.gate.allow_motion():
             return m.ERR_GENERAL
-        if self.phase == _ENDED and not self.axis.moving:
+        if self.phase == _ENDED and not self._moving():
             self.restore()
         if self.operations.busy or self.gate.virtual or self.phase:
             return m.ERR_MOVING
+        bits |= bits >> 1 & self.pairs
+        bits |= (bits & self.pairs) << 1
+        states = self.axes.positions.states
         known = 0
-        for motor in self.order:
+        for motor in range(self.axes.count):
             if (bits >> motor) & 1:
                 code = self._refusal(motor)
                 if code != m.OK:
                     return code
-                if self.axes.positions.states[motor] == KNOWN:
+                if states[motor] == KNOWN:
                     known |= 1 << motor
         self.known = known
         positions = self.axes.positions
         positions.about_to_change()
-        for motor in self.order:
+        for motor in range(self.axes.count):
             if (bits >> motor) & 1:
                 positions.put(motor, HELD if (known >> motor) & 1 else LOST, HOMING)
         self.gate.set_homing(bits)
@@ -144,15 +300,19 @@ class Homing:
 
     def _refusal(self, motor):
         """Return OK, or the reason why this motor may not be homed."""
-        code = self.gate.may_move(motor)
+        leader = motor - 1 if (self.pairs << 1 >> motor) & 1 else motor
+        code = self.gate.may_move(leader)
+        if code == m.OK and not self._enabled(leader):
+            code = m.ERR_GENERAL
         if code != m.OK:
             return code
         axis = self.axes[motor]
         if axis.moving or self.virtuals.moves_camera(motor):
             return m.ERR_MOVING
         if self.axes.positions.states[motor] == KNOWN:
-            self.words[_TARGET] = self.homes[motor]["position"]
-            side = axis.outside(self.words, _TARGET)
+            words = self.seekers[0].words
+            words[_TARGET] = self.homes[motor]["position"]
+            side = axis.outside(words, _TARGET)
             if side:
                 return m.ERR_SOFT_UP if side > 0 else m.ERR_SOFT_LOW
         return m.OK
@@ -169,7 +329,7 @@ class Homing:
             self.start(bits)
         self.was_on = on
 
-    # ---------------------------------------------------------------- one motor
+    # ---------------------------------------------------------------- phases
 
     def poll(self, now):
         """Do one pass of the main loop. now: milliseconds modulo 2^29."""
@@ -177,165 +337,157 @@ class Homing:
             self._watch_button()
         if not self.phase:
             return
-        axis = self.axis
         if self.phase == _ENDED:
-            if not axis.moving:
+            if not self._moving():
                 self.restore()
             return
-        if (self.phase == _SEEK or self.phase == _AGAIN) and not self.found and self._at_switch():
-            self.found = True
-            self.axes.choose_sample()
-            reals.copy_word(self.words, _FOUND, self.axes.reported, self.motor)
-            axis.stop(self.hal, self.factor)
-        if axis.moving:
+        if self.phase == _SEEK or self.phase == _AGAIN:
+            for i in range(2 if self.paired else 1):
+                seeker = self.seekers[i]
+                if not seeker.found and seeker.at_switch():
+                    self.axes.choose_sample()
+                    seeker.stop_here(self.factor)
+                    other = self.seekers[1 - i]
+                    if self.paired and self.phase == _SEEK and not other.found:
+                        other.go(self.seekers[0].home["square_within"], False)
+        if self._moving():
             self.rested_at = now
         elif elapsed(now, self.rested_at) >= SETTLE_MS:
             self._judge()
 
-    def _active(self):
-        return self.safety.is_active(self.pin)
-
-    def _at_switch(self):
-        """Return whether it is on its home switch, and not on one of the other end at this pin."""
-        safety = self.safety
-        return safety.is_active(self.pin & safety.counting_pins(self.motor, self.away))
+    def _moving(self):
+        seekers = self.seekers
+        return seekers[0].axis.moving or self.paired and seekers[1].axis.moving
 
     def _next(self):
-        """Begin with the next motor, if there is one."""
+        """Begin with the next motor, or the next two, if there are any."""
         for motor in self.order:
             if (self.gate.homing >> motor) & 1:
-                self.motor = motor
-                self.axis = self.axes[motor]
-                self.home = self.homes[motor]
                 break
         else:
             return
-        upward = self.home["toward"] == "high"
-        self.away = 1 if upward else 0
-        self.pin = self.safety.sets[self.home["limit"] - 1][0 if upward else 1]
-        self.pins = self.safety.limit_pins(self.motor, self.away)
-        self.safety.set_limit_pins(self.motor, self.away, self.pins | self.pin)
-        self.limits = 0
-        if not (self.known >> self.motor) & 1:
-            self._suspend_limits()
-        side = self.shared.side(self.motor, self.pin) if self.shared else _ONE_END
+        self.paired = (self.pairs >> motor) & 1 != 0
+        self.coupling = _UNCOUPLED
+        axis = self.axes[motor]
+        if self.paired and axis.partner:
+            self.coupling = axis.reversed
+            axis.uncouple()
+        pressed = False
+        for i in range(2 if self.paired else 1):
+            seeker = self.seekers[i]
+            seeker.begin(motor + i, (self.known >> (motor + i)) & 1)
+            seeker.stand_on_switch()
+            pressed |= seeker.active()
+        seeker = self.seekers[0]
+        side = self.shared.side(motor, seeker.pin) if self.shared else _ONE_END
         self.probing = False
-        if not self._active() or side == 1 - self.away:
+        self.cleared = self.paired and pressed
+        if not pressed or side == 1 - seeker.away:
             self._go(_SEEK)
             return
         if side == _EITHER:  # perhaps it is on its home switch
             self.probing = True
-            self.shared.put(self.motor, self.away)
-        self.axis.position_to(self.words, _FOUND)
+            self.shared.put(motor, seeker.away)
         self._go(_BACK)
 
     def _go(self, phase):
         """Set out on a phase."""
         self.phase = phase
-        self.found = False
         self.rested_at = self.reader.now
-        home = self.home
-        words = self.words
+        first = self.seekers[0]
+        home = first.home
         speed = home["speed"]
-        back = self.away
-        if phase == _SEEK:
-            words[_DISTANCE] = home["travel"]
-            back ^= 1
-        elif phase == _AGAIN:
-            words[_DISTANCE] = 2 * home["back_off"]
-            if not home["stall"]:
-                speed = home["slow_speed"]
-            back ^= 1
-        else:
-            words[_DISTANCE] = home["back_off"]
-            if self.probing:
-                speed = home["slow_speed"]
-        start = _FOUND
-        if back != self.away:
-            self.axis.position_to(words, _HERE)
-            start = _HERE
-        reals.add_words(words, _TARGET, words, start, words, _DISTANCE, back)
-        self._set_velocity(speed)
-        self.gate.switch_on(1 << self.motor)
-        self.axis.move_to(self.hal, words, _TARGET, _OWN_RATES)
-
-    def _set_velocity(self, speed):
-        """Set the velocity of the next motion, in steps/s, at most the motor's; its acceleration is
-        the motor's."""
-        axis = self.axis
-        r = axis.numbers
-        axis.speed = _OWN_RATES
-        axis.rates_outdated = False
-        reals.put(r, MOTION_VELOCITY, min(speed, axis.velocity), 0)
-        reals.put(r, _Y, TICKS_PER_SECOND, 0)
-        reals.divide(r, MOTION_VELOCITY, MOTION_VELOCITY, _Y)
-        reals.copy(r, MOTION_ACCELERATION, MAX_ACCELERATION)
+        if phase == _AGAIN and not home["stall"] or self.probing:
+            speed = home["slow_speed"]
+        self.gate.switch_on((3 if self.paired else 1) << first.motor)
+        for i in range(2 if self.paired else 1):
+            seeker = self.seekers[i]
+            seeker.found = False
+            back_off = seeker.home["back_off"]
+            seeker.set_rates(speed, self.seekers[1 - i if self.paired else 0].axis)
+            if phase == _SEEK:
+                seeker.go(home["travel"], False)
+            elif phase == _AGAIN:
+                seeker.go(2 * back_off, False)
+            else:
+                seeker.go(back_off + (home["square"] if i and phase == _LEAVE else 0), True)
 
     def _judge(self):
         """At rest after a phase: begin the next one, or note what is wrong."""
         phase = self.phase
         if not self.gate.allow_motion():
             self.end()
-        elif phase == _SEEK or phase == _AGAIN:
-            # A switch that was found but is open again was disturbed, if the motor was so slow that
-            # it cannot have passed it. (A stall, however, ends as soon as the motor rests.)
-            if not self.found or (
-                phase == _AGAIN and not self._active() and not self.home["stall"]
-            ):
-                self._fail(NOT_FOUND)
-            elif phase == _SEEK:
-                self._go(_BACK)
-            else:
-                self._arrive()
-        elif self._active():
-            if self.probing:  # so it is on that of the other end
-                self.probing = False
-                self.shared.put(self.motor, 1 - self.away)
-                self._go(_SEEK)
-            else:
-                self._fail(NOT_OPENED)
+            return
+        for i in range(2 if self.paired else 1):
+            seeker = self.seekers[i]
+            if phase == _SEEK or phase == _AGAIN:
+                # A switch that was found but is open again was disturbed, if the motor was so slow
+                # that it cannot have passed it. (A stall, however, ends as soon as it rests.)
+                if not seeker.found or (
+                    phase == _AGAIN and not seeker.active() and not seeker.home["stall"]
+                ):
+                    other = self.seekers[1 - i]
+                    lost = self.paired and phase == _SEEK and other.found
+                    self._fail(i, NOT_SQUARE if lost else NOT_FOUND)
+                    return
+            elif seeker.active():
+                if self.probing:  # so it is on that of the other end
+                    self.probing = False
+                    self.shared.put(seeker.motor, 1 - seeker.away)
+                    self._go(_SEEK)
+                else:
+                    self._fail(i, NOT_OPENED)
+                return
+        self.probing = False
+        if phase == _SEEK:
+            self._go(_BACK)
         elif phase == _BACK:
-            self.probing = False
-            self._go(_AGAIN)
+            # The other side of a gantry may still be far from its switch.
+            self._go(_SEEK if self.cleared else _AGAIN)
+            self.cleared = False
+        elif phase == _AGAIN:
+            self._arrive()
         else:
             self._done()
 
     def _arrive(self):
-        """Make the place where the switch was found the `position` of the rig file. The motor has
-        come to rest some steps beyond it."""
-        words = self.words
-        axis = self.axis
-        axis.position_to(words, _HERE)
-        reals.add_words(words, _DISTANCE, words, _HERE, words, _FOUND, 1)
-        words[_FOUND] = self.home["position"]
-        reals.add_words(words, _HERE, words, _FOUND, words, _DISTANCE, 0)
-        if not axis.set_position(words, _HERE):
-            self._fail(NOT_FOUND)
-            return
+        """Set the positions."""
         positions = self.axes.positions
-        positions.about_to_change()
-        positions.put(self.motor, KNOWN, HOMED)
-        self.axes.position_was_set(self.motor)
-        if self.shared:
-            self.shared.hit_here(self.motor)
+        for i in range(2 if self.paired else 1):
+            seeker = self.seekers[i]
+            if not seeker.arrive():
+                self._fail(i, NOT_FOUND)
+                return
+            positions.about_to_change()
+            positions.put(seeker.motor, KNOWN, HOMED)
+            self.axes.position_was_set(seeker.motor)
+            if self.shared:
+                self.shared.hit_here(seeker.motor)
+            seeker.restore_limits()
         self.operations.settings_changed()
         self.reports.report_positions()
-        self._restore_limits()
         self._go(_LEAVE)
 
+    def _bits(self):
+        """Return the motors that look for their switches, one bit each."""
+        return (3 if self.paired else 1) << self.seekers[0].motor
+
     def _done(self):
-        """Finish this motor, and go on with the next one."""
+        """Finish these motors, and go on with the next ones."""
         self.release()
-        self._note_result()
-        self.gate.set_homing(self.gate.homing & ~(1 << self.motor))
+        self._note_result(self._bits())
+        self.gate.set_homing(self.gate.homing & ~self._bits())
         self._next()
 
-    def _fail(self, reason):
-        """Mark this motor's position as lost, and end homing. reason: of motors/positions.py."""
+    def _fail(self, i, reason):
+        """Mark the positions as lost, and end homing. i: which of the two has failed; reason: of
+        motors/positions.py."""
         self.end()
-        self.axes.positions.set_lost(1 << self.motor, reason)
+        positions = self.axes.positions
+        positions.set_lost(self._bits(), HOMING)
+        positions.set_lost(1 << self.seekers[i].motor, reason)
         self.faults.note(FAULT_HOMING, 0)
-        self._note_result()
+        self._note_result(1 << self.seekers[i].motor)
 
     def end(self, bits=-1):
         """End homing if any of these motors, which are about to be stopped, is homed."""
@@ -344,73 +496,52 @@ class Homing:
             self.release()
 
     def release(self):
-        """Release the motor. Its switch remains its limit until it is at rest."""
+        """Release the motors, and stop both sides of a gantry. Their switches remain their limits
+        until they are at rest."""
         self.phase = _ENDED
-        self._restore_limits()
-        self.axis.rates_outdated = True
-        if not self.axis.moving:
+        for i in range(2 if self.paired else 1):
+            seeker = self.seekers[i]
+            seeker.restore_limits()
+            seeker.axis.rates_outdated = True
+            if self.paired and seeker.axis.moving:
+                seeker.axis.stop(self.hal)
+        if not self._moving():
             self.restore()
 
     def restore(self):
-        """After release(): restore the limit switches of SET_LIMITS."""
+        """After release(): restore the limit switches of SET_LIMITS, and the coupling."""
         if self.phase == _ENDED:
             self.phase = _NONE
+            first = self.seekers[0]
             if self.probing:
                 self.probing = False
-                self.shared.forget(self.motor)
-            self.safety.set_limit_pins(self.motor, self.away, self.pins)
-
-    # ---------------------------------------------------------------- limits
-
-    def _suspend_limits(self):
-        """Suspend soft limits, as the motor's number does not show where it is."""
-        axis = self.axis
-        self.limits = (1 if axis.lower_enabled else 0) | (2 if axis.upper_enabled else 0)
-        axis.lower_enabled = axis.upper_enabled = False
-        partner = axis.partner
-        if partner:
-            self.limits |= (4 if partner.lower_enabled else 0) | (8 if partner.upper_enabled else 0)
-            partner.lower_enabled = partner.upper_enabled = False
-        update_bounds(axis)
-
-    def _restore_limits(self):
-        """Restore the soft limits."""
-        limits = self.limits
-        if limits:
-            self.limits = 0
-            axis = self.axis
-            axis.lower_enabled = limits & 1 != 0
-            axis.upper_enabled = limits & 2 != 0
-            if axis.partner:
-                axis.partner.lower_enabled = limits & 4 != 0
-                axis.partner.upper_enabled = limits & 8 != 0
-            update_bounds(axis)
+                self.shared.forget(first.motor)
+            for i in range(2 if self.paired else 1):
+                self.seekers[i].restore()
+            if self.coupling != _UNCOUPLED:
+                first.axis.couple(self.seekers[1].axis, self.coupling)
+                self.coupling = _UNCOUPLED
 
     def take_limit(self, bits):
-        """Filter the motors stopped at a limit, one bit each: remove the one that has found its
-        home switch, which is not reported. Another motor that is being homed ends homing."""
-        own = 1 << self.motor
-        if bits & own and (self.phase == _SEEK or self.phase == _AGAIN):
-            safety = self.safety
-            end = self.motor if self.away else self.motor + LOWER
-            both = own | (own << LOWER)
-            others = safety.is_active(self.pins & ~self.pin)
-            if safety.at_limit & both == 1 << end and not others:
-                safety.reported(end)
-                bits &= ~own
+        """Filter the motors stopped at a limit, one bit each: remove those that have found their
+        home switches, which are not reported. Another motor that is being homed ends homing."""
+        if self.phase == _SEEK or self.phase == _AGAIN:
+            for i in range(2 if self.paired else 1):
+                if self.seekers[i].is_found_at_limit(bits):
+                    bits &= ~(1 << self.seekers[i].motor)
         self.end(bits)
         return bits
 
     # ---------------------------------------------------------------- reports to people
 
-    def _note_result(self):
-        """Have the result printed on the REPL."""
-        self.news |= 1 << self.motor
+    def _note_result(self, bits):
+        """Have the results of these motors printed on the REPL."""
+        self.news |= bits
         self.faults.note(0, HOMING_REPORT)
 
     def report(self):
         """Print the results. Allocates nothing."""
-        for motor in self.order:
+        for motor in range(self.axes.count):
             if (self.news >> motor) & 1:
                 reason = self.axes.positions.reasons[motor]
                 text = "is homed"
@@ -418,5 +549,7 @@ class Homing:
                     text = "did not find its home switch: its position is lost"
                 elif reason == NOT_OPENED:
                     text = "did not come off its home switch: its position is lost"
+                elif reason == NOT_SQUARE:
+                    text = "is too far from its home switch when the other side has found its own"
                 print("framestep: motor", motor + 1, text)
         self.news = 0

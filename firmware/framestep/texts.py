@@ -15,6 +15,7 @@ from framestep.motors.positions import (
     LOST,
     NOT_FOUND,
     NOT_OPENED,
+    NOT_SQUARE,
     RESTORED,
     SERVO,
     SET,
@@ -63,6 +64,7 @@ REASONS = {
     HOMING: "homing has begun and is not done",
     NOT_FOUND: "homing did not find its switch",
     NOT_OPENED: "its home switch did not open",
+    NOT_SQUARE: "its home switch was too far away when the other side had found its own",
     SERVO: "a servo goes where its pulses say",
 }
 _LONGEST_MS = const(1 << 20)  # the counts of MSG_LOAD wrap after 2^30 us

@@ -158,6 +158,37 @@ def test_switch_that_does_not_work(session, at, stuck, reason, low, high):
     session.forget()
 
 
+def test_a_gantry():
+    """Two coupled motors; their switches are 70 steps apart."""
+    second, at = 26, {1: -700, 2: -630}
+    first = RIG["motors"][0]["home"]
+    rig = {
+        "limits": [{"low": SWITCH}, {"low": second}],
+        "motors": [
+            {"home": {**first, "square_within": 100, "square": 10}},
+            {"home": {**first, "limit": 2}},
+        ],
+    }
+    with EmulatedBoard(rig) as board:
+        board.wire_switches()
+        session = Session(board, reply_s=0.1)
+        session.accept(p.MotorConfigure(1, 0x11), p.Home(b"\1"))
+        steps, apart = {1: 0, 2: 0}, 0
+        while session.moving:
+            for _ in range(20):
+                session.run(0.001)
+                for _, signal, value in sorted(session.board.edges()):
+                    if signal in ("m1", "m2"):
+                        steps[int(signal[1])] += value
+                apart = max(apart, abs(steps[1] - steps[2]))
+                for motor, pin in ((1, SWITCH), (2, second)):
+                    board.emulator.set_pin(pin, int(steps[motor] <= at[motor]))
+        assert trust(session, 1) == trust(session, 2) == (KNOWN, HOMED)
+        assert steps[1] == pytest.approx(at[1] + BACK, abs=1)
+        assert steps[2] == pytest.approx(at[2] + BACK + 10, abs=1)
+        assert apart < 70 + RUN_ON + 20
+
+
 class BothEnds(Rail):
     """A rail of 2000 steps with a switch at each end, in series on one input. at: the step of the
     motor's first position, from the lower end."""

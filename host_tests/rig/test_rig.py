@@ -96,6 +96,41 @@ def test_the_simulated_board_is_a_pico():
             {"motors": [{"type": "a4988", "servo": {}}]},
             'motors[1].type: found "a4988", but the motor is a servo',
         ),
+        (
+            {
+                "limits": [{"low": 22}],
+                "motors": [{"home": {"limit": 1, "travel": 1000, "square": 5}}],
+            },
+            "motors[1].home.square: found 5, but square_within is 0",
+        ),
+        (
+            {
+                "limits": [{"low": 22}],
+                "motors": [{"home": {"limit": 1, "travel": 1000, "square_within": 50}}, {}],
+            },
+            "motors[1].home.square_within: found 50, but motors[2] has no `home`",
+        ),
+        (
+            {
+                "limits": [{"low": 22}],
+                "motors": [
+                    {"home": {"limit": 1, "travel": 1000, "square_within": 50}},
+                    {"home": {"limit": 1, "travel": 1000}},
+                ],
+            },
+            "motors[1].home.square_within: found 50, but the two sides do not have a home switch "
+            "with an input of its own each",
+        ),
+        (
+            {
+                "limits": [{"low": 22}, {"low": 26}],
+                "motors": [
+                    {"home": {"limit": 1, "travel": 1000, "square_within": 50, "square": -195}},
+                    {"home": {"limit": 2, "travel": 1000}},
+                ],
+            },
+            "motors[1].home.square: found -195, allowed is -191 at least",
+        ),
         ({"shoot_input": 3}, "shoot_input: found 3, but there are 2 inputs"),
         (
             {"shoot_input": 1, "go_input": 1},

@@ -31,6 +31,7 @@ HOMED = const(9)  # KNOWN: homing has found its switch
 HOMING = const(10)  # LOST, or HELD if it was known: homing has begun and is not done
 NOT_FOUND = const(11)  # LOST: homing has not found its switch
 NOT_OPENED = const(12)  # LOST: its home switch did not open on the way back
+NOT_SQUARE = const(14)  # LOST: the other side of its gantry has found its home switch, it has not
 SERVO = const(13)  # KNOWN: a servo goes where its pulses direct it
 
 

@@ -22,6 +22,12 @@ HOME_SETTINGS = {
         "longest distance of the search: a little more than the length of the axis"),
     "stall": (int, 0, 255, 0, "",
         "StallGuard threshold of the motor's TMC2209, whose DIAG is the switch; 0: a real switch"),
+    "square_within": (int, 0, 100000, 0, "steps",
+        "this motor and the next one are the two sides of a gantry, each with a home switch: how "
+        "many steps one may need more than the other to its switch; 0: they are not"),
+    "square": (int, -100000, 100000, 0, "steps",
+        "how much farther the next motor goes from its switch than this one, so that the gantry is "
+        "square"),
     "order": (int, 0, 12, 0, "",
         "motors with lower numbers are homed first"),
 }
@@ -41,6 +47,7 @@ def read_homes(motors, limits, drivers, hard_stop_factor):
         if motor["home"] is not None:
             where = "motors[%d].home." % (i + 1)
             motor["home"] = home = _read(motor["home"], where, limits, hard_stop_factor)
+            _check_square(motors, i, limits, hard_stop_factor)
             driver = motor["driver"]
             if not home["stall"]:
                 continue
@@ -54,6 +61,41 @@ def read_homes(motors, limits, drivers, hard_stop_factor):
             table = with_stall(drivers[i], home["stall"], home["speed"], driver["microsteps"])
             drivers = drivers[:i] + [table] + drivers[i + 1 :]
     return drivers
+
+
+def _check_square(motors, i, limits, hard_stop_factor):
+    """Check the `home` of the first side of a gantry, motors[i], against that of the next motor.
+    Called for each motor with a `home`; the next one's has not been read yet."""
+    home = motors[i]["home"]
+    where = "motors[%d].home." % (i + 1)
+    if not home["square_within"]:
+        if home["square"]:
+            raise RigError("%ssquare: found %d, but square_within is 0" % (where, home["square"]))
+        return
+    if i + 1 >= len(motors) or motors[i + 1]["home"] is None:
+        raise RigError(
+            "%ssquare_within: found %d, but motors[%d] has no `home`"
+            % (where, home["square_within"], i + 2)
+        )
+    other = _read(motors[i + 1]["home"], "motors[%d].home." % (i + 2), limits, hard_stop_factor)
+    if other["square_within"]:
+        raise RigError(
+            "motors[%d].home.square_within: found %d, but it is the other side of motors[%d]"
+            % (i + 2, other["square_within"], i + 1)
+        )
+    pins = [limits[each["limit"] - 1][each["toward"]] for each in (home, other)]
+    for each in (home, other):
+        if limits[each["limit"] - 1]["pin"] != NO_PIN or pins[0] == pins[1]:
+            raise RigError(
+                "%ssquare_within: found %d, but the two sides do not have a home switch with an "
+                "input of its own each" % (where, home["square_within"])
+            )
+    least = least_back_off(home["speed"], hard_stop_factor) - other["back_off"]
+    if home["square"] < least:
+        raise RigError(
+            "%ssquare: found %d, allowed is %d at least: else the next motor stays on its switch"
+            % (where, home["square"], least)
+        )
 
 
 def _read(found, where, limits, hard_stop_factor):
