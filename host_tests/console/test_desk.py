@@ -1,13 +1,20 @@
 """The desk as a whole: what is where in each state, size and theme; a take from an empty rig, by
 keys and by touch."""
 
+import re
+
 import pytest
 from playwright.sync_api import expect
 
+from framestep_tools.client.wire import FrameDecoder
 from framestep_tools.console.axes_text import AxesText
 from framestep_tools.console.demo import axes_toml
 from framestep_tools.console.demo_board import DemoBoard
-from framestep_tools.payloads import MotorResetPosition
+from framestep_tools.judge.demo import ROLL_MS
+from framestep_tools.judge.judge import judge
+from framestep_tools.judge.reference import Reference
+from framestep_tools.judge.trace import Trace
+from framestep_tools.payloads import MotorResetPosition, RtUploadMoveAxis
 from host_tests.console.looking import (
     AXE,
     DRAWERS,
@@ -28,6 +35,7 @@ from host_tests.covering import sweep
 SIZES = [(1280, 800), (1920, 1080), (390, 844), (844, 390)]
 PARTS = ["stop", "go", "ready", "timeline", "rig", "positions", "banner"]
 SPEED = 4.0  # times real time
+FPS_MILLI = 24_000
 # Regions that may not overlap: [name, box] of those that are seen
 BOXES = """() => [...document.querySelectorAll(
     '#banner, #tools, #rig, #line, #motors, #stop, #controls, #ready, #go, #pages')]
@@ -102,9 +110,40 @@ def two_keys(page):
     expect(page.locator("#verdict")).to_be_visible()
 
 
+def keep_edges(device):
+    """Return a list that gets the edges of the board's pins from now on."""
+    kept = []
+
+    def begin(board):
+        made = board.edges
+
+        def edges():
+            found = made()
+            kept.extend(found)
+            return found
+
+        board.edges = edges
+
+    device.at_board(begin)
+    return kept
+
+
+def uploaded(page):
+    """Return the positions of the move that the page has uploaded, {motor: steps}."""
+    decoder, found = FrameDecoder(), {}
+    for message in page.sent:
+        for frame in decoder.feed(message) if isinstance(message, bytes) else ():
+            if frame.type == RtUploadMoveAxis.TYPE:
+                section = RtUploadMoveAxis.unpack(frame.payload)
+                found.setdefault(section.motor, []).extend(section.positions)
+    return found
+
+
 def test_a_take_by_keys_alone_from_an_empty_rig(stage):
-    """Pose, key, pose, key, ready, GO; then again. A changed move is uploaded once."""
-    page, _ = opened(stage, motors=2)
+    """Pose, key, pose, key, ready, GO; then again. A changed move is uploaded once, and the edges
+    are judged as in `make demo`."""
+    page, device = opened(stage, motors=2)
+    edges = keep_edges(device)
     expect(page.locator("#go")).to_contain_text("no move yet")
     two_keys(page)
     there = steps(page)
@@ -114,14 +153,61 @@ def test_a_take_by_keys_alone_from_an_empty_rig(stage):
         page.keyboard.press("Space")  # plays the preview; it is no GO
         wait_rest(page)
         expect(page.locator("#banner")).to_contain_text(f"take {take}")
+        begun = []
+        device.at_board(lambda board, begun=begun: begun.append(board.now_ns))
         page.keyboard.press("Shift+Enter")
         wait_moving(page)
         expect(page.locator("#banner")).to_contain_text("Over")
         assert steps(page) == there
+        wait_rest(page)
+        move = uploaded(page)
+        path = Reference(move, FPS_MILLI, ROLL_MS, ROLL_MS)
+        end = {1: there, 2: 0}
+        verdict = judge(Trace.from_edges(edges), move, FPS_MILLI, {}, end, path, begun[0])
+        assert verdict.good, verdict.complaints
+        assert len(verdict.motors[0].edge_times_s) >= there - 1
     uploads = [said for said in log(page).locator("p").all_text_contents() if "uploaded" in said]
     assert len(uploads) == 1
     go_to(page, "Log")
     expect(page.get_by_role("row", name="1 Run")).to_contain_text("complete")
+    assert page.errors == []
+
+
+@pytest.mark.parametrize("keep", [False, True], ids=["alone", "goes on"])
+def test_the_link_is_lost_in_a_run(stage, keep):
+    """The page does not know how it ends, and says so; STOP is sent once the link is back."""
+    device = stage.simulated({"estop": "no"}, 2)
+    with device.client() as client:
+        for number in (1, 2):
+            client.request(MotorResetPosition(number, 0))
+    console = stage.console(device.url)
+    page = stage.page(console.url)
+    wait_connected(page)
+    two_keys(page)
+    if keep:
+        go_to(page, "Options")
+        page.get_by_label("Runs and moves go on").check()
+        close_drawer(page)
+    page.locator("#ready").click()
+    in_banner(page, "READY")
+    page.locator("#go").click()
+    in_banner(page, "Take 1 runs")
+
+    async def cut():
+        console.server._visit._page.transport.abort()
+
+    console.call(cut())
+    expect(page.get_by_role("alert")).to_contain_text("Whether motors move is NOT KNOWN")
+    expect(page.locator("#count")).not_to_have_text(re.compile(r"\d$"))
+    expect(page.locator("#stop")).to_be_enabled()
+    if keep:
+        page.locator("#stop").click()
+        expect(log(page)).to_contain_text("Stopped: all motors ramp down.")
+    lost = "the link has ended since GO, so whether it goes on or has ended is not known."
+    expect(log(page)).to_contain_text(lost)
+    wait_rest(page)
+    if not keep:
+        in_banner(page, lost)
     assert page.errors == []
 
 
