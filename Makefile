@@ -100,8 +100,8 @@ test-emulator: node images ## the emulator itself
 test-console: node images chromium ## the page of `framestep console` in a real browser
 	@$(PYTEST) host_tests/console $(ARGS)
 
-console-pictures: setup chromium ## take pictures of the console, to look at (build/console)
-	@"$(PYTHON_VENV)" -m host_tests.console.pictures
+console-pictures: setup chromium ## take pictures of the console, to look at (build/console); ARGS=--states: of each state in each size and theme
+	@"$(PYTHON_VENV)" -m host_tests.console.pictures $(ARGS)
 
 fuzz: setup ## random sessions, checked for what must never happen: SECONDS=60, SEED=7, ARGS="--minutes 15 --replay", or BOARD=emulator or esp32; failures become scripts in build/fuzz
 ifeq ($(BOARD),emulator)

@@ -1,9 +1,11 @@
-"""Takes pictures of the console, to look at: wide, dark, on a phone.
+"""Takes pictures of the console, to look at: wide, dark, on a phone; with --states each of its
+states in four sizes, light and dark.
 
-python -m host_tests.console.pictures
+python -m host_tests.console.pictures [--states]
 """
 
 import re
+import sys
 
 from playwright.sync_api import expect, sync_playwright
 
@@ -132,6 +134,27 @@ def crane(stage, speed=1.0):
     return served
 
 
+def take_states(browser):
+    """Take a picture of each state in each size and theme. Return their number."""
+    from host_tests.console.states import SIZES, begun, states
+
+    folder = FOLDER / "states"
+    folder.mkdir(parents=True, exist_ok=True)
+    taken = 0
+    for width, height in SIZES:
+        for theme in ("light", "dark"):
+            stage = Stage(browser)
+            try:
+                page, device = begun(stage, (width, height), theme)
+                for state, shown in states(stage, page, device):
+                    name = f"{width}x{height}-{theme}-{state.replace(' ', '-')}.png"
+                    shown.screenshot(path=folder / name)
+                    taken += 1
+            finally:
+                stage.close()
+    return taken
+
+
 def main():
     FOLDER.mkdir(parents=True, exist_ok=True)
     with sync_playwright() as playwright:
@@ -149,8 +172,9 @@ def main():
                 page.close()
         finally:
             stage.close()
-            browser.close()
-    print(f"{len(PICTURES)} pictures are in {FOLDER.relative_to(ROOT)}")
+        taken = len(PICTURES) + (take_states(browser) if "--states" in sys.argv else 0)
+        browser.close()
+    print(f"{taken} pictures are in {FOLDER.relative_to(ROOT)}")
 
 
 if __name__ == "__main__":
