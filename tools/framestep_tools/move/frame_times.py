@@ -16,7 +16,7 @@ Frame = Callable[[float], float]
 
 def last_decimal(texts: Iterable[str]) -> float:
     """Return the value of the last decimal in a file's times: 0.001 for 0.5 and 0.042."""
-    return 10.0 ** -max(map(_decimals, texts), default=0)
+    return 10.0 ** -max(map(_decimals, set(texts)), default=0)
 
 
 def _decimals(text: str) -> int:

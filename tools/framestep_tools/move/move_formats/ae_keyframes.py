@@ -71,6 +71,7 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
     fps: float | None = None
     groups: list[str] = []
     heading: list[str] = []
+    names: list[tuple[str, ...]] = []  # of the columns below a heading
     curves: dict[tuple[str, ...], list[tuple[float, float]]] = {}
     constant: dict[tuple[str, ...], float] = {}
     units: dict[tuple[str, ...], str] = {}
@@ -98,23 +99,23 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
             if cells[0] != "Frame":
                 raise MoveFileError(f"{where}: expected Frame, found {shown(cells[:1])}")
             heading = cells[1:] or [""]
+            names = [(*groups, *_component(title, heading)) for title in heading]
+            units |= {
+                name: "deg" if "degrees" in title else ""
+                for name, title in zip(names, heading, strict=True)
+            }
             continue
         if len(cells) - 1 != len(heading):
             raise MoveFileError(f"{where}: expected {len(heading) + 1} columns, found {len(cells)}")
-        for title, cell in zip(heading, cells[1:], strict=True):
-            name = tuple(groups)
-            if len(heading) > 1:
-                component = _AXIS.match(title)
-                name = (*groups, component[1] if component else title)
-            units[name] = "deg" if "degrees" in title else ""
+        frame = number(cells[0], f"{where}, Frame") if cells[0] else None
+        for name, title, cell in zip(names, heading, cells[1:], strict=True):
             value = number(cell, f"{where}, {title or 'value'}")
-            if cells[0]:
-                frame = number(cells[0], f"{where}, Frame")
-                keys = curves.setdefault(name, [])
-                check_increasing(keys[-1][0] if keys else None, frame, f"{where}, Frame")
-                keys.append((frame, value))
-            else:
+            if frame is None:
                 constant[name] = value
+                continue
+            keys = curves.setdefault(name, [])
+            check_increasing(keys[-1][0] if keys else None, frame, f"{where}, Frame")
+            keys.append((frame, value))
     if not curves:
         raise MoveFileError(f"{path}: expected a property with keyframes, found none")
     begin = min(keys[0][0] for keys in curves.values())
@@ -127,6 +128,14 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
         title = short if shorts.count(short) == 1 else " ".join(name)
         channels.append(Channel(title, keyframes(keys, f"{path}, {title}"), units[name], i))
     return Recording(channels, step=1e-3, fps=fps, camera=camera_of(channels))
+
+
+def _component(title: str, heading: list[str]) -> tuple[str, ...]:
+    """Return the name of a column of a property with several, else nothing."""
+    if len(heading) < 2:
+        return ()
+    component = _AXIS.match(title)
+    return (component[1] if component else title,)
 
 
 def camera_of(channels: list[Channel]) -> Camera:

@@ -13,9 +13,11 @@ import json
 import re
 import xml.etree.ElementTree as ET
 from itertools import pairwise
+from typing import NamedTuple
+from xml.parsers import expat
 
 from ..frame_times import last_decimal
-from ..numerals import number
+from ..numerals import GREATEST, number
 from ..text_file import MoveFileError, shown
 from .camera import OWN
 from .curves import Keyframes, Point, Samples, Segment, within
@@ -42,39 +44,64 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
     axes = _axes(text, path)
     channels = []
     for i, axis in enumerate(axes, 1):
-        name = axis.get("name", "")
+        name = axis.attributes.get("name", "")
         channel = _channel(axis, name, f"{path}, axis {name or i}", i)
         if channel:
             channels.append(channel)
-    if not channels and any("stepsPerUnit" in axis.attrib for axis in axes):
+    if not channels and any("stepsPerUnit" in axis.attributes for axis in axes):
         raise MoveFileError(
             f"{path}: it is an Arc scene, the set-up of a rig, and not a move: export the move "
             "(.arcm), or make an axes.toml of the scene by -o axes.toml"
         )
     if not channels:
         raise MoveFileError(f"{path}: expected an axis with keyframes, found none")
-    texts = (p.get("x", "") for axis in axes for p in axis if _local(p) == "points")
+    texts = (x for axis in axes for x, _ in axis.points)
     return Recording(channels, step=last_decimal(texts))
 
 
-def _axes(text: str, path: str) -> list[ET.Element]:
+class _Axis(NamedTuple):
+    """An axis's attributes, and x and y of the elements in it, as they are written."""
+
+    attributes: dict[str, str]
+    points: list[tuple[str, str]]
+    handles: list[tuple[str, str]]
+
+
+def _axes(text: str, path: str) -> list[_Axis]:
     """Return the axes of a scene. Raises MoveFileError."""
+    axes: list[_Axis] = []
+    above: list[str] = []  # elements that are open
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        name = name.rpartition("}")[2]
+        if not above and name != "scene":
+            raise MoveFileError(f"{path}: expected <scene> as the outermost element, found {name}")
+        if len(above) == 1 and name == "axis":
+            axes.append(_Axis(attributes, [], []))
+        elif len(above) == 2 and above[1] == "axis":
+            of = {"points": axes[-1].points, "controlPoints": axes[-1].handles}.get(name)
+            if of is not None:
+                of.append((attributes.get("x", ""), attributes.get("y", "")))
+        above.append(name)
+
+    # not a tree of elements: for a long move it would take several times as long
+    parser = expat.ParserCreate(namespace_separator="}")
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda _: above.pop()
     try:
-        root = ET.fromstring(_DECLARATION.sub("", text).strip())
-    except ET.ParseError as error:
+        parser.Parse(_DECLARATION.sub("", text, count=1).strip(), True)
+    except expat.ExpatError as error:
         raise MoveFileError(f"{path}: not valid XML: {error}") from None
-    if _local(root) != "scene":
-        raise MoveFileError(f"{path}: expected <scene> as the outermost element, found {root.tag}")
-    return [element for element in root if _local(element) == "axis"]
+    return axes
 
 
 def axes_toml(text: str, path: str) -> str:
     """Return the axes.toml of a scene's rig: its axes with steps per unit and a connection's
     channel, which is the motor. Raises MoveFileError if there is none."""
     found = []
-    for axis in _axes(text, path):
+    for axis in (each.attributes for each in _axes(text, path)):
         channel = axis.get("connectionChannel", "")
-        if "stepsPerUnit" not in axis.attrib or channel in ("", "0", "-1"):
+        if "stepsPerUnit" not in axis or channel in ("", "0", "-1"):
             continue
         where = f"{path}, axis {axis.get('name') or len(found) + 1}"
         steps = number(axis.get("stepsPerUnit", ""), f"{where}, stepsPerUnit")
@@ -92,20 +119,20 @@ def axes_toml(text: str, path: str) -> str:
         lines += [f'unit = "{unit}"'] * (unit in UNITS)
         lines += ["invert = true"] * (steps < 0)
         for key, what in (("runMaxVelocity", "s"), ("runMaxAcceleration", "s²")):
-            if key in axis.attrib:
-                lines.append(f"# {key} in Arc: {shown([axis.attrib[key]])[1:-1]} units/{what}")
+            if key in axis:
+                lines.append(f"# {key} in Arc: {shown([axis[key]])[1:-1]} units/{what}")
         found.append("\n".join(lines) + "\n")
     if not found:
         raise MoveFileError(f"{path}: expected an axis with stepsPerUnit, found none")
     return "\n".join(found)
 
 
-def _channel(axis: ET.Element, name: str, where: str, column: int) -> Channel | None:
+def _channel(axis: _Axis, name: str, where: str, column: int) -> Channel | None:
     """Return an axis, or None if it has no keyframes."""
-    unit = axis.get("units", "").strip().lower()
+    unit = axis.attributes.get("units", "").strip().lower()
     if unit and unit not in UNITS:
         raise MoveFileError(f"{where}: expected units of {', '.join(UNITS)}, found {shown([unit])}")
-    keys = _points(axis, "points", f"{where}, keyframe")
+    keys = _points(axis.points, f"{where}, keyframe")
     if not keys:
         return None
     for i, (key, following) in enumerate(pairwise(keys), 1):
@@ -114,7 +141,7 @@ def _channel(axis: ET.Element, name: str, where: str, column: int) -> Channel | 
                 f"{where}, keyframe {i + 1}: expected a frame after {key[0]:g}, "
                 f"found {following[0]:g}"
             )
-    handles = _points(axis, "controlPoints", f"{where}, control point")
+    handles = _points(axis.handles, f"{where}, control point")
     if len(handles) != 2 * (len(keys) - 1):
         raise MoveFileError(
             f"{where}: expected {2 * (len(keys) - 1)} control points for {len(keys)} keyframes, "
@@ -136,18 +163,18 @@ def _segment(start: Point, handle: Point, other: Point, end: Point, where: str) 
     return Segment(start, within(handle, start, end[0]), within(other, end, start[0]), end)
 
 
-def _points(axis: ET.Element, kind: str, where: str) -> list[Point]:
+def _points(texts: list[tuple[str, str]], where: str) -> list[Point]:
+    try:
+        found = [(float(x), float(y)) for x, y in texts]
+    except ValueError:
+        found = []
+    plain = len(found) == len(texts) and not any("_" in x or "_" in y for x, y in texts)
+    if plain and all(abs(x) <= GREATEST and abs(y) <= GREATEST for x, y in found):
+        return found
     return [
-        (
-            number(point.get("x", ""), f"{where} {i}, x"),
-            number(point.get("y", ""), f"{where} {i}, y"),
-        )
-        for i, point in enumerate((e for e in axis if _local(e) == kind), 1)
+        (number(x, f"{where} {i}, x"), number(y, f"{where} {i}, y"))
+        for i, (x, y) in enumerate(texts, 1)
     ]
-
-
-def _local(element: ET.Element) -> str:
-    return element.tag.rpartition("}")[2]
 
 
 def write(table: Table, fps: float | None) -> str:

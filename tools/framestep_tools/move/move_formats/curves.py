@@ -3,7 +3,8 @@
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from typing import NamedTuple, Protocol
 
 from ..text_file import MoveFileError
 
@@ -137,8 +138,7 @@ class Unreadable:
         return self
 
 
-@dataclass(frozen=True)
-class Segment:
+class Segment(NamedTuple):
     """A cubic Bézier curve between two keyframes. Its handles stay between them, so there is one
     value at each place."""
 
@@ -204,7 +204,7 @@ class Keyframes:
         """Place of the last keyframe."""
         return self.keys[-1][0]
 
-    @property
+    @cached_property
     def known(self) -> list[float]:
         """Places of the keyframes."""
         return [x for x, _ in self.keys]
@@ -229,7 +229,7 @@ class Keyframes:
 
     def at(self, x: float) -> float:
         """Return the value at a place; beyond the ends, the value of the end keyframe."""
-        i = bisect_right(self.keys, x, key=lambda point: point[0]) - 1
+        i = bisect_right(self.known, x) - 1
         if i < 0:
             return self.keys[0][1]
         if i == len(self.keys) - 1 or x == self.keys[i][0]:

@@ -39,6 +39,7 @@ _FRAME_RATE = re.compile(
 )  # later versions write 23.976fps, and df for drop frames
 _FILM = (24000 / 1001, 30000 / 1001, 48000 / 1001, 60000 / 1001, 120000 / 1001)  # written rounded
 _COMMENT = re.compile(r"(//|#).*")
+_KEY = re.compile(r"\s*([^\s{};#/][^{};#/]*);\s*")
 _WORD = re.compile(r"[{};]|[^\s{};]+")
 _ATTRIBUTE = re.compile(r"([\w:|]+)\.([\w.\[\]]+)")
 _LINEAR, _ANGULAR = ("mm", "cm", "m", "in", "ft"), ("deg", "rad")
@@ -127,6 +128,10 @@ def _statements(text: str) -> Iterator[tuple[int, list[str]]]:
     """Yield line and words of each statement; a { ends its statement, and a } is one."""
     words: list[str] = []
     for line, content in enumerate(text.splitlines(), 1):
+        key = _KEY.fullmatch(content) if not words else None  # most lines of a long file
+        if key:
+            yield line, key[1].split()
+            continue
         for word in _WORD.findall(_COMMENT.sub("", content)):
             if word != ";":
                 words.append(word)
