@@ -349,6 +349,26 @@ def test_columns_that_are_named_count_as_framestep_does(shot):
 
 
 @pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (
+            ["x=9", "y=2", "z=3"],
+            "a.txt has no column '9' for x; it has column 1, column 2, column 3",
+        ),
+        (["x=1", "y=2"], "a.txt has no column for z, name it too; it has column 1, column 2, co"),
+        (["x=1", "y=2", "z=3", "roll=rz"], "a.txt has no column 'rz' for roll; it has column 1"),
+    ],
+)
+def test_columns_that_are_not_there(given, said, shot, capsys):
+    (shot / "axes.toml").write_text(SLIDER)
+    (shot / "a.txt").write_text("0.1 0 0 5 7\n0.2 0 0 6 8\n")
+    options = [word for text in given for word in ("--column", text)]
+    assert run(shot, "import", str(shot / "a.txt"), "-o", str(shot / "o"), *options) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+
+
+@pytest.mark.parametrize(
     ("row", "said"),
     [
         ("2 0 1300 0 0 0 0", "a.chan, frame 2: y at 1300 mm is out of the rig's reach, allowed: "

@@ -67,12 +67,12 @@ class PoseColumns:
 
 
 def pose_columns(
-    recording: Recording, rig: CameraRig, chosen: Mapping[str, str]
+    recording: Recording, rig: CameraRig, chosen: Mapping[str, str], path: str
 ) -> PoseColumns | None:
     """Return the columns of the camera's pose, or None if the file has none.
 
     chosen: columns that the user has named, also for x, y, z, pan, tilt, roll: these count as
-    framestep does.
+    framestep does. Raises ToolError if one of these is not there.
     """
     asked = any(part in chosen for part in PARTS)
     camera = recording.camera if recording.camera and not asked else OWN
@@ -84,6 +84,12 @@ def pose_columns(
         found = [channel for text in names for channel in _called(recording, text)]
         if found:
             channels[name] = found[0]
+        elif name in chosen or (name in camera.position and any(p in chosen for p in "xyz")):
+            said = f"{chosen[name]!r} for {name}" if name in chosen else f"for {name}, name it too"
+            raise ToolError(
+                f"--column: {path} has no column {said}; it has "
+                f"{', '.join(map(str, recording.channels))}"
+            )
     needed = [*camera.position, *(camera.target or ())]
     if not all(name in channels for name in needed):
         return None

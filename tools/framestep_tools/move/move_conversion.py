@@ -56,7 +56,7 @@ def to_move(
             f"{path} is at {named:.10g} frames/s, --fps says {fps:.10g}: leave --fps out"
         )
     chosen = chosen or {}
-    pose = pose_columns(recording, camera, chosen) if camera else None
+    pose = pose_columns(recording, camera, chosen, path) if camera else None
     posed: list[Axis] = []
     others = axes
     if camera and pose:
