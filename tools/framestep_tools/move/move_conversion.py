@@ -3,12 +3,13 @@
 import math
 import re
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 from ..errors import ToolError
 from .axes_file import Axis
 from .camera_pose import PARTS, pose_columns
 from .camera_rig import CameraRig
-from .frame_times import to_frames
+from .frame_times import Frame, to_frames
 from .move_file import Move
 from .move_formats.camera import Camera
 from .move_formats.recording import FIRST_FRAME, Channel, Column, Curve, Recording, Table
@@ -69,28 +70,15 @@ def to_move(
     used = [channel.curve for channel in taken]
     if not used:
         raise ToolError(f'{path}: no axis to take from it: each of the axes has "hold"')
-    begin, end = min(curve.first for curve in used), max(curve.last for curve in used)
-    per_place = fps if fps and recording.seconds else 1.0
-    if (end - begin) * per_place > LONGEST:
-        raise ToolError(f"{path}: expected at most {LONGEST} frames, found {begin:g} to {end:g}")
-    frame = to_frames(
-        [curve.known for curve in used], recording.step, per_place, from_zero=recording.seconds
-    )
-    begin, end = frame(begin), frame(end)
-    whole = math.ceil(begin - _CLOSE)
-    first = FIRST_FRAME if recording.seconds else whole
-    number = first if start is None else start
-    count = max(1, math.floor(end + _CLOSE) - whole + 1)
-    for edge in (number, number + count - 1):
-        if not -(2**31) <= edge < 2**31:
-            raise ToolError(f"{path}: frame numbers have to fit 32 bits signed, found {edge}")
+    span = _span(recording, used, fps, start, path)
+    whole, number, count = span.whole, span.number, span.frames
     if smooth and count < smooth:
         raise ToolError(f"--smooth {smooth} needs at least as many frames, {path} has {count}")
     said = list(recording.said)
 
     def over_frames(channel: Channel, name: str, unit: str) -> Curve:
         """Return a channel's curve over frames, its full turns unwrapped."""
-        curve = channel.curve.moved(frame)
+        curve = channel.curve.moved(span.frame)
         if unwrap:
             nearest = max(1.0, _TURNING_S * (fps or 1.0)) + _CLOSE
             curve, turns = unwrapped(curve, channel.unit or unit, nearest)
@@ -139,6 +127,38 @@ def to_move(
     known = {id(channel) for channel in taken}
     left = [str(channel) for channel in recording.axes if id(channel) not in known]
     return Move(number, names, positions, recording.fps or fps, tuple(said)), left
+
+
+class _Span(NamedTuple):
+    """Frames of a move: the function from a place in the file to a frame, the first whole frame
+    there, its number in the move, and how many there are."""
+
+    frame: Frame
+    whole: int
+    number: int
+    frames: int
+
+
+def _span(
+    recording: Recording, curves: list[Curve], fps: float | None, start: int | None, path: str
+) -> _Span:
+    """Return the frames of a move, as `to_move` makes it."""
+    begin, end = min(curve.first for curve in curves), max(curve.last for curve in curves)
+    per_place = fps if fps and recording.seconds else 1.0
+    if (end - begin) * per_place > LONGEST:
+        raise ToolError(f"{path}: expected at most {LONGEST} frames, found {begin:g} to {end:g}")
+    frame = to_frames(
+        [curve.known for curve in curves], recording.step, per_place, from_zero=recording.seconds
+    )
+    begin, end = frame(begin), frame(end)
+    whole = math.ceil(begin - _CLOSE)
+    first = FIRST_FRAME if recording.seconds else whole
+    number = first if start is None else start
+    count = max(1, math.floor(end + _CLOSE) - whole + 1)
+    for edge in (number, number + count - 1):
+        if not -(2**31) <= edge < 2**31:
+            raise ToolError(f"{path}: frame numbers have to fit 32 bits signed, found {edge}")
+    return _Span(frame, whole, number, count)
 
 
 def _in_degrees(axis: Axis, positions: list[float]) -> list[float]:
