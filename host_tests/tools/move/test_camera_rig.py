@@ -1,6 +1,7 @@
 """From a camera's pose in a file to the motors of its rig, and back."""
 
 import json
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from framestep_tools.move import rig_axes
 from framestep_tools.move.any_file import any_of
 from framestep_tools.move.move_conversion import to_move, to_pose_table
 from framestep_tools.move.move_file import Move, read_move
-from framestep_tools.move.move_formats import FORMATS
+from framestep_tools.move.move_formats import FORMATS, of_content
 from framestep_tools.move.text_file import Text
 from host_tests.tools.move.move_samples import run
 
@@ -429,6 +430,56 @@ def test_mistakes_in_the_camera_table(camera, said):
         moved(SHOT, "a.chan", text)
     assert said in str(error.value)
     assert str(error.value).startswith("axes.toml")
+
+
+def test_the_pose_is_named_and_has_to_be_there(shot, capsys):
+    (shot / "axes.toml").write_text(SLIDER)
+    (shot / "a.chan").write_text("1 0 0 0 0 0 0 7\n")
+    (shot / "b.csv").write_text("seconds,slide,pan,vfov\n0,1,2,3\n")
+    out = str(shot / "o.csv")
+    assert run(shot, "import", str(shot / "a.chan"), "-o", out) == 0
+    assert "tx, ty, tz, rz, rx, ry: the camera's pose, by [camera]\n" in capsys.readouterr().err
+    assert run(shot, "import", str(shot / "b.csv"), "-o", out, "--fps", "24") == 0
+    assert capsys.readouterr().err == ""
+    words = ["import", str(shot / "b.csv"), "-o", out, "--fps", "24", "--camera", "up=z"]
+    assert run(shot, *words) == 1
+    assert "b.csv has no camera's pose: expected columns such as x" in capsys.readouterr().err
+
+
+POSES = [
+    FORMATS[name].write(
+        to_pose_table(
+            Move(1, {}, {i: [40 * i, 90 * i, 7] for i in range(1, 7)}),
+            rig_axes.of_text(axes_toml("X-Y-Z"), "axes.toml").list,
+            rig_axes.of_text(axes_toml("X-Y-Z"), "axes.toml").camera_rig(),
+            FORMATS[name].CAMERA,
+        ),
+        None,
+    )
+    for name in ("chan", "csv", "flair", "ae", "aejson", "bvh", "anim", "gltf")
+]
+
+
+@settings(max_examples=300)
+@given(
+    st.sampled_from(POSES),
+    st.sampled_from(sorted(RIGS)),
+    st.sampled_from(
+        ["", 'origin = "first"\n', 'up = "z"\n', 'order = "XYZ"\n', "heading = 1e14\n"]
+    ),
+    st.floats(0, 1),
+    st.integers(0, 10),
+    st.sampled_from(["", "-", "1e308", "1e15", "nan", "9" * 12, "\n", "\t", "x", "}", '"', "0"]),
+)
+def test_a_spoilt_pose_is_read_or_refused(text, kind, more, at, length, put):
+    """Nothing comes out but the error that a command prints as a sentence."""
+    begin = int(at * len(text))
+    axes = rig_axes.of_text(axes_toml(kind, more), "axes.toml")
+    with suppress(ToolError):
+        spoilt = text[:begin] + put + text[begin + length :]
+        recording = of_content(spoilt, "a.chan").read(spoilt, "a.chan")
+        fps = 24.0 if recording.seconds else None
+        to_move(recording, axes.list, "a.chan", fps, camera=axes.camera_rig())
 
 
 def test_camera_options_that_are_wrong(shot, capsys):

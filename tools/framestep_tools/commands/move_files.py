@@ -216,6 +216,7 @@ def import_move(
         unwrap,
         smooth,
         rig.camera_rig(_camera(camera)),
+        posed=bool(camera),
     )
     if to_fps or speed:
         from ..move.resample import resampled

@@ -24,10 +24,11 @@ class PoseColumns:
     @property
     def said(self) -> list[str]:
         """What the user should know."""
+        said = [f"{', '.join(map(str, self.channels.values()))}: the camera's pose, by [camera]"]
         missing = [name for name, _ in self.camera.rotations if name not in self.channels]
-        if len(self.camera.rotations) > 3:  # After Effects writes what is not 0
-            return []
-        return [f"the file has no {', '.join(missing)}, taken as 0"] if missing else []
+        if missing and len(self.camera.rotations) < 4:  # After Effects writes what is not 0
+            said.append(f"the file has no {', '.join(missing)}, taken as 0")
+        return said
 
     def poses(
         self,

@@ -39,6 +39,7 @@ def to_move(
     unwrap: bool = True,
     smooth: int | None = None,
     camera: CameraRig | None = None,
+    posed: bool = False,
 ) -> tuple[Move, list[str]]:
     """Return a move of the axes in their motors' order, and the file's names without an axis.
 
@@ -46,8 +47,8 @@ def to_move(
     start: number of the first frame (None: the file's, or 1); chosen: heading or number of the
     file's column by the name of an axis; unwrap: rotations go on beyond full turns;
     smooth: over so many frames, needs scipy; camera: the rig that takes the camera to its poses in
-    the file. Raises ToolError if an axis is not in the file, its unit is of another kind, or a
-    position is beyond its limits or the rig's reach, with the frame.
+    the file; posed: the file has to have poses. Raises ToolError if an axis is not in the file, its
+    unit is of another kind, or a position is beyond its limits or the rig's reach, with the frame.
     """
     if recording.seconds and fps is None:
         raise ToolError(f"{path} is in seconds: name the frames per second by --fps")
@@ -58,11 +59,14 @@ def to_move(
         )
     chosen = chosen or {}
     pose = pose_columns(recording, camera, chosen, path) if camera else None
-    posed: list[Axis] = []
-    others = axes
-    if camera and pose:
-        posed = camera.moved
-        others = [axis for axis in axes if axis not in posed]
+    if posed and not pose:
+        raise ToolError(
+            f"--camera: {path} has no camera's pose: expected columns such as x, y, z, or "
+            f"--column x=2 and so on; it has {', '.join(recording.names)}"
+        )
+    by_pose = camera.moved if camera and pose else []
+    others = [axis for axis in axes if axis not in by_pose]
+    if pose:
         chosen = {name: column for name, column in chosen.items() if name not in PARTS}
     channels = _assigned(recording, others, path, chosen)
     taken = [channel for channel in channels if channel]
@@ -103,7 +107,7 @@ def to_move(
         said += [*pose.said, *about]
     positions: dict[int, list[int]] = {}
     moving = {axis.motor for axis, channel in zip(others, channels, strict=True) if channel}
-    moving |= {axis.motor for axis in posed}
+    moving |= {axis.motor for axis in by_pose}
     for axis in axes:
         if smooth and axis.motor in moving:
             rough, places[axis.motor] = places[axis.motor], smoothed(places[axis.motor], smooth)
