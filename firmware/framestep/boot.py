@@ -27,6 +27,7 @@ mistake = None  # text of the mistake in the rig file
 _READING = (
     "framestep.rig.homes",
     "framestep.rig.servos",
+    "framestep.rig.pendants",
     "framestep.rig.settings",
     "framestep.rig.drivers",
     "framestep.rig.pins",

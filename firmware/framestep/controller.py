@@ -147,6 +147,19 @@ class Controller:
                 self.faults,
             )
             parts.append(self.homing)
+        self.pendant = None
+        if rig.pendant:
+            from framestep.hand_wheel import Pendant
+
+            self.pendant = Pendant(
+                hal,
+                rig.pendant,
+                self.axes,
+                self.gate,
+                self.safety,
+                self.operations,
+                self.virtuals,
+            )
         self.motors = Motors(
             hal,
             rig,
@@ -331,6 +344,8 @@ class Controller:
             self.motors.end_jogs(now)
         if self.homing:
             self.homing.poll(now)
+        if self.pendant:
+            self.pendant.poll(now)
         if whole:
             self._plan(now)
         else:
@@ -449,6 +464,8 @@ class Controller:
     def _light(self, beat):
         """Show this beat of the LED's pattern."""
         self.beat = beat
+        if self.pendant and self.pendant.show(self.now, beat):
+            return
         if self.faults.fault or self.broken or self.safety.tripped:
             light = LED_FAULT
         elif self.reports.was_moving:

@@ -131,6 +131,22 @@ def test_the_simulated_board_is_a_pico():
             },
             "motors[1].home.square: found -195, allowed is -191 at least",
         ),
+        (
+            {"pendant": {"a": 2, "b": 26, "enable": 27}},
+            "pendant.a: found 2, which is the board's step 1 already; allowed is a free pin",
+        ),
+        (
+            {"pendant": {"a": 22, "b": 22, "enable": 27}},
+            "pendant.b: found 22, which is pendant.a already; allowed is a free pin",
+        ),
+        (
+            {"pendant": {"a": 22, "b": 26}},
+            "pendant.enable: is missing, expected is a whole number from 0 to 47",
+        ),
+        (
+            {"pendant": {"a": 22, "b": 26, "enable": 27, "click": 0}},
+            "pendant.click: found 0, allowed is a whole number from 1 to 10000 steps",
+        ),
         ({"shoot_input": 3}, "shoot_input: found 3, but there are 2 inputs"),
         (
             {"shoot_input": 1, "go_input": 1},
@@ -207,6 +223,11 @@ def test_mistakes(settings, text):
     with pytest.raises(RigError) as error:
         Rig(settings, BOARD)
     assert text in str(error.value)
+
+
+def test_an_esp32_has_no_pendant():
+    with pytest.raises(RigError, match="pendant: found an object, but this chip is too slow"):
+        Rig({"pendant": {"a": 34, "b": 35, "enable": 32}}, board_data("esp32_595"))
 
 
 def test_a_type_of_driver_sets_what_is_not_given():

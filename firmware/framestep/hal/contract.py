@@ -81,7 +81,8 @@ class Hal:
         raise NotImplementedError
 
     def watch(self, bits, handler):
-        """Call handler(x) from a hard interrupt when one of these inputs changes. Once, at boot."""
+        """Call handler(x) from a hard interrupt when one of these inputs changes. At boot, once
+        for each input."""
         raise NotImplementedError
 
     def take_lost_commands(self):

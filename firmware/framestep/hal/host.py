@@ -240,8 +240,7 @@ class HostHal:
         self._places = {}  # bit numbers of pins, where pin numbers may be above 29
         self._outputs = 0  # pins that are driven
         self._levels = 0  # of all pins
-        self._watched = 0
-        self._handler = None
+        self._watchers = []  # (bits of inputs, handler)
         self.dmx = HostDmx(self) if rig.dmx else NoDmx()
         self.watchdog = HostWatchdog(self, caused_reset) if rig.watchdog else NoWatchdog()
         self._clock = array("i", [0])
@@ -348,8 +347,7 @@ class HostHal:
         return self._levels
 
     def watch(self, bits, handler):
-        self._watched = bits
-        self._handler = handler
+        self._watchers.append((bits, handler))
 
     def set_level(self, pin, level):
         """Set the level of a pin from outside."""
@@ -357,8 +355,9 @@ class HostHal:
         if ((self._levels >> place) & 1) != level:
             self._levels ^= 1 << place
             self.report_edge(self.names.get(pin, "pin%d" % pin), level)
-            if (self._watched >> place) & 1:
-                self._handler(None)
+            for bits, handler in self._watchers:
+                if (bits >> place) & 1:
+                    handler(None)
 
     def led(self, colour):
         self.colour = colour

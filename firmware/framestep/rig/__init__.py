@@ -49,7 +49,14 @@ class Rig:
         self._count_motors(settings, len((board or {}).get("step", ())))
         servos = self._read_servos()
         self.drivers = self._read_drivers() if driven else None
-        self.limits, self.outputs, self.inputs = assign(settings, self.board, servos)
+        self.pendant = None
+        others = [(pin, "motors[%d].servo.pin" % (i + 1)) for i, pin in servos]
+        if settings["pendant"] is not None:
+            from framestep.rig import pendants
+
+            self.pendant = pendants.read_pendant(settings["pendant"], self.board)
+            others += pendants.pins(self.pendant)
+        self.limits, self.outputs, self.inputs = assign(settings, self.board, others)
         self.servos = 0  # one bit for each motor that is a servo
         for i, pin in servos:
             self.servos |= 1 << i

@@ -70,12 +70,12 @@ def _board_pins(board, dmx):
     return taken
 
 
-def assign(settings, board, servos=()):
+def assign(settings, board, others=()):
     """Assign pins to limits, outputs and inputs. Each pin can be used once.
 
-    settings: the whole file's. board: the board's data, see fitted(). servos: (motor from 0, pin)
-    of each servo. Return (limits, outputs, inputs), each a list of dictionaries. Raises RigError
-    for a mistake.
+    settings: the whole file's. board: the board's data, see fitted(). others: (pin, its key) of
+    servos and a pendant. Return (limits, outputs, inputs), each a list of dictionaries. Raises
+    RigError for a mistake.
     """
     taken = _board_pins(board, settings["dmx"])
 
@@ -106,9 +106,9 @@ def assign(settings, board, servos=()):
 
     for i, pin in enumerate(board.get("drivers", {}).get("pins", [])):
         claim(pin, "motors[%d].driver.pin" % (i + 1), switches + drives)
-    for i, pin in servos:
+    for pin, key in others:
         if pin != NO_PIN or board:
-            claim(pin, "motors[%d].servo.pin" % (i + 1), switches + drives)
+            claim(pin, key, drives if "pendant" in key else switches + drives)
     limits = read_list(LIMIT_SETTINGS, settings["limits"], "limits")
     for i, limit in enumerate(limits):
         for key in ("high", "low", "pin"):

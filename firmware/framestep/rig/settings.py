@@ -51,6 +51,8 @@ SETTINGS = {
     "limits": (list, 0, 12, [], "",
         "limit switch sets 1, 2, …; a set stops a motor only once the host has assigned it "
         "(SET_LIMITS)"),
+    "pendant": (dict, None, None, None, "",
+        "a hand wheel with buttons at the board (docs/use/pendant.md)"),
     "estop": (str, ("none", "nc", "no"), None, "none", "",
         "E-stop button between its pin and ground: normally closed or open"),
     "estop_cuts_power": (bool, None, None, False, "",

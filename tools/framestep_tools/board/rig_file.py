@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from framestep import rig
-from framestep.rig import drivers, homes, servos, settings
+from framestep.rig import drivers, homes, pendants, servos, settings
 
 from ..client.port_finder import at_rate
 from ..errors import ToolError
@@ -164,6 +164,7 @@ _NESTED: dict[str, dict[str, Any]] = {
     "motors[n]": settings.MOTOR_SETTINGS,
     "motors[n].driver": settings.DRIVER_SETTINGS,
     "limits[n]": settings.LIMIT_SETTINGS,
+    "pendant": pendants.PENDANT_SETTINGS,
     "inputs[n]": settings.INPUT_SETTINGS,
     "outputs[n]": settings.OUTPUT_SETTINGS,
 }
@@ -228,6 +229,7 @@ def commented(content: str) -> str:
         ('of "driver": {…} of a motor', settings.DRIVER_SETTINGS),
         ('of "home": {…} of a motor', homes.HOME_SETTINGS),
         ('of "servo": {…} of a motor', servos.SERVO_SETTINGS),
+        ('of "pendant": {…}', pendants.PENDANT_SETTINGS),
         ('of "outputs": [{…}]', settings.OUTPUT_SETTINGS),
         ('of "inputs": [{…}]', settings.INPUT_SETTINGS),
         ('of "limits": [{…}]', settings.LIMIT_SETTINGS),

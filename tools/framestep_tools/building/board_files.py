@@ -52,7 +52,9 @@ _COMPILER = "framestep/motion/formula.py"  # only needed while the core is built
 # so the compiler drops code for CPython
 _ON_BOARDS = {"framestep.base.native": {"CPYTHON": 0}}
 _DECLARED = "framestep/protocol/declared/"  # for the host: of its messages a board has numbers,
-_SETTINGS = tuple(f"framestep/rig/{name}.py" for name in ("settings", "homes", "servos", "drivers"))
+_SETTINGS = tuple(
+    f"framestep/rig/{name}.py" for name in ("settings", "homes", "servos", "drivers", "pendants")
+)
 _MESSAGES = "framestep/protocol/messages.py"  # here
 
 

@@ -7,7 +7,7 @@ python -m framestep_tools.documents.rig_schema          put it into docs/use/rig
 import json
 from typing import Any
 
-from framestep.rig import homes, servos, settings
+from framestep.rig import homes, pendants, servos, settings
 
 _TYPES = {
     str: "string",
@@ -22,6 +22,7 @@ _WITHIN: dict[str, dict[str, Any]] = {
     "driver": settings.DRIVER_SETTINGS,
     "home": homes.HOME_SETTINGS,
     "servo": servos.SERVO_SETTINGS,
+    "pendant": pendants.PENDANT_SETTINGS,
     "outputs": settings.OUTPUT_SETTINGS,
     "inputs": settings.INPUT_SETTINGS,
     "limits": settings.LIMIT_SETTINGS,

@@ -5,7 +5,7 @@ python -m framestep_tools.documents.rig_table          put it there
 
 import json
 
-from framestep.rig import homes, servos, settings
+from framestep.rig import homes, pendants, servos, settings
 
 from ..building.board_files import ROOT
 
@@ -30,6 +30,7 @@ TASKS = {
     "Drivers": ("motors[].driver", "motors[].driver."),
     "Homing": ("motors[].home", "home_input", "motors[].home."),
     "Servos": ("motors[].servo", "motors[].servo."),
+    "Pendant": ("pendant", "pendant."),
     "Moves": ("strict_moves", "smoothing", "go_input", "shoot_input"),
     "Camera, outputs and inputs": (
         "shutter_on", "shutter_delay_ms", "shutter_hold_ms", "meter_on", "outputs", "outputs[].",
@@ -75,6 +76,7 @@ def _all_rows() -> dict[str, str]:
     rows += _rows(settings.DRIVER_SETTINGS, "motors[].driver.")
     rows += _rows(homes.HOME_SETTINGS, "motors[].home.")
     rows += _rows(servos.SERVO_SETTINGS, "motors[].servo.")
+    rows += _rows(pendants.PENDANT_SETTINGS, "pendant.")
     rows += _rows(settings.OUTPUT_SETTINGS, "outputs[].")
     rows += _rows(settings.INPUT_SETTINGS, "inputs[].")
     rows += _rows(settings.LIMIT_SETTINGS, "limits[].")
