@@ -161,9 +161,14 @@ class Stage:
         self._browser = browser
         self._started = contextlib.ExitStack()
 
-    def simulated(self, rig=None, motors=None, speed=1.0, board="pico"):
-        """Start a simulated board."""
-        device = Device(SimulatedBoard(rig, motors, board), speed)
+    def simulated(self, rig=None, motors=None, speed=1.0, board="pico", known=False):
+        """Start a simulated board. known: its motors' positions are."""
+        made = SimulatedBoard(rig, motors, board)
+        if known:
+            positions = made.host_board.controller.axes.positions
+            for motor in range(positions.count):
+                positions.set_known(motor)
+        device = Device(made, speed)
         self._started.callback(device.close)
         return device
 

@@ -30,6 +30,7 @@ def in_banner(page, text):
 def states(stage, page, device):
     """Yield the name of each state once the page is in it, and the page."""
     in_banner(page, "Positions not set")
+    cannot_play(page, "positions are lost")
     yield "positions not set", page
     for number in range(1, 9):
         position = 40_000 if number == 8 else 0
@@ -74,6 +75,7 @@ def states(stage, page, device):
     page.locator("#modes [data-mode=run]").click()
     device.set_pin("estop", 0)
     in_banner(page, "E-STOP")
+    cannot_play(page, "the E-stop is held")
     yield "E-stop", page
     device.set_pin("estop", 1)
     expect(page.locator("#banner")).not_to_contain_text("E-STOP")
@@ -97,6 +99,7 @@ def states(stage, page, device):
     broken(device, True)
     in_banner(page, "Fault")
     in_banner(page, "mend what is wrong")
+    cannot_play(page, "there is a fault")
     yield "fault", page
     broken(device, False)
     expect(page.locator("#banner")).not_to_contain_text("Fault")
@@ -120,6 +123,12 @@ def states(stage, page, device):
     page.reload()
     in_banner(page, "Cannot open")
     yield "not connected", page
+
+
+def cannot_play(page, why):
+    expect(page.locator("#go")).to_contain_text(why)
+    for button in ("#ready", "#go", "#send"):
+        expect(page.locator(button)).to_be_disabled()
 
 
 def broken(device, on):

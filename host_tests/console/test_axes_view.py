@@ -55,7 +55,7 @@ def rig(tmp_path):
 @pytest.fixture
 def opened(stage, rig):
     """Return the page, and a device of three motors with that axes.toml."""
-    device = stage.simulated({"jog_timeout_ms": 0}, motors=3)
+    device = stage.simulated({"jog_timeout_ms": 0}, motors=3, known=True)
     with device.client() as client:
         client.request(MotorSetSpeed(2, 4000, 20_000))
     served = stage.console(device.url)

@@ -14,7 +14,7 @@ from framestep_tools.judge.demo import ROLL_MS
 from framestep_tools.judge.judge import judge
 from framestep_tools.judge.reference import Reference
 from framestep_tools.judge.trace import Trace
-from framestep_tools.payloads import MotorResetPosition, RtUploadMoveAxis
+from framestep_tools.payloads import RtUploadMoveAxis
 from host_tests.console.looking import (
     AXE,
     DRAWERS,
@@ -62,10 +62,8 @@ SCROLLS = """() => [document.documentElement, document.querySelector('#rows'), d
 
 def opened(stage, motors=8, rig=None, **options):
     """Return a page whose motors have positions, and its device."""
-    device = stage.simulated({"estop": "no", "name": "desk", **(rig or {})}, motors, SPEED)
-    with device.client() as client:
-        for number in range(1, motors + 1):
-            client.request(MotorResetPosition(number, 0))
+    board = {"estop": "no", "name": "desk", **(rig or {})}
+    device = stage.simulated(board, motors, SPEED, known=True)
     page = stage.page(stage.console(device.url).url, **options)
     wait_connected(page)
     return page, device
@@ -170,10 +168,7 @@ def test_a_take_by_keys_alone_from_an_empty_rig(stage):
 @pytest.mark.parametrize("keep", [False, True], ids=["alone", "goes on"])
 def test_the_link_is_lost_in_a_run(stage, keep):
     """The page does not know how it ends, and says so; STOP is sent once the link is back."""
-    device = stage.simulated({"estop": "no"}, 2)
-    with device.client() as client:
-        for number in (1, 2):
-            client.request(MotorResetPosition(number, 0))
+    device = stage.simulated({"estop": "no"}, 2, known=True)
     console = stage.console(device.url)
     page = stage.page(console.url)
     wait_connected(page)

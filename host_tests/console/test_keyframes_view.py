@@ -53,7 +53,7 @@ def opened(stage, tmp_path):
     """Return the page, and a device of two motors with an axes.toml."""
     path = tmp_path / "axes.toml"
     path.write_text(AXES)
-    device = stage.simulated(motors=2, speed=3.0)
+    device = stage.simulated(motors=2, speed=3.0, known=True)
     with device.client() as client:
         client.request(MotorResetPosition(1, 50))
     served = stage.console(device.url)

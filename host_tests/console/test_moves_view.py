@@ -44,7 +44,7 @@ LONG_MOVE = "frame;a\r\n" + "".join(f"{n};{n % 50}\r\n" for n in range(LONG)) + 
 @pytest.fixture(scope="module")
 def device(shared_stage):
     rig = {"outputs": [{"pin": 22}, {"pin": 26}], "inputs": [{"pin": 27}, {"pin": 28}]}
-    return shared_stage.simulated(rig, motors=2, speed=SPEED)
+    return shared_stage.simulated(rig, motors=2, speed=SPEED, known=True)
 
 
 @pytest.fixture(scope="module")
@@ -436,7 +436,7 @@ def test_inputs_outputs_and_lights(page, device):
 
 
 def test_a_run_goes_on_without_the_page_only_where_the_user_says_so(stage):
-    device = stage.simulated(motors=2, speed=SPEED)
+    device = stage.simulated(motors=2, speed=SPEED, known=True)
     served = stage.console(device.url)
     ends = []
     for keep in (True, False):
@@ -494,7 +494,7 @@ def test_a_hidden_page_lets_a_run_go_on_only_where_the_user_says_so(page):
 
 
 def test_a_page_that_is_loaded_again_stops_its_run(stage):
-    device = stage.simulated(motors=2, speed=SPEED)
+    device = stage.simulated(motors=2, speed=SPEED, known=True)
     page = stage.page(stage.console(device.url).url)
     wait_connected(page)
     choose(page, MOVE)
@@ -509,7 +509,7 @@ def test_a_page_that_is_loaded_again_stops_its_run(stage):
 
 def test_nothing_of_a_page_is_left_in_the_device(stage):
     """A run that waits for GO ends with its page."""
-    device = stage.simulated(motors=2, speed=SPEED)
+    device = stage.simulated(motors=2, speed=SPEED, known=True)
     page = stage.page(stage.console(device.url).url)
     wait_connected(page)
     choose(page, MOVE)
@@ -523,7 +523,7 @@ def test_nothing_of_a_page_is_left_in_the_device(stage):
 
 
 def test_moves_used_before_are_at_hand(stage):
-    device = stage.simulated(motors=2, speed=SPEED)
+    device = stage.simulated(motors=2, speed=SPEED, known=True)
     page = stage.page(stage.console(device.url).url)
     wait_connected(page)
     go_to(page, "Move")

@@ -55,6 +55,12 @@ const desk = {
   series,
   keepLine: session.keepLine,
   stop: () => stop(),
+  /** Why the move cannot be played whatever is pressed; "" if it can. */
+  get blocked() {
+    if (session.estop) return "the E-stop is held";
+    if (session.faultBits.length) return "there is a fault";
+    return work.move?.motors.some((motor) => device.lost.includes(motor)) ? "positions are lost" : "";
+  },
   forget: () => { last = null; },
   page: "take",
   get narrow() { return NARROW.matches; },

@@ -5,7 +5,7 @@ import { CODES, M, REQUESTS } from "./protocol.js";
 
 const PATIENCE_MS = 3000;
 
-/** The device has refused a request; `code` is the response code. */
+/** The device has refused a request; `code` is the response code, `motor` the request's, if it names one. */
 export class Refused extends Error {
   constructor(request, code) {
     const [name, meaning] = CODES[code] ?? [`code ${code}`, "the specification has no such code"];

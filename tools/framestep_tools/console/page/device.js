@@ -171,6 +171,7 @@ export class Device extends EventTarget {
       return answer;
     } catch (error) {
       if (error instanceof Refused) {
+        error.motor = values?.motor;
         error.because(await explain((...asked) => client.request(...asked), request, values, error.code, this.axes));
       }
       throw error;

@@ -32,6 +32,7 @@ export class Motors {
   #speed;
   #speedIs;
   #homeAll;
+  #asShown = twice("All are as shown", "Press again: all are known", () => this.#believe());
   #switches = new Map(); // motor -> {up: whether it stands at its upper switch, rests: whether it has been seen at rest since}
 
   /** desk: {device, holds, work, operation, stop, drawer(name), usable}; places: the elements of the page. */
@@ -52,6 +53,9 @@ export class Motors {
     device.axes.addEventListener("change", () => this.#make());
     device.addEventListener("hardstop", ({ detail: { reason, motor } }) => {
       if (reason === M.HARD_STOP_UPPER || reason === M.HARD_STOP_LOWER) this.#switches.set(motor, { up: reason === M.HARD_STOP_UPPER, rests: false });
+    });
+    device.addEventListener("refused", ({ detail: { code, motor } }) => {
+      if (motor && (code === M.ERR_HARD_UP || code === M.ERR_HARD_LOW)) this.#switches.set(motor, { up: code === M.ERR_HARD_UP, rests: false });
     });
     speed.addEventListener("input", () => this.#showSpeed());
     this.#showSpeed();
@@ -83,6 +87,13 @@ export class Motors {
     return found ? { motor: found[0], up: found[1].up } : null;
   }
 
+  /** Take the positions that are shown for those of motors whose position is lost. */
+  async #believe() {
+    const { lost, state } = this.#device;
+    for (const motor of lost) if (!(await this.#device.ask("MotorResetPosition", { motor, position: state.positions[motor - 1] }))) return;
+    this.#device.tell(`${this.#device.axes.titles(lost)}: the position is what is shown.`);
+  }
+
   #showSpeed() {
     setText(this.#speedIs, `${this.speed} %`);
     for (const button of this.#panel.querySelectorAll("[data-speed]")) button.setAttribute("aria-pressed", String(Number(button.dataset.speed) === this.speed));
@@ -99,7 +110,7 @@ export class Motors {
     this.settings.replaceChildren(...this.#lines.map((line) => line.settings.element));
     this.#homeAll.hidden = !device.homes;
     this.positions.replaceChildren(h("p", {}, "Bring each motor to its mark with − and +, then say where it is. Nothing moves when a position is set."),
-      h("div", { class: "wide" }, h("table", {}, h("tbody", {}, ...this.#lines.map((line) => line.positionRow)))), this.#homeAll);
+      h("div", { class: "wide" }, h("table", {}, h("tbody", {}, ...this.#lines.map((line) => line.positionRow)))), h("div", { class: "row" }, this.#asShown, this.#homeAll));
     this.choose(this.#desk.work.chosen);
     this.#showSpeed();
   }
@@ -123,6 +134,7 @@ export class Motors {
   }
 
   render() {
+    this.#asShown.disabled = !this.#device.lost.length;
     for (const [motor, at] of this.#switches) {
       if (!this.#device.moves(motor)) at.rests = true;
       else if (at.rests) this.#switches.delete(motor);
@@ -158,12 +170,7 @@ export class Motors {
     const rising = this.#device.axes.of(motor).perUnit > 0;
     const jog = async () => {
       const speed = Math.round((FULL_SPEED * this.speed) / 100);
-      try {
-        await this.#device.demand("MotorJog", { motor, speed, destination: up === rising ? FARTHEST : -FARTHEST });
-      } catch (error) {
-        this.#device.tell(error.message, true);
-        throw error;
-      }
+      if (!(await this.#device.ask("MotorJog", { motor, speed, destination: up === rising ? FARTHEST : -FARTHEST }))) throw new Error("refused");
     };
     const end = () => {
       if (this.#device.client) this.#device.ask("MotorStop", { motor });

@@ -45,11 +45,11 @@ function steps({ device, work, operation, estop, repl, takeExample }) {
       },
     },
     {
-      title: "Set its zero",
-      text: "After power-up framestep does not know where a stepper motor is; you say it. Choose the first motor and press “Zero here”.",
-      control: "#chosen article:not([hidden]) .zero",
+      title: "Say where it is",
+      text: "After power-up framestep does not know where stepper motors are; you say it. Choose the first motor and press “Zero here”; for the others “Positions…”, and twice “All are as shown”.",
+      control: "#home",
       page: "jog",
-      begin: () => () => device.trustOf(1)?.state === "known" && device.state.positions[0] === 0,
+      begin: () => () => device.knowsWhatMoves && device.lost.length === 0 && device.state.positions[0] === 0,
     },
     takeExample ? example : preview,
     {

@@ -285,7 +285,8 @@ export class Transport {
     const { ready, go, send, count, countOf, back, forth, play } = this.#places;
     const moving = device.state.moving !== 0;
     const shoots = this.mode !== "run";
-    const can = usable && !operation.busy && !moving && !series.goesOn && work.move !== null && work.uploading === null && (!shoots || device.can(M.CAP_GO_MOTION2));
+    const { blocked } = this.#desk;
+    const can = usable && !blocked && !operation.busy && !moving && !series.goesOn && work.move !== null && work.uploading === null && (!shoots || device.can(M.CAP_GO_MOTION2));
     const [first] = this.range;
     const words = {
       run: ["Get ready", `to frame ${first}`, "GO", `take ${this.take}`],
@@ -309,7 +310,7 @@ export class Transport {
     setText(countOf, work.move ? `/ ${work.move.endFrame}` : "");
     setText(send.lastChild, String(work.see));
     send.disabled = !can && !(usable && operation.ready && work.uploaded);
-    for (const button of [back, forth]) button.disabled = !usable || operation.busy || !work.uploaded || series.goesOn;
+    for (const button of [back, forth]) button.disabled = !usable || blocked !== "" || operation.busy || !work.uploaded || series.goesOn;
     play.disabled = operation.playing || !work.move;
   }
 
@@ -318,6 +319,7 @@ export class Transport {
     const { device, operation, work, usable } = this.#desk;
     if (!usable) return device.connected ? "not now" : "";
     if (away) return "under Take";
+    if (this.#desk.blocked) return this.#desk.blocked;
     if (operation.going) return "on the way…";
     if (!work.move) return "no move yet";
     if (work.uploading !== null) return "uploading…";
