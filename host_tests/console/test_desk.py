@@ -215,6 +215,8 @@ def test_dragging_the_preview_sends_nothing_that_moves(stage):
     assert [steps(page, n) for n in (1, 2)] == before
 
 
+# The second square is above this place
+HIGHER = "y => document.querySelectorAll('#curves [data-pose]')[1].getBoundingClientRect().y < y"
 # A finger on the time line
 TOUCH = """events => {
     const line = document.querySelector('#curves');
@@ -269,7 +271,7 @@ def test_a_finger_bends_a_curve_without_meeting_its_mark_exactly(stage):
     events = [("pointerdown", y), ("pointermove", y - 40), ("pointerup", y - 40)]
     page.evaluate(TOUCH, [[kind, x, at] for kind, at in events])
     expect(page.locator("#undo")).to_be_enabled()
-    assert page.locator("#curves [data-pose]").nth(1).bounding_box()["y"] < before["y"] - 20
+    page.wait_for_function(HIGHER, arg=before["y"] - 20)
     assert page.errors == []
 
 

@@ -1,6 +1,6 @@
 // The console: one desk. The regions of index.html get their parts here, and the banner its state. `start` begins.
 
-import { field, h, number, setText, Twice, twice } from "./dom.js";
+import { field, h, number, setText, Twice, twice, withPicture } from "./dom.js";
 import { keyList, listen } from "./keyboard.js";
 import { MoveDrawer } from "./move_drawer.js";
 import { Motors } from "./motors.js";
@@ -36,6 +36,8 @@ const MARKS = {
 };
 const PLAYS = "M7 4l12 8-12 8z";
 const PAUSES = "M7 4v16M17 4v16";
+
+const due = withPicture(() => render());
 
 const $ = (id) => document.getElementById(id);
 const theme = h("select", { id: "theme" }, ...[["light dark", "as the system"], ["light", "light"], ["dark", "dark"]].map(([value, text]) => h("option", { value }, text)));
@@ -493,15 +495,6 @@ function showMove() {
   $("which").value = String(work.chosen);
 }
 
-let waits = false;
-function due() {
-  if (waits) return;
-  waits = true;
-  requestAnimationFrame(() => {
-    waits = false;
-    render();
-  });
-}
 for (const source of [device, session, operation]) source.addEventListener("change", due);
 for (const name of ["change", "see", "chosen"]) work.addEventListener(name, due);
 work.addEventListener("chosen", () => opened === "motor" && device.connected && motors.fill());

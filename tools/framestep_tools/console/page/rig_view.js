@@ -1,6 +1,6 @@
 // The rig in space and from above: where it is as solids, the preview as edges, the camera's path along the move.
 
-import { setText } from "./dom.js";
+import { fitCanvas, setText, withPicture } from "./dom.js";
 import { rigOf } from "./rig_model.js";
 import { View } from "./solids.js";
 
@@ -23,7 +23,6 @@ export class RigView {
   #reach = [];
   #fixed = [];
   #colors = null;
-  #due = false;
 
   /** desk: {device, work, operation, virtual, blind}; places: the page's elements. */
   constructor(desk, { space, plan, pose, above }) {
@@ -50,14 +49,9 @@ export class RigView {
     this.redraw();
   }
 
-  redraw() {
-    if (this.#due) return;
-    this.#due = true;
-    requestAnimationFrame(() => {
-      this.#due = false;
-      if (!document.hidden) this.draw();
-    });
-  }
+  redraw = withPicture(() => {
+    if (!document.hidden) this.draw();
+  });
 
   #make() {
     const { device, work, virtual } = this.#desk;
@@ -132,15 +126,10 @@ export class RigView {
   }
 
   #paint(canvas, angles, { now, preview, faint, reach }) {
-    const [w, h] = [canvas.clientWidth, canvas.clientHeight];
-    if (!w || !h) return;
-    const scale = devicePixelRatio;
-    const [wide, high] = [Math.round(w * scale), Math.round(h * scale)];
-    if (canvas.width !== wide || canvas.height !== high) [canvas.width, canvas.height] = [wide, high];
-    const context = canvas.getContext("2d");
-    context.setTransform(scale, 0, 0, scale, 0, 0);
-    context.clearRect(0, 0, w, h);
-    const view = new View(angles, reach, w, h, MARGIN);
+    const place = fitCanvas(canvas);
+    if (!place) return;
+    const { context, width, height } = place;
+    const view = new View(angles, reach, width, height, MARGIN);
     view.fill(context, this.#fixed);
     if (this.#path.length) {
       view.line(context, this.#path);

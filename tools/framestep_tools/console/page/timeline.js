@@ -1,7 +1,7 @@
 // The time line: the move's frames, the band of the run, a curve for each motor on its own scale, the chosen motor's handles
 // and speed, the keyframes. Two heads: the preview, which a pointer drags, and the rig's.
 
-import { s, setText } from "./dom.js";
+import { s, setText, withPicture } from "./dom.js";
 import { WAYS } from "./keyframes.js";
 import { color } from "./motors.js";
 import { positionAt } from "./move_csv.js";
@@ -28,7 +28,6 @@ export class Timeline {
   #only = false; // only the chosen motor's curve
   #heads = {};
   #drag = null; // called with [x, y] of the pointer
-  #due = false;
   #dots = [];
 
   /** desk: {device, work, transport, narrow, page}. */
@@ -51,14 +50,7 @@ export class Timeline {
   }
 
   /** Draw with the next picture. */
-  redraw() {
-    if (this.#due) return;
-    this.#due = true;
-    requestAnimationFrame(() => {
-      this.#due = false;
-      this.draw();
-    });
-  }
+  redraw = withPicture(() => this.draw());
 
   // ---- the drawing
 

@@ -1,6 +1,6 @@
 // A scope: levels of pins over the last moments of the board's time.
 
-import { h, setText } from "framestep-console/dom.js";
+import { fitCanvas, h, setText } from "framestep-console/dom.js";
 
 const ROW = 22; // pixels
 const HIGH = 4; // from the row's top to a high level
@@ -36,11 +36,12 @@ export class Scope {
 
   draw() {
     this.#measureSpeed();
-    const { width, height, context } = this.#prepare();
+    const place = fitCanvas(this.#canvas);
+    if (!place) return;
+    const { context, width } = place;
     const span = Number(this.#span.value);
     const start = this.#start(span);
     const style = getComputedStyle(this.#canvas);
-    context.clearRect(0, 0, width, height);
     context.font = "12px system-ui, sans-serif";
     context.textBaseline = "middle";
     for (const [i, [pin, name]] of this.#rows.entries()) {
@@ -81,18 +82,6 @@ export class Scope {
 
   #freeze() {
     this.#frozen = this.#hold.checked ? this.#pins.nanos : null;
-  }
-
-  #prepare() {
-    const [width, height] = [this.#canvas.clientWidth, this.#canvas.clientHeight];
-    const scale = devicePixelRatio;
-    if (this.#canvas.width !== Math.round(width * scale)) {
-      this.#canvas.width = Math.round(width * scale);
-      this.#canvas.height = Math.round(height * scale);
-    }
-    const context = this.#canvas.getContext("2d");
-    context.setTransform(scale, 0, 0, scale, 0, 0);
-    return { width, height, context };
   }
 
   #measureSpeed() {
