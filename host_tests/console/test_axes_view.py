@@ -88,6 +88,21 @@ def test_positions_and_moves_in_units(opened):
     expect(page.locator("#moving")).to_contain_text("Nothing moves")
 
 
+def test_a_phone_shows_one_motors_names_and_units(stage, opened):
+    page, _ = opened
+    page.set_viewport_size({"width": 390, "height": 844})
+    go_to(page, "Names and units")
+    shown = page.locator("fieldset:visible")
+    expect(shown).to_have_count(1)
+    which = page.get_by_role("region", name="Names and units").get_by_label("Motor", exact=True)
+    which.select_option("2 pan")
+    expect(shown.get_by_label("Name")).to_have_value("pan")
+    shown.get_by_label("Steps per unit").fill("0")
+    which.select_option("1 track")
+    page.get_by_role("button", name="Save", exact=True).click()
+    expect(shown.get_by_label("Name")).to_have_value("pan")  # the one that is wrong
+
+
 def test_up_is_where_the_position_rises(opened):
     page, _ = opened
     page.get_by_role("button", name="Jog pan up", exact=True).hover()

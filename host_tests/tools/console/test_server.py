@@ -267,6 +267,12 @@ def test_a_page_that_watches_asks_and_moves_nothing(shared):
         link, hello = watching(shared, "Mobile")
         assert (hello["watch"], hello["holder"]) == (True, "another page")
         assert told(client.port.link, "pages")[0]["who"] == "a phone"
+        for text in ("x", "[]", '{"id": 3, "do": "read_rig"}'):
+            link.send(text)
+        assert json.loads(link.recv(PATIENCE_S)) == {
+            "id": 3,
+            "error": "another page has the device: take it over first",
+        }
         with Client(SocketPort(link, hello), PATIENCE_S) as watcher:
             assert watcher.request(Hi()).motors == 2
             before = watcher.request(MotorGetPosition()).steps[0]

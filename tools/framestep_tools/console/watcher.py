@@ -53,7 +53,10 @@ class Watcher:
         try:
             with contextlib.suppress(ConnectionClosed):
                 async for message in self._page:
-                    for frame in decoder.feed(message) if isinstance(message, bytes) else ():
+                    if isinstance(message, str):
+                        self._refuse(message)
+                        continue
+                    for frame in decoder.feed(message):
                         await self._ask(frame)
         finally:
             self._device.on_reports.discard(self._report)
@@ -68,6 +71,12 @@ class Watcher:
         with contextlib.suppress(ConnectionClosed):
             await self._page.send(json.dumps({"ended": why}))
         await self._page.close()
+
+    def _refuse(self, text: str) -> None:
+        """Refuse a task of the page, such as to read the rig file."""
+        with contextlib.suppress(ValueError, KeyError, TypeError):
+            number = int(json.loads(text)["id"])
+            self.say({"id": number, "error": "another page has the device: take it over first"})
 
     async def _ask(self, frame: Frame) -> None:
         """Forward a question; the device answers the page. Without a port nothing answers."""

@@ -15,6 +15,8 @@ export class AxesView {
   #rows = [];
   #camera = ""; // the text of [camera], which stays as it is
   #list = h("div", { class: "cards" });
+  #which = h("select", { onchange: () => this.#choose(Number(this.#which.value)) });
+  #whose = field("Motor", this.#which);
   #about = h("p", { class: "faint" });
   #file = h("input", { type: "file", accept: ".toml", onchange: () => this.#open() });
 
@@ -29,7 +31,8 @@ export class AxesView {
         h("div", { class: "row" }, field("Take another axes.toml", this.#file),
           h("button", { type: "button", class: "main", onclick: () => this.#save() }, "Save"),
           h("button", { type: "button", onclick: () => this.#download() }, "Download"))),
-      this.#list);
+      this.#whose, this.#list);
+    this.#whose.classList.add("one-motor");
     this.#take(localStorage.getItem(SAVED));
     this.#fill();
   }
@@ -65,13 +68,22 @@ export class AxesView {
     const { list } = this.#device.axes;
     const count = Math.max(this.#device.motors || FEWEST_ROWS, ...list.map(({ motor }) => motor));
     this.#rows = Array.from({ length: count }, (_, i) => new Row(i + 1, list.find(({ motor }) => motor === i + 1)));
+    this.#which.replaceChildren(...this.#rows.map((row, i) => h("option", { value: String(i) }, row.title)));
     this.#list.replaceChildren(...this.#rows.map((row) => row.element));
+    this.#choose(0);
+  }
+
+  /** Show a motor's fields; only a phone hides the others. */
+  #choose(index) {
+    this.#which.value = String(index);
+    for (const [i, row] of this.#rows.entries()) row.element.classList.toggle("not-chosen", i !== index);
   }
 
   /** Return the axes in the fields; null for a mistake, which is shown. */
   #read() {
     const list = [];
-    for (const row of this.#rows) {
+    for (const [i, row] of this.#rows.entries()) {
+      if (row.wrong) this.#choose(i); // the browser points at its field
       const axis = row.read();
       if (axis === null) return null;
       if (axis) list.push(axis);
@@ -143,6 +155,15 @@ class Row {
       check("Steps count down while the position rises", this.#invert),
       check("Limits", this.#limited),
       h("div", { class: "row" }, field("Lowest", this.#low), field("Highest", this.#high)));
+  }
+
+  get title() {
+    return this.#before.name ? `${this.#motor} ${this.#before.name}` : `Motor ${this.#motor}`;
+  }
+
+  /** Whether a field is wrong. */
+  get wrong() {
+    return this.#name.value.trim() !== "" && [this.#perUnit, this.#zero, this.#low, this.#high].some((input) => !input.checkValidity());
   }
 
   /** Return the axis, undefined for a motor without a name, null for a wrong field. */
