@@ -1,12 +1,15 @@
 """The page as a whole: a phone's width, names for screen readers, contrast, light and dark, no
 server."""
 
+from concurrent.futures import ThreadPoolExecutor
 from urllib.parse import urlsplit
 
 import pytest
 from playwright.sync_api import expect
 
-from framestep_tools.payloads import MotorGetPosition
+from framestep_tools.commands.common import talking
+from framestep_tools.payloads import MotorGetPosition, MotorMove
+from host_tests.console.conftest import PATIENCE_MS
 from host_tests.console.looking import (
     AXE,
     FINDINGS,
@@ -181,6 +184,23 @@ def test_two_pages(stage):
     first.keyboard.press("Escape")
     expect(log(second)).to_contain_text("Another page has stopped the motors.")
     wait_rest(second)
+
+
+def test_stop_reaches_what_another_program_moves(stage):
+    """The page cannot have the port, says who has it, and stops it all the same."""
+    device = stage.simulated(motors=1)
+    with talking(device.path) as other, ThreadPoolExecutor(1) as pool:
+        other.request(MotorMove(1, 1_000_000))
+        ends = pool.submit(other.wait_idle, PATIENCE_MS / 1000)  # it serves its port meanwhile
+        page = stage.page(stage.console(device.path).url)
+        expect(page.locator("#banner")).to_contain_text(f"has {device.path} open")
+        page.locator("#stop").click()
+        expect(log(page)).to_contain_text("Stopped: all motors ramp down.")
+        ends.result()
+        assert other.stopped
+    wait_connected(page)  # once the program has ended
+    assert steps(page) < 1_000_000
+    assert page.errors == []
 
 
 def test_taking_over_what_moves_takes_two_presses_and_handing_over(stage):
