@@ -8,10 +8,11 @@ LAYERS := runtime esp32 board emulator console
 IMAGES := pico skr_pico fysetc_erb # boards that tests emulate
 ARGS ?=
 BOARD ?= pico
+TARGET ?= esp32
 
 # A target's ARGS do not count for the targets that its recipe makes: `make test ARGS=-x` makes an image, too.
 MAKEOVERRIDES :=
-unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
+unexport ARGS BOARD TARGET PORT SECONDS SEED MICROPYTHON
 # Compiled modules are kept: each process of tests would compile them again, for seconds.
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -87,9 +88,10 @@ test-replay: setup ## the end-to-end sessions once more on 32-bit MicroPython, w
 	@tools/micropython/build.sh unix32f
 	@$(PYTEST) --replay host_tests/end_to_end $(ARGS)
 
-test-sessions: setup ## the end-to-end sessions on the simulated ESP32-S3
-	@tools/micropython/build.sh esp32
-	@$(PYTEST) --target esp32 host_tests/end_to_end $(ARGS)
+test-sessions: setup node ## the end-to-end scenarios on another target: TARGET=esp32, rp2040, or device with PORT=; ARGS="--share 10" plays every tenth
+	$(if $(filter esp32,$(TARGET)),@tools/micropython/build.sh esp32)
+	$(if $(filter rp2040,$(TARGET)),@tools/micropython/build.sh rp2 && "$(PYTHON_VENV)" -m framestep_tools.building.images pico)
+	@$(if $(filter device,$(TARGET)),"$(PYTHON_VENV)" -m pytest -q --port $(PORT),$(PYTEST)) --target $(TARGET) host_tests/end_to_end $(ARGS)
 
 test-board: node images ## the firmware on the emulated board, end to end
 	@$(PYTEST) host_tests/board $(ARGS)

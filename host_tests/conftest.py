@@ -26,6 +26,7 @@ from framestep.base import native_cpython
 from framestep_emulator import Emulator, Pool
 from framestep_tools.building import images
 from framestep_tools.building.board_files import CACHE, FIRMWARE, ROOT, compiled_tree
+from host_tests import targets
 from host_tests.covering import by_test, fewer_examples, parameters, spare
 from host_tests.near import Near
 from host_tests.processor_time import ProcessorTime
@@ -64,10 +65,12 @@ def pytest_addoption(parser):
     )
     parser.addoption(
         "--target",
-        choices=("host", "esp32"),
+        choices=targets.NAMES,
         default="host",
-        help="what plays the end-to-end sessions: the host simulation, or the simulated ESP32-S3",
+        help="what plays the end-to-end scenarios (host_tests/targets)",
     )
+    parser.addoption("--port", help="with --target device: its protocol port")
+    parser.addoption("--share", type=int, default=1, help="only every n-th test")
     parser.addoption(
         "--all",
         action="store_true",
@@ -81,14 +84,7 @@ def pytest_configure(config):
     config.pluginmanager.register(ProcessorTime())
     # A build of minutes reports its steps on the terminal, not to the capture.
     images.reporting = config.pluginmanager.getplugin("capturemanager").global_and_fixture_disabled
-    if config.getoption("--target") == "esp32":
-        from framestep_tools.simulator import boards
-        from host_tests.end_to_end import session
-        from host_tests.end_to_end.esp32_target import Esp32Sessions, Esp32Target
-
-        config.pluginmanager.register(Esp32Sessions())
-        # before a test imports it
-        boards.SimulatedBoard = session.SimulatedBoard = Esp32Target
+    targets.install(config)
     if since := config.getoption("--near"):
         config.pluginmanager.register(Near(since, config.getoption("--seconds")))
 

@@ -20,6 +20,8 @@ from framestep_tools.payloads import (
 from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.session import Session, run_request
 
+pytestmark = pytest.mark.needs("boards")
+
 
 def session(name, rig=None):
     board = SimulatedBoard(rig, board=name)

@@ -289,6 +289,7 @@ def test_other_requests_refused_in_words(request_, words):
         assert words in refused(client, request_)
 
 
+@pytest.mark.needs("little memory")
 def test_a_section_that_does_not_fit_is_reported_without_its_positions():
     wild = [10_000_000 * (-1) ** i for i in range(1000)] * 16
     with Client(LockstepPort(ready_board())) as client:

@@ -13,6 +13,8 @@ from framestep_tools.client.wire import encode
 from host_tests.end_to_end.session import DIALECTS, run_request, simulated, state
 from host_tests.protocol.notes import table
 
+pytestmark = pytest.mark.needs("inside")
+
 MOVE = {1: [100 + 60 * i for i in range(25)], 2: [abs(40 * (i - 12)) for i in range(25)]}
 
 

@@ -7,6 +7,7 @@ from framestep_tools.payloads import DeviceInfo, MotorMove
 from host_tests.end_to_end.session import simulated
 
 
+@pytest.mark.needs("prompt")
 @pytest.mark.parametrize("gap_ms", [0, 1, 100, 250])
 def test_the_port_closes_at_each_byte_of_a_request(gap_ms):
     """It opens again: the next host is greeted and its first request answered; the incomplete

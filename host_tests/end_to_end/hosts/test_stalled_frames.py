@@ -8,6 +8,8 @@ from framestep.controller import STALL_MS
 from framestep.hal.host_board import HostBoard
 from framestep_tools.client.wire import FrameDecoder, encode
 
+pytestmark = pytest.mark.needs("inside")
+
 HI, BEGIN, AXIS = 0x0001, 0x0100, 0x0101
 
 

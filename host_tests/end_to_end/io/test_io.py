@@ -50,6 +50,7 @@ def test_what_hi_says():
     session.accept(RtUploadMoveEnd())
 
 
+@pytest.mark.needs("lights")
 def test_lights_at_once():
     session = simulated()
     session.accept(Dmx(0, 17, [255, 0, 3]), Dmx(0, 512, [9]), Dmx(0, 18, [7]))
@@ -57,6 +58,7 @@ def test_lights_at_once():
     assert session.ask(MotorStatus()).dmx == 0
 
 
+@pytest.mark.needs("lights")
 def test_a_ramp_is_a_straight_line_of_half_a_second():
     session = simulated()
     session.accept(Dmx(0, 2, [200]))
@@ -167,6 +169,7 @@ def levels(session):
     return [shown(session, f"gio{i}")[-1:] and shown(session, f"gio{i}")[-1][1] for i in (1, 2, 3)]
 
 
+@pytest.mark.needs("lights")
 @pytest.mark.inside
 @pytest.mark.parametrize("cause", ["lost host", "E-stop", "fault"])
 def test_outputs_go_to_their_safe_levels(cause):
@@ -232,6 +235,7 @@ def test_go_from_an_input(dialect):
     assert session.position(1) == 480
 
 
+@pytest.mark.needs("inside")
 @pytest.mark.inside
 def test_go_from_an_input_is_reported_once_the_host_listens():
     """A host that read nothing until there was no room gets RT_GO later, and after it the rest in

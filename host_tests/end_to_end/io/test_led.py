@@ -7,6 +7,8 @@ from framestep.pulse import stepper
 from framestep_tools.payloads import MotorMove, MotorSetSpeed
 from host_tests.end_to_end.session import simulated
 
+pytestmark = pytest.mark.needs("inside")
+
 WAITING, CONNECTED, MOVING, FAULT = (
     "*...............",
     "****************",

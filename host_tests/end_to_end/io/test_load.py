@@ -24,6 +24,7 @@ def test_at_rest():
     assert not strained(session)
 
 
+@pytest.mark.needs("inside")
 @pytest.mark.inside
 @pytest.mark.parametrize("left, warned", [(40, False), (8, True)])
 def test_little_queued_is_a_warning_until_it_has_been_asked_for(left, warned):

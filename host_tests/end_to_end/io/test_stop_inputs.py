@@ -73,6 +73,8 @@ REQUESTS = (
 )
 
 
+@pytest.mark.needs("ramped E-stop", only=("1-moves", "4-moves"))
+@pytest.mark.needs("prompt")
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("factor", [1, 4])
 def test_estop(motion, factor):
@@ -205,6 +207,7 @@ def test_sets_that_are_not_there():
     assert session.ask(MotorMove(1, 10)).moving
 
 
+@pytest.mark.needs("inside")
 def test_a_pin_that_something_else_has_taken():
     """At rest the firmware puts it back before a motion may begin; in motion, within a tenth of a
     second, everything ramps down."""

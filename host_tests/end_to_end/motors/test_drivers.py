@@ -19,6 +19,8 @@ from framestep_tools.payloads import (
 from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.session import Session, deceleration, run_request
 
+pytestmark = pytest.mark.needs("boards")
+
 DRIVER = {"run_ma": 800}
 RIG = {"motors": [{"driver": DRIVER}] * 4}
 SET_UP_S = 0.6

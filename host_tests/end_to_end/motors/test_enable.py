@@ -94,6 +94,7 @@ def test_motors_of_a_run_start_together():
     assert first[0] >= asked + LONG_S
 
 
+@pytest.mark.needs("inside")
 def test_homing_waits():
     """Only before its first motion."""
     rig = {"motors": [{"enable_ms": WAKE_MS, "home": {"limit": 1, "travel": 3000, "speed": 2000}}]}
@@ -106,6 +107,7 @@ def test_homing_waits():
     assert np.diff(times).max() < 0.25
 
 
+@pytest.mark.needs("inside")
 def test_a_stop_while_homing_waits():
     rig = {"motors": [{"enable_ms": WAKE_MS, "home": {"limit": 1, "travel": 3000}}]}
     session, rail = rails(Switch(1, LOW, -1700), rig=rig)

@@ -19,6 +19,8 @@ from host_tests.end_to_end.motors.home_switches import (
 )
 from host_tests.end_to_end.session import simulated
 
+pytestmark = pytest.mark.needs("inside")
+
 WITHIN = 150
 COUPLED, REVERSED = 0x11, 0x21
 

@@ -15,6 +15,8 @@ from framestep_tools.simulator.boards import LockstepPort
 from host_tests.end_to_end.motors.home_switches import HIGH, LOW, LOW_2, Switch, home, rails, trust
 from host_tests.end_to_end.session import assert_within, simulated
 
+pytestmark = pytest.mark.needs("inside")
+
 FREE = 150  # HOME's position of the switch, -50, and back_off, 200
 CHATTER = [[1, 0, 1], [0, 1, 0, 1, 0], [1, 0], [1, 0, 1, 0]]
 

@@ -26,6 +26,7 @@ def jog_for(rig, seconds, request, every=0.1):
         rig.run(every)
 
 
+@pytest.mark.needs("fine edges")
 @pytest.mark.parametrize(
     ("speed", "share"), [(10000, 1.0), (5000, 0.5), (300, 0.03), (100, 0.01), (1, 0.01)]
 )
@@ -132,6 +133,7 @@ GENTLER = {
 }
 
 
+@pytest.mark.needs("prompt", only=("a jog with", "a move with", "a slower", "a stop with"))
 @pytest.mark.parametrize("jerk", [0, 300])
 @pytest.mark.parametrize("requests", GENTLER.values(), ids=GENTLER)
 def test_soft_limits_hold_for_what_is_gentler_under_way(requests, jerk):
@@ -210,6 +212,7 @@ def test_a_soft_limit_set_in_a_stop_does_not_send_it_on(stop, jerk):
     assert rig.position(1) < limit - 2_000
 
 
+@pytest.mark.needs("prompt")
 def test_a_soft_limit_set_as_it_comes_to_rest_does_not_send_it_on(rig):
     """It is so slow that it rests in the next tick, while its last pulses are queued."""
     rig.accept(MotorSetSpeed(1, 62, 1000), MotorJog(1, 100, -(2**31)))

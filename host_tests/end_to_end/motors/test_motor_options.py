@@ -201,6 +201,7 @@ def test_a_live_motor_stays_free_during_a_run():
 # ---------------------------------------------------------------- jerk limit
 
 
+@pytest.mark.needs("fine edges")
 @pytest.mark.parametrize("jerk", [0, 200])
 def test_ramps_keep_the_jerk(jerk):
     """jerk: 1000 steps/s³. Measures the steepest change of acceleration from the edges of a
@@ -250,6 +251,7 @@ def moved_and_stopped(jerk, after_s, request, target=4000, stops=1):
     return edges, (steps(edges, 1)[-1][0] - asked) * 1e-9, position(client, 1)
 
 
+@pytest.mark.needs("fine edges")
 @pytest.mark.parametrize("request_", [MotorStop(1), MotorStopAll()], ids=["STOP", "STOP_ALL"])
 @pytest.mark.parametrize("target", [4000, -4000])
 @pytest.mark.parametrize("after_s", [0.06, 0.12, 0.2, 0.3, 0.45, 0.6, 0.7])
@@ -284,6 +286,7 @@ def test_a_stop_asked_for_again_takes_no_longer():
     assert 0.44 < once < 0.48  # A/j + v/A, and the time until the plan begins
 
 
+@pytest.mark.needs("fine edges")
 def test_a_jog_let_go_keeps_the_jerk():
     board, client = connect({"motors": [{"jerk": 200}], "jog_timeout_ms": 300})
     client.request(MotorSetSpeed(1, 10000, 40000))

@@ -19,6 +19,7 @@ from host_tests.end_to_end.session import assert_within, simulated
 FARTHEST, LOWEST = 2**31 - 1, -(2**31)
 
 
+@pytest.mark.needs("boards")
 def test_configure(both):
     """A motor that is not enabled does not move; its driver's pin says so."""
     both.accept(MotorConfigure(2, m.MOTOR_ENABLED | m.MOTOR_BLUR), MotorConfigure(3, 0))
@@ -49,6 +50,8 @@ def test_set_speed_refused(both):
     assert 1 / np.diff(times).min() == pytest.approx(5000, rel=2e-3), "a refused speed is in force"
 
 
+@pytest.mark.needs("short pulses")
+@pytest.mark.needs("boards", only=("30-", "50-"))  # a chip's own cycles take a little more
 @pytest.mark.parametrize(
     ("pulse_us", "fastest"),
     [(0.25, 500_000), (1.0, 500_000), (1.1, 416_666), (4.0, 125_000), (30, 16_666), (50, 10_000)],
@@ -67,6 +70,7 @@ def test_fastest_speed_depends_on_the_pulse(pulse_us, fastest):
     )
 
 
+@pytest.mark.needs("short pulses", only=("480000",))
 @pytest.mark.parametrize(
     ("velocity", "acceleration", "expected"),
     [

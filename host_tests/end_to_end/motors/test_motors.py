@@ -182,6 +182,7 @@ def test_retarget_farther_nearer_and_back(rig):
     assert np.count_nonzero(np.diff(signs)) == 1, "turned more than once"
 
 
+@pytest.mark.needs("prompt")
 def test_retarget_nearer_than_it_can_stop(rig):
     """It overshoots by the length of the ramp and comes back."""
     rig.ask(p.MotorMove(1, 20000))
@@ -298,6 +299,8 @@ def test_moving_bit_until_the_last_edge(rig):
     assert times[-1] <= seen[-1][0]
 
 
+@pytest.mark.needs("prompt", only=("30",))
+@pytest.mark.with_reports
 @pytest.mark.parametrize("report_ms", [100, 30])
 def test_positions_in_motion(report_ms):
     """Field note 4.6: every 100 ms while anything moves, and once more after the stop."""

@@ -39,6 +39,7 @@ def move(session, motor=1, to=200):
     session.forget()
 
 
+@pytest.mark.needs("boards")
 def test_it_is_switched_off_at_rest_and_on_for_the_next_motion():
     session = rig(AFTER)
     move(session)
@@ -79,6 +80,7 @@ def test_0_is_never():
     assert enables(session) == []
 
 
+@pytest.mark.needs("boards")
 def test_drivers_on_one_pin_go_off_together():
     """The slowest counts, and a motor that is never switched off keeps all."""
     session = rig(AFTER, 3 * AFTER, 0)
@@ -135,6 +137,7 @@ def test_motors_of_a_virtual_axis_stay_on():
     assert all(enables(session, motor) == [] for motor in range(1, 8))
 
 
+@pytest.mark.needs("boards")
 def test_a_host_that_has_switched_it_off():
     session = rig(AFTER)
     move(session)

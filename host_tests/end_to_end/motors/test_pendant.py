@@ -6,6 +6,8 @@ import pytest
 from framestep_tools import payloads as p
 from host_tests.end_to_end.session import run_request, simulated
 
+pytestmark = pytest.mark.needs("boards")
+
 A, B, ENABLE, AXIS, STEP = 22, 26, 27, 28, 0
 PENDANT = {"a": A, "b": B, "enable": ENABLE, "axis": AXIS, "step": STEP}
 ORDER = ((0, 0), (1, 0), (1, 1), (0, 1))  # A, B for each quarter of a click, upward

@@ -11,6 +11,8 @@ from host_tests.covering import sweep
 from host_tests.end_to_end.realtime import rig, upload
 from host_tests.end_to_end.session import run_request
 
+pytestmark = pytest.mark.with_reports
+
 FRAMES = 49
 LOOP, PING_PONG = 2, 1
 LIVE = 0x09
@@ -185,6 +187,7 @@ def tick(board):
     board.next_tick += 1_000_000
 
 
+@pytest.mark.needs("inside")
 @pytest.mark.inside
 @pytest.mark.parametrize("away", sweep([*range(2, 19), 30, 50], 2, 10, 18, 50))
 def test_at_rest_after_an_absence(away):
@@ -221,6 +224,7 @@ def test_at_rest_after_an_absence(away):
         assert unasked[-1].steps[:2] == (1000, 500), back
 
 
+@pytest.mark.needs("inside")
 @pytest.mark.inside
 @pytest.mark.parametrize("request_", [p.MotorGetPosition(), p.MotorStatus()])
 def test_in_a_burst_of_requests(request_):

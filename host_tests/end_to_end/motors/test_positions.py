@@ -74,6 +74,7 @@ def test_a_driver_that_was_off(moving):
     assert trust(moving, 1) == [IS_SET]
 
 
+@pytest.mark.needs("inside")
 def test_a_command_that_finds_its_fifo_full(moving):
     engine = moving.board._board.hal.engines[1]
     before = moving.positions
@@ -91,6 +92,7 @@ def test_a_command_that_finds_its_fifo_full(moving):
     assert trust(moving, 2) == [IS_SET]
 
 
+@pytest.mark.needs("inside")
 def test_pulses_that_broke_off(moving):
     moving.board._board.next_tick += 10_000_000
     moving.run(0.05)
@@ -98,6 +100,7 @@ def test_pulses_that_broke_off(moving):
     assert trust(moving, 1, 2, 3, 4) == [MISSING, MISSING, IS_SET, MISSING]
 
 
+@pytest.mark.needs("inside")
 @pytest.mark.inside
 def test_stops_that_lose_nothing(moving):
     """The main loop away, an E-stop, a limit, a lost host: the motors ramp down, and every step
@@ -145,6 +148,7 @@ def test_soft_limits_count_from_a_lost_position(moving):
     assert trust(moving, 5) == [NOT_SET]
 
 
+@pytest.mark.needs("inside")
 def test_the_repl_says_so_in_words(moving):
     lines = texts.positions(moving.board._board.controller)
     place = moving.position(1)
@@ -154,6 +158,7 @@ def test_the_repl_says_so_in_words(moving):
     assert len(lines) == 9
 
 
+@pytest.mark.needs("inside")
 @pytest.mark.inside
 def test_the_status_command_says_so(monkeypatch, capsys):
     board = SimulatedBoard({"estop": "nc"}, motors=2)

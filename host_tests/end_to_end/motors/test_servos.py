@@ -20,6 +20,7 @@ def enable(session, motor=2, flags=m.MOTOR_ENABLED):
     session.accept(p.MotorConfigure(motor, flags))
 
 
+@pytest.mark.needs("servo edges")
 def test_no_pulses_before_it_is_to_move():
     session = simulated(rig())
     session.run(0.2)
@@ -33,6 +34,7 @@ def test_no_pulses_before_it_is_to_move():
     assert np.diff(rises) == pytest.approx(0.02, abs=1e-6)
 
 
+@pytest.mark.needs("boards", "servo edges")
 def test_pulses_from_power_up():
     session = simulated(rig(at_start="on", rate_hz=333, low=0, high=900, low_us=600, high_us=2400))
     session.run(0.1)
@@ -42,6 +44,7 @@ def test_pulses_from_power_up():
     assert np.diff(rises) == pytest.approx(0.003, abs=1e-6)
 
 
+@pytest.mark.needs("servo edges")
 @pytest.mark.parametrize("invert", [False, True])
 def test_ends_of_the_range(invert):
     settings = rig(low=-300, high=700)
@@ -61,6 +64,7 @@ def test_ends_of_the_range(invert):
     session.refuse(m.ERR_SOFT_UP, p.MotorMove(2, 201))
 
 
+@pytest.mark.needs("servo edges")
 @pytest.mark.parametrize("invert", [False, True])
 def test_widths_with_many_steps(invert):
     """Each position's width is exact to a cycle of the engine, 8 ns, up to the longest."""
@@ -85,6 +89,7 @@ def test_jog_ends_at_the_range():
     assert pulses(session)[1].max() <= 2000.01
 
 
+@pytest.mark.needs("servo edges")
 def test_widths_follow_an_uploaded_move():
     """Each pulse has the position at its time, between frames as well."""
     session = simulated(rig(low=-1000, high=1000, low_us=1000, high_us=2000))
@@ -105,6 +110,7 @@ def test_widths_follow_an_uploaded_move():
     assert len(session.steps(2)[0]) == 0
 
 
+@pytest.mark.needs("servo edges")
 def test_finer_than_a_step():
     """With 20 µs per step a slow motion passes widths between steps."""
     session = simulated(rig(low=-50, high=50))
@@ -126,6 +132,7 @@ def test_position_cannot_be_set():
     assert session.position(2) == 100
 
 
+@pytest.mark.needs("inside")
 def test_it_is_always_known():
     session = simulated(rig())
     positions = session.board._board.controller.axes.positions
@@ -168,6 +175,7 @@ def test_emergency_stop(on_stop):
     assert pulses(session)[1][-1] == pytest.approx(1500, abs=LEAST_US)
 
 
+@pytest.mark.needs("inside")
 def test_fault_releases_it():
     session = simulated(rig(on_stop="release", at_start="on"))
     enable(session)

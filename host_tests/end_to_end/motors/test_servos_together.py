@@ -11,6 +11,8 @@ from host_tests.end_to_end.motors.servo_pulses import assert_follows, pulses
 from host_tests.end_to_end.session import simulated
 from host_tests.end_to_end.virtual_axes.judging import UNIT, assert_straight, configured, joints
 
+pytestmark = pytest.mark.needs("servo edges")
+
 STEPS_PER_US = 2  # of a servo with default settings: -1000 at 1000 µs, 1000 at 2000 µs
 COUPLE = {1: 0x10, -1: 0x20}
 PAN = 4

@@ -98,6 +98,7 @@ def test_the_way_back_in_a_loop():
     assert_starts(session, begun, 1)
 
 
+@pytest.mark.needs("inside")
 @pytest.mark.parametrize("phase", ["seek", "back", "again"])
 def test_homing(phase):
     session, _ = rails(Switch(1, LOW, -1700), slow_speed=1000, back_off=800)

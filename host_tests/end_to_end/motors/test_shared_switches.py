@@ -8,6 +8,8 @@ from framestep_tools import payloads as p
 from host_tests.end_to_end.motors.home_switches import HOME, Rails, Switch, home, trust
 from host_tests.end_to_end.session import simulated
 
+pytestmark = pytest.mark.needs("inside")
+
 PIN = 22
 LENGTH = 5000
 BACK_OFF = 200

@@ -50,6 +50,7 @@ def played(session, positions, fps, first=1, pre=500, post=500, limits=None, smo
     )
 
 
+@pytest.mark.needs("fine edges", only=tuple(f"{fps}-exact" for fps in RATES))
 @pytest.mark.parametrize("smoothed", [True, False], ids=["smooth", "exact"])
 @pytest.mark.parametrize("fps", RATES)
 def test_every_rate(fps, smoothed):

@@ -136,6 +136,7 @@ def test_both_camera_flags():
     assert len(camera(session)) == FRAMES
 
 
+@pytest.mark.with_reports
 @pytest.mark.parametrize("fps", [12, 24, 29.97])
 @pytest.mark.parametrize("angles", [(0, 180), (90, 270), (350, 360), (0, 1)])
 def test_stills(fps, angles):
@@ -156,6 +157,7 @@ def test_stills(fps, angles):
     assert ended >= off
 
 
+@pytest.mark.with_reports
 @pytest.mark.parametrize(
     "more",
     [
@@ -179,6 +181,7 @@ def test_stills_without_angles(more):
         assert off == pytest.approx(time + 0.5 / 24, abs=0.00065)
 
 
+@pytest.mark.with_reports
 @pytest.mark.parametrize("fps", [2, 12, 24, 29.97, 60, 200])
 @pytest.mark.parametrize("angles", [(0, 360), (0, 359), (1, 360), (2, 358)])
 def test_stills_of_whole_frames(fps, angles):
@@ -202,6 +205,7 @@ def test_stills_of_whole_frames(fps, angles):
         assert again - on == pytest.approx(1 / fps, abs=0.0011)
 
 
+@pytest.mark.needs("instants")
 @pytest.mark.parametrize("fps", [0.5, 200])
 def test_all_at_once_at_extreme_rates(fps):
     """Stills, lights, triggers and bloop together, slower and faster than any film: nothing is lost

@@ -24,6 +24,8 @@ from framestep_tools.payloads import (
 )
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
+pytestmark = pytest.mark.needs("inside")
+
 FAST = Setting(20_000, 100_000)
 
 

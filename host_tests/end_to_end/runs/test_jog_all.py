@@ -104,6 +104,7 @@ def test_a_request_in_each_millisecond_of_a_turn(standing, grain):
     assert_followed(standing, 120, 12)
 
 
+@pytest.mark.with_reports
 def test_lower_and_higher_speed_under_way(standing):
     """It reaches a new FPS by the axis' acceleration, up or down."""
     standing.accept(p.RtJogAll(10000, 200))

@@ -72,6 +72,7 @@ def test_slows_down_to_what_the_motors_can_follow(standing, case, to):
     assert standing.steps(1)[0][-1] - begun <= ideal * 1.08 + max(2 / top, 0.2)
 
 
+@pytest.mark.with_reports
 @pytest.mark.parametrize("to", [200, 20])
 def test_only_the_frames_between_count(standing, to):
     """Motor 3 is steep, but on other frames."""

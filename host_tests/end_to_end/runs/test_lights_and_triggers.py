@@ -36,6 +36,7 @@ from host_tests.end_to_end.realtime import (
 from host_tests.end_to_end.session import run_request, simulated
 
 
+@pytest.mark.needs("lights")
 @pytest.mark.parametrize("fps", [12, 24, 29.97, 60])
 @pytest.mark.parametrize(("first", "last"), [(1, FRAMES), (FRAMES, 1), (5, 18)])
 def test_lights_and_triggers(fps, first, last):
@@ -59,6 +60,7 @@ def test_lights_and_triggers(fps, first, last):
         assert Levels(session, signal)(times[-1] + 1 / fps + 0.002) == 0
 
 
+@pytest.mark.needs("lights")
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG])
 def test_lights_in_a_loop(flags):
     session = loaded()
@@ -77,6 +79,7 @@ def test_lights_in_a_loop(flags):
         assert_triggers(session, times, frames)
 
 
+@pytest.mark.needs("little memory")
 def test_no_room_for_more(monkeypatch):
     """Positions, lights and triggers share one memory (docs/internals/realtime.md). A request that
     exceeds it is refused; earlier data stays and plays."""
@@ -123,6 +126,7 @@ def test_lights_left_alone():
     assert not [name for name in session.trace().signals if name.startswith(("dmx", "gio"))]
 
 
+@pytest.mark.needs("lights")
 def test_position_frame_sets_lights():
     """spec: MSG_RT_POSITION_FRAME, "and DMX if applicable"."""
     session = loaded()
@@ -148,6 +152,7 @@ def test_position_frame_sets_triggers(frame):
     session.wait_idle()
 
 
+@pytest.mark.needs("lights")
 @pytest.mark.parametrize("sync", [0, 1])
 @pytest.mark.parametrize("flags", [None, LOOP])
 def test_bloop(sync, flags):
@@ -183,6 +188,7 @@ def test_bloop(sync, flags):
         assert len(levels) == 2
 
 
+@pytest.mark.needs("lights")
 def test_bloop_of_no_time():
     session = loaded()
     go(session, run_request(24, 1, FRAMES, 300, 200, bloop_outputs=1, bloop_channel=40, bloop_ms=0))
@@ -207,6 +213,8 @@ def assert_bloop(session, from_s, ms, level=0x22):
     ]
 
 
+@pytest.mark.needs("lights")
+@pytest.mark.needs("lights")
 @pytest.mark.parametrize("ms", [1, 2, 30, 59, 61, 900, 2500, 5000])
 def test_bloop_outlives_its_run(ms):
     """Field note 6.7: on for BLOOP TIME from the first frame, even if the run ends before."""
@@ -221,6 +229,8 @@ def test_bloop_outlives_its_run(ms):
     assert changes(session, "gio1")[0][0] - went == pytest.approx(0.3, abs=0.005)
 
 
+@pytest.mark.needs("lights")
+@pytest.mark.needs("lights")
 @pytest.mark.parametrize("after", [0.1, 0.31, 0.7, 1.5, 1.7])
 @pytest.mark.parametrize("ms", [500, 3000])
 def test_bloop_outlives_a_stop(after, ms):
@@ -241,6 +251,8 @@ def test_bloop_outlives_a_stop(after, ms):
         assert_bloop(session, changes(session, "gio1")[0][0], ms)
 
 
+@pytest.mark.needs("lights")
+@pytest.mark.needs("lights")
 def test_bloop_and_another_run():
     """A run without a bloop leaves the earlier bloop on; the next run with a bloop begins its own
     at its first frame."""
@@ -268,6 +280,8 @@ def test_bloop_and_another_run():
     assert [level for _, level in changes(session, "dmx40")] == [255, 0x22, 255, 0x22]
 
 
+@pytest.mark.needs("lights")
+@pytest.mark.needs("lights")
 @pytest.mark.parametrize("how", ["E-stop", "lost host"])
 @pytest.mark.parametrize("after", [0.5, 2.2])
 def test_bloop_and_safe_levels(how, after):

@@ -62,6 +62,7 @@ def test_laps(flags, first, last):
 
 
 # seconds after GO; the laps then played to their ends
+@pytest.mark.needs("prompt", only=("1-2.01-2-1",))
 @pytest.mark.parametrize(
     ("after", "ping_pong", "loop"),
     [
@@ -93,6 +94,7 @@ def test_stop_loop(after, ping_pong, loop, flags):
     to_the_end(session)
 
 
+@pytest.mark.needs("prompt")
 @pytest.mark.parametrize("after", [1.2, 1.3, 1.45, 1.499, 1.51])
 @pytest.mark.parametrize("flags", [PING_PONG, LOOP])
 def test_stop_loop_late_in_a_lap(after, flags):
@@ -168,6 +170,7 @@ def test_stop_loop_without_a_loop():
     assert session.position(1) == MOVE[1][2]
 
 
+@pytest.mark.with_reports
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG])
 def test_rolls_of_no_time(flags):
     """Pre-roll 0 and post-roll 0: in each lap the shortest ramps that the motors can follow."""
@@ -192,6 +195,7 @@ def test_loop_of_a_single_frame():
         assert session.position(1) == MOVE[1][6]
 
 
+@pytest.mark.needs("prompt")
 def test_lights_alone():
     """An upload without positions plays as well: lights and triggers in time, then RT_END."""
     session = rig()

@@ -82,6 +82,7 @@ def test_what_is_too_steep_is_played_and_reported(framestep, board, tmp_path):
     )
 
 
+@pytest.mark.needs("lights")
 def test_lights_and_outputs_play_with_it(framestep, board, move, tmp_path):
     """Each level and output changes at its frame, except for a tick and the time of a pass."""
     levels = [5 * i for i in range(FRAMES)]

@@ -129,6 +129,7 @@ def inside(session):
     )
 
 
+@pytest.mark.needs("inside")
 @pytest.mark.parametrize("state", realtime_answers.STATES)
 def test_refusals_and_questions(state):
     """In a row in one session, refusals, questions and settings do not change the state."""
@@ -140,6 +141,7 @@ def test_refusals_and_questions(state):
             assert inside(session) == was, (state, request)
 
 
+@pytest.mark.needs("inside")
 @pytest.mark.parametrize("state", realtime_answers.STATES)
 def test_accepted(state):
     """Each in its own session; whatever it starts must come to its end."""
@@ -162,6 +164,7 @@ def test_accepted(state):
         assert before[0] or not inside(session)[0]
 
 
+@pytest.mark.needs("inside")
 def test_landing():
     """A JOG_ALL that lands counts as running."""
     for request, answer in realtime_answers.expected("jog"):

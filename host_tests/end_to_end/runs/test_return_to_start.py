@@ -20,6 +20,7 @@ def played_to(loaded, run):
     return before, loaded.now
 
 
+@pytest.mark.needs("fine edges")
 @pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1), (4, 20)])
 @pytest.mark.parametrize("fps", [12, 24, 29.97])
 @pytest.mark.parametrize("post", [0, 300])

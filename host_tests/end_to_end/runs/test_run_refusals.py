@@ -152,6 +152,7 @@ def test_what_is_exceeded_is_reported(fast):
     assert (reported.what, reported.motor, reported.frame, reported.by) == (1, 3, 21, 4_000)
 
 
+@pytest.mark.needs("short pulses")
 @pytest.mark.parametrize("fps", [24, 60, 200])
 @pytest.mark.parametrize("shape", ["jump", "stop", "zigzag"])
 def test_the_sharpest_corners_that_the_board_can_make(fast, fps, shape):

@@ -27,6 +27,7 @@ def test_run_in_all_three_lengths(both, more):
     assert_played(both, before, MOVE, 24)
 
 
+@pytest.mark.needs("prompt")
 def test_run_reported(loaded):
     """At each frame's time a position report has its MOVE TIME, then RT_END comes once; field notes
     4.6 and 6.4."""
@@ -348,6 +349,7 @@ def test_port_closed_before_go(loaded):
     loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
 
 
+@pytest.mark.needs("inside")
 @pytest.mark.parametrize("smoothing", [True, False])
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(

@@ -21,6 +21,8 @@ from framestep_tools.payloads import (
 )
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
+pytestmark = pytest.mark.needs("short pulses")
+
 
 def prepared(upload, fps, first=None, last=None, rig=None, flags=0, velocity=400_000, roll_ms=500):
     board = SimulatedBoard({"smoothing": True, **(rig or {})})

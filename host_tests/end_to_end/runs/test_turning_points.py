@@ -12,6 +12,8 @@ from framestep_tools.payloads import MotorConfigure, Positions, RtGo
 from host_tests.covering import sweep
 from host_tests.end_to_end.session import run_request, simulated
 
+pytestmark = pytest.mark.needs("short pulses")
+
 SLACK_NS = 30_000
 
 

@@ -17,6 +17,8 @@ from framestep_tools.client.state import ask, lines
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 from host_tests.end_to_end.session import run_request
 
+pytestmark = pytest.mark.needs("inside")
+
 FRAMES = 256
 REGION = 2 * 2 * 69  # bytes of a motor's two chunks of 128 frames (field note 5.7)
 PIECE = 34

@@ -2,6 +2,7 @@
 frame numbers."""
 
 import numpy as np
+import pytest
 
 from framestep.protocol.messages import LARGEST_PAYLOAD
 from framestep_tools import payloads as p
@@ -96,6 +97,7 @@ def test_a_frame_more(both):
     both.refuse(p.Ack.ERR_RANGE, p.RtPositionFrame(FRAMES + 1))
 
 
+@pytest.mark.needs("lights")
 def test_sections_that_fill_the_largest_frame(rig):
     """Field note 1.6: 1048 bytes hold 257 positions, 1030 levels or 129 triggers."""
     requests = (

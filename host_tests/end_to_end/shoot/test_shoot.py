@@ -8,6 +8,8 @@ from framestep_tools import payloads as p
 from host_tests.end_to_end.realtime import ACCELERATION, FRAMES, MOVE, VELOCITY, edges, rig, upload
 from host_tests.end_to_end.session import assert_within, run_request
 
+pytestmark = pytest.mark.needs("prompt")
+
 FRAME = 10  # MOVE: 580 ± 30 for motor 1
 
 

@@ -150,6 +150,7 @@ def test_ctrl_c_reports_what_is_shot(framestep, board, move, monkeypatch):
     assert len(exposures(board.edges())) in (2, 3)
 
 
+@pytest.mark.needs("inside")
 def test_a_stop_ends_the_sequence(framestep, board, move, monkeypatch):
     def show(display, event):
         if isinstance(event.message, Positions) and any(

@@ -61,7 +61,7 @@ def rig():
 def at_once(session, *requests):
     """Return the codes, or payloads, that answer requests of one packet."""
     data = b"".join(encode(r.TYPE, r.pack(), 100 + i) for i, r in enumerate(requests))
-    frames = {frame.id: frame.payload for frame in session.bytes_for(data, 0.004)}
+    frames = {frame.id: frame.payload for frame in session.bytes_for(data, 0.02)}
     return [frames[100 + i] for i in range(len(requests))]
 
 

@@ -1,0 +1,110 @@
+"""What plays the end-to-end scenarios: `pytest --target NAME host_tests/end_to_end`.
+
+A target is a module here: its class `Target` takes the place of boards.SimulatedBoard, LACKS is
+what it cannot show, and `begin`, if there is one, is called before each test. The host simulation
+lacks nothing. A scenario says what it needs of its target: `@pytest.mark.needs("lights")`.
+"""
+
+import importlib
+import os
+from types import ModuleType
+
+import pytest
+
+NAMES = ("host", "rp2040", "esp32", "device")
+NEEDS = {
+    "inside": "looks or reaches into the host simulation",
+    "boards": "is about another board, or about the host simulation's own pins",
+    "lights": "finds DMX among the edges",
+    "fine edges": "measures edges more finely than 4 µs",
+    "prompt": "measures when a request takes effect, to the millisecond",
+    "ramped E-stop": "sees motors ramp down after the E-stop",
+    "little memory": "fills the memory for uploads of the host simulation",
+    "short pulses": "drives a motor faster than pulses of 4 µs allow",
+    "instants": "looks for a level of no duration",
+    "servo edges": "measures servos more finely than machine.PWM sets them",
+    "edges": "looks at the pins",
+    "inputs": "sets the level of an input",
+}
+
+
+def _lacking(item: pytest.Item, lacks: set[str]) -> bool:
+    """Return whether a test needs something that is lacking."""
+    case = item.name.partition("[")[2]
+    found = {"inside"} if item.get_closest_marker("inside") else set()
+    for mark in item.iter_markers("needs"):
+        only = mark.kwargs.get("only", ("",))
+        if unknown := set(mark.args) - set(NEEDS):
+            raise pytest.UsageError(f"{item.nodeid} needs {unknown}, which is none of NEEDS")
+        if case.startswith(tuple(only)):
+            found |= set(mark.args)
+    return bool(found & lacks)
+
+
+def _useless(items: list[pytest.Item]) -> set[str]:
+    """Return cases named by a mark of which there is none."""
+    cases: dict[tuple[str, str], list[str]] = {}
+    for item in items:
+        name, _, case = item.nodeid.partition("[")
+        for mark in item.iter_markers("needs"):
+            for only in mark.kwargs.get("only", ()):
+                cases.setdefault((name, only), []).append(case)
+    return {
+        f"{name}[{only}"
+        for (name, only), found in cases.items()
+        if not any(case.startswith(only) for case in found)
+    }
+
+
+class Scenarios:
+    """A plugin of pytest: leaves out what the target cannot show, and keeps the share of the
+    rest that `--share` asks for."""
+
+    def __init__(self, target: ModuleType | None, share: int):
+        self.target = target
+        self.share = share
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_collection_modifyitems(
+        self, config: pytest.Config, items: list[pytest.Item]
+    ) -> None:
+        whole = not any("::" in word for word in config.args)
+        if whole and (useless := _useless(items)):
+            raise pytest.UsageError(f"there is no test {', '.join(sorted(useless))}")
+        lacks = getattr(self.target, "LACKS", set())
+        self._keep(config, items, [item for item in items if not _lacking(item, lacks)])
+
+    @pytest.hookimpl(trylast=True, specname="pytest_collection_modifyitems")
+    def pytest_collection_modifyitems_share(
+        self, config: pytest.Config, items: list[pytest.Item]
+    ) -> None:
+        """Keep every n-th, so that each file with n tests or more has one."""
+        if self.share > 1:
+            self._keep(config, items, items[self.share // 2 :: self.share])
+
+    @staticmethod
+    def _keep(config: pytest.Config, items: list[pytest.Item], kept: list[pytest.Item]) -> None:
+        chosen = set(kept)
+        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
+        items[:] = kept
+
+    def pytest_runtest_setup(self, item: pytest.Item) -> None:
+        if begin := getattr(self.target, "begin", None):
+            begin(item)
+
+
+def install(config: pytest.Config) -> None:
+    """Put the target in the host simulation's place, before a test imports that."""
+    name = config.getoption("--target")
+    target = None
+    if name != "host":
+        target = importlib.import_module(f"host_tests.targets.{name}")
+        if name == "device":
+            if not config.getoption("--port"):
+                raise pytest.UsageError("--target device needs --port, a board's protocol port")
+            os.environ[target.PORT] = config.getoption("--port")
+        from framestep_tools.simulator import boards
+        from host_tests.end_to_end import session
+
+        boards.SimulatedBoard = session.SimulatedBoard = target.Target  # type: ignore[misc]
+    config.pluginmanager.register(Scenarios(target, config.getoption("--share")))

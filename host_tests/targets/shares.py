@@ -1,0 +1,22 @@
+"""A share of the scenarios of a target, as a test."""
+
+import subprocess
+import sys
+
+from framestep_tools.building.board_files import ROOT
+
+SCENARIOS = ROOT / "host_tests" / "end_to_end"
+SUBJECTS = sorted(path.name for path in SCENARIOS.iterdir() if list(path.glob("test_*.py")))
+
+
+def pytest_run(*words: str) -> subprocess.CompletedProcess[str]:
+    """Run pytest on scenarios, in one process."""
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:xdist", "-p", "no:cacheprovider"]
+    return subprocess.run([*command, *words], capture_output=True, text=True, cwd=ROOT)
+
+
+def play(target: str, share: int, subject: str) -> None:
+    """Play every n-th scenario of a subject on a target."""
+    done = pytest_run("--target", target, "--share", str(share), str(SCENARIOS / subject))
+    assert done.returncode == 0, done.stdout
+    assert " passed" in done.stdout, done.stdout

@@ -1,0 +1,16 @@
+"""A share of the scenarios on the emulated Pico; `make test-sessions TARGET=rp2040` plays all."""
+
+import pytest
+
+from host_tests.targets.shares import SUBJECTS, play
+
+
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_share(subject):
+    play("rp2040", 40, subject)
+
+
+@pytest.mark.repeats
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_larger_share(subject):
+    play("rp2040", 15, subject)
