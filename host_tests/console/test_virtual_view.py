@@ -125,7 +125,7 @@ def wait_pose(page, axis, least):
 
 
 def test_a_boom_by_its_table(stage):
-    device = stage.simulated(motors=6, speed=4.0)
+    device = stage.simulated(motors=6, speed=4.0, known=True)
     page = stage.page(stage.console(device.url).url)
     wait_connected(page)
     go_to(page, "Virtual axes")
@@ -151,7 +151,7 @@ def test_a_boom_by_its_table(stage):
 
 
 def test_each_type_is_configured_as_it_is_offered_on_a_board_with_few_motors(stage):
-    device = stage.simulated(motors=4)
+    device = stage.simulated(motors=4, known=True)
     page = stage.page(stage.console(device.url).url)
     wait_connected(page)
     go_to(page, "Virtual axes")
@@ -164,7 +164,7 @@ def test_each_type_is_configured_as_it_is_offered_on_a_board_with_few_motors(sta
 
 
 def test_a_rig_is_configured_moved_jogged_and_drawn(stage):
-    device = stage.simulated({"jog_timeout_ms": 0}, motors=6)
+    device = stage.simulated({"jog_timeout_ms": 0}, motors=6, known=True)
     page = stage.page(stage.console(device.url).url)
     wait_connected(page)
     upload(page)
