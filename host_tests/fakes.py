@@ -106,6 +106,8 @@ class NoSwitches:
 class RecordedOutputs:
     """Lights and camera that record `calls`, and the `signals` as (tick, mask, values)."""
 
+    delay_ms = hold_ms = 0
+
     def __init__(self):
         self.calls = []
         self.signals = []
