@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ..building import images
+from ..building.board_files import compiled, march
 
 MOTORS = 8
 _ONE = 1 << 22  # a step, Q22
@@ -77,9 +78,9 @@ def measure(args: Sequence[str] = ()) -> list[tuple[str, float]]:
         ticks = measured["exceptions"]["irq3"]
         return ticks["cycles"] / ticks["count"] / 125
 
-    empty = "import micropython\n@micropython.viper\ndef empty(t): pass\n"
-    with Emulator(images.frozen(), files=files, args=args) as emu:
-        emu.repl().exec(empty + _SETUP.format(callback="empty", **names))
+    empty = compiled("empty.py", b"@micropython.viper\ndef empty(t): pass\n", march("rp2040"))
+    with Emulator(images.frozen(), files={**files, "/empty.mpy": empty}, args=args) as emu:
+        emu.repl().exec("from empty import empty\n" + _SETUP.format(callback="empty", **names))
         emu.advance(50)
         entry = cost(emu, _STEADY_MS)
         found.append(("the interrupt with an empty function", entry))
