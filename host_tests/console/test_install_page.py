@@ -76,6 +76,10 @@ def image_card(page):
     return page.get_by_role("article", name="Its image")
 
 
+def choose(page, name="pico"):
+    page.locator(f'input[value="{name}"]').check()
+
+
 def save(page, name, about, trouble="() => {}"):
     """Save the image onto a drive, which does `trouble`. Return the page's last sentence."""
     page.evaluate(DRIVE, [name, about])
@@ -86,8 +90,27 @@ def save(page, name, about, trouble="() => {}"):
     return said.text_content()
 
 
+def test_no_board_is_chosen_beforehand(stage, url):
+    """Three boards have the drive RPI-RP2, so the page asks what is printed on the board."""
+    page = stage.page(url)
+    expect(page.get_by_role("radio")).to_have_count(len(board_names()))
+    expect(page.locator("input[name=board]:checked")).to_have_count(0)
+    expect(image_card(page)).to_be_hidden()
+    go_to(page, "3. Rig file")
+    press(page, "Take the board's example")
+    said = card(page, "Onto the board").get_by_role("status")
+    expect(said).to_contain_text("choose yours in the first step")
+    go_to(page, "1. Board")
+    label = page.locator("label", has=page.locator('input[value="skr_pico"]'))
+    expect(label).to_contain_text("Printed on it: BIGTREETECH SKR PICO.")
+    choose(page)
+    expect(image_card(page)).to_contain_text("framestep onto the Raspberry Pi Pico")
+    assert page.errors == []
+
+
 def test_an_image_goes_onto_its_drive(stage, url):
     page = stage.page(url)
+    choose(page)
     said = save(page, "RPI-RP2", ABOUT.format("RPI-RP2"))
     assert said == "The image is on the board, which starts with it."
     assert bytes(page.evaluate(FILES)[NAME]) == IMAGE
@@ -100,6 +123,7 @@ def test_an_image_goes_onto_its_drive(stage, url):
 
 def test_a_drive_that_is_not_the_boards_is_refused(stage, url):
     page = stage.page(url)
+    choose(page)
     for name, about, reason in (
         ("RP2350", ABOUT.format("RP2350"), "has an RP2350, Raspberry Pi Pico an RP2040"),
         ("pictures", None, "pictures is not a board's drive, as it has no INFO_UF2.TXT"),
@@ -123,23 +147,19 @@ def test_every_board_without_access_to_drives(stage, url, look):
     page.add_init_script("delete window.showDirectoryPicker")
     page.goto(url)
     page.evaluate(AXE.read_text())
+    assert page.evaluate(FINDINGS) == []
+    choose(page)
     link = image_card(page).get_by_role("link")
     assert link.get_attribute("href") == link.get_attribute("download") == NAME
     expect(image_card(page).get_by_role("img")).to_have_count(2)
-    fits = 0
     for name in board_names():
-        choice = page.locator(f'input[value="{name}"]')
-        if choice.is_disabled():
-            continue
-        choice.check()
-        fits += 1
+        choose(page, name)
         if name in image_boards():
             if name != "pico":
                 expect(image_card(page)).to_contain_text("without the image for this board")
         else:
             expect(image_card(page)).to_contain_text(f"framestep install --board {name}")
         assert page.evaluate(FINDINGS) == []
-    assert fits == len(image_boards()) + 2
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert page.errors == []
 

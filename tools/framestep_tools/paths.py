@@ -8,6 +8,7 @@ boards that have framestep in their file system.
 
 import os
 import re
+import subprocess
 from functools import cache
 from pathlib import Path
 
@@ -39,7 +40,35 @@ def version() -> str:
 def repository() -> str | None:
     """Return the repository's address on the web, without a slash at its end.
 
-    Only a workflow of GitHub knows it; elsewhere None.
+    A workflow of GitHub knows it, else the clone's `origin`; None if that is not on the web.
     """
-    name = os.environ.get("GITHUB_REPOSITORY")
-    return name and f"{os.environ.get('GITHUB_SERVER_URL', 'https://github.com')}/{name}"
+    if name := os.environ.get("GITHUB_REPOSITORY"):
+        return f"{os.environ.get('GITHUB_SERVER_URL', 'https://github.com')}/{name}"
+    if INSTALLED or not (ROOT / ".git").exists():
+        return None
+    asked = subprocess.run(
+        ["git", "remote", "get-url", "origin"], cwd=ROOT, capture_output=True, text=True
+    )
+    return web_address(asked.stdout.strip())
+
+
+def web_address(remote: str) -> str | None:
+    """Return the web page of a remote such as git@github.com:owner/name.git, or None."""
+    found = re.fullmatch(
+        r"(?:https?://|ssh://|)(?:[^/@\s]+@)?([\w-]+(?:\.[\w-]+)+)(?::\d+/|[:/])"
+        r"([\w.-]+/[\w./-]+?)(?:\.git)?/?",
+        remote,
+    )
+    return f"https://{found[1]}/{found[2]}" if found else None
+
+
+def site() -> str | None:
+    """Return the address of the site that GitHub publishes for the repository, with a slash at its
+    end. SITE_URL is another one. None if the repository is not on GitHub."""
+    if given := os.environ.get("SITE_URL"):
+        return given.rstrip("/") + "/"
+    found = re.fullmatch(r"https://github\.com/([^/]+)/([^/]+)", repository() or "")
+    if not found:
+        return None
+    host = f"{found[1].lower()}.github.io"
+    return f"https://{host}/" if found[2].lower() == host else f"https://{host}/{found[2]}/"

@@ -27,17 +27,18 @@ BOARDS = board_names()
 
 
 def test_the_boards_that_there_are():
-    """The README links to each of them."""
+    """boards/README.md links to each of them, and the front page to three and to that page."""
     assert {"fysetc_erb", "pico", "pico2", "skr_pico", "esp32_s3_595"} <= set(BOARDS)
-    readme = (ROOT / "README.md").read_text()
+    text = (ROOT / "README.md").read_text()
+    assert len(re.findall(r"^\| .*\]\(boards/\w+/README\.md\) \|", text, re.MULTILINE)) == 3
+    assert "](boards/README.md)" in text
+    readme = (ROOT / "boards/README.md").read_text()
     for name in BOARDS:
         count = board_data(name)["motors"]
-        found = re.search(
-            rf"^\| \[.*\]\(boards/{name}/README\.md\) \| {count} \|", readme, re.MULTILINE
-        )
+        found = re.search(rf"^\| \[.*\]\({name}/README\.md\) \| {count} \|", readme, re.MULTILINE)
         assert found, (
-            "add a line to the README's table of boards: "
-            f"| [...](boards/{name}/README.md) | {count} | ..."
+            "add a line to the table of boards/README.md: "
+            f"| [...]({name}/README.md) | {count} | ..."
         )
         same = [other for other in BOARDS if board_data(other)["name"] == board_data(name)["name"]]
         assert same == [name], f"give each board a name of its own in board.json: {same}"

@@ -31,6 +31,8 @@ _FOLDERS = ("firmware", "firmware/framestep", "tools", "tools/framestep_tools", 
 _OTHERS = ("emu", "micropython", "usb")
 # What is made, or is on a board
 _MADE = ("build/", ".cache/", "lib/")
+# Next to .../blob/main, where GitHub shows the documents of any fork
+RELEASES = {ROOT.parents[1] / "releases", ROOT.parents[1] / "releases/latest"}
 _SETTINGS = (
     settings.SETTINGS,
     settings.MOTOR_SETTINGS,
@@ -89,6 +91,8 @@ def test_links_lead_somewhere(document):
             continue
         path, _, anchor = target.partition("#")
         file = document.parent / path if path else document
+        if file.resolve() in RELEASES:
+            continue
         assert file.exists(), f"{document.relative_to(ROOT)}: no {target}"
         if anchor:
             headings = re.findall(r"^#+ (.+)$", file.read_text(), re.MULTILINE)
@@ -225,6 +229,6 @@ def test_sentences_are_counted():
 def test_the_readme_is_short():
     """Who reads it for the first time has no patience. All else belongs to docs/."""
     text = (ROOT / "README.md").read_text()
-    assert len(text.splitlines()) <= 120
+    assert len(text.splitlines()) <= 110
     counts = sentences(text)
     assert sum(counts) / len(counts) <= 17, f"{sum(counts)} words in {len(counts)} sentences"

@@ -87,8 +87,17 @@ def test_each_document_is_a_page(pages, site):
 @pytest.mark.parametrize("name", ["try", "install"])
 def test_front_page_leads_to_the_pages(site, name):
     assert f'href="{name}/index.html"' in (site / "index.html").read_text()
-    assert "make try" not in (site / "index.html").read_text()
+    assert "../releases" not in (site / "index.html").read_text()
     assert (site / name / "index.html").read_text() == f"<title>{name}</title>"
+
+
+def test_releases_are_those_of_the_repository(monkeypatch, tmp_path):
+    monkeypatch.setenv("GITHUB_REPOSITORY", "somebody/fork")
+    monkeypatch.delenv("GITHUB_SERVER_URL", raising=False)
+    documents.stage(tmp_path)
+    front = (tmp_path / "README.md").read_text()
+    assert "[Releases](https://github.com/somebody/fork/releases)" in front
+    assert "[**Try it in your browser**](try/index.html)" in front
 
 
 def test_nothing_comes_from_another_host(site):

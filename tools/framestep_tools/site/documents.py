@@ -6,8 +6,10 @@ import re
 import shutil
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
+from .. import paths
 from ..building import images
 from ..errors import Command, ToolError
 from ..paths import ROOT
@@ -16,14 +18,12 @@ from . import install_page, try_page
 SITE = ROOT / "build" / "site"
 PAGES = ROOT / "build" / "pages"
 _CONFIG = Path(__file__).with_name("mkdocs.yml")
-# The README's sentences about the pages are for a clone; the site has the pages themselves.
-_IN_A_CLONE = re.compile(
-    r"^In a clone, `make try` .*? A release has both\.$", re.MULTILINE | re.DOTALL
-)
-_HERE = (
-    "[Try it in your browser](try/index.html): an emulated Pico runs the real image there. "
-    "[Install it from your browser](install/index.html) when you have a board."
-)
+# These links lead to the latest release on GitHub, and to the pages themselves on the site.
+_PAGES = {
+    "[**Try it in your browser**]": "try/index.html",
+    "[**Install it from your browser**]": "install/index.html",
+}
+_RELEASES = re.compile(r"(\[[^\]]*\])\((?:\.\./)+(releases(?:/latest)?)\)")
 
 app = Command("site", expected=(images.BuildError,))
 
@@ -52,13 +52,21 @@ def stage(folder: Path) -> None:
     for page in map(Path, listed.stdout.splitlines()):
         text = (ROOT / page).read_text(encoding="utf-8")
         for target in re.findall(r"\]\(([^)#\s]+)", text):
-            if "://" not in target and not target.endswith(".md"):
+            if "://" not in target and not target.endswith(".md") and "../releases" not in target:
                 _copy((ROOT / page.parent / target).resolve().relative_to(ROOT), folder)
-        if page == Path("README.md"):
-            text, count = _IN_A_CLONE.subn(_HERE, text)
-            assert count == 1
+        text = _RELEASES.sub(partial(_on_the_site, page), text)
         (folder / page).parent.mkdir(parents=True, exist_ok=True)
         (folder / page).write_text(text, encoding="utf-8")
+
+
+def _on_the_site(page: Path, link: re.Match[str]) -> str:
+    """Return a link to a release as the site has it: a page of the site, the repository's releases,
+    or only its text if the repository is not on the web."""
+    text, target = link[1], link[2]
+    if text in _PAGES:
+        return f"{text}({os.path.relpath(_PAGES[text], page.parent)})"
+    url = paths.repository()
+    return f"{text}({url}/{target})" if url else text[1:-1]
 
 
 def _copy(path: Path, folder: Path) -> None:
@@ -70,7 +78,12 @@ def build(pages: Path, site: Path) -> None:
     """Make the site of the staged pages. A link or an anchor that leads nowhere is an error."""
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", _CONFIG, "-d", site],
-        env={**os.environ, "SITE_PAGES": str(pages), "NO_MKDOCS_2_WARNING": "1"},
+        env={
+            **os.environ,
+            "SITE_PAGES": str(pages),
+            "SITE_URL": paths.site() or "",
+            "NO_MKDOCS_2_WARNING": "1",
+        },
         capture_output=True,
         text=True,
     )

@@ -31,10 +31,9 @@ def make(
     out: Path, images: Mapping[str, Path], packages: Mapping[str, Package] | None = None
 ) -> None:
     """Write the page into a folder, which is emptied first. images: {board: its UF2 file};
-    packages: {board: its files}, without it those of all boards that have no image and that
-    framestep fits."""
+    packages: {board: its files}, without it those of all boards that have no image."""
     if packages is None:
-        packages = {name: package(name) for name in files_boards() if _unfit(name) is None}
+        packages = {name: package(name) for name in files_boards()}
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
     for board, path in images.items():
@@ -43,11 +42,6 @@ def make(
         files = {f"/{path}": b64encode(data).decode() for path, data in wanted.files().items()}
         (out / page_files_name(board, version())).write_text(json.dumps(files))
     bundle(NAME, out, _setup(out, packages), html="frame.html")
-
-
-def _unfit(board: str) -> str | None:
-    """Return why framestep does not fit a board, or None."""
-    return board_data(board).get("page", {}).get("unfit")
 
 
 def _setup(out: Path, packages: Mapping[str, Package]) -> dict[str, Any]:
@@ -73,7 +67,7 @@ def _setup(out: Path, packages: Mapping[str, Package]) -> dict[str, Any]:
         },
         "boards": sorted(
             (_board(name, out, packages.get(name)) for name in board_names()),
-            key=lambda board: (board["unfit"] is not None, not board["hasImage"]),
+            key=lambda board: not board["hasImage"],
         ),
     }
 
@@ -87,8 +81,8 @@ def _board(board: str, out: Path, wanted: Package | None) -> dict[str, Any]:
         "chip": data["chip"],
         "motors": data["motors"],
         "ports": data["ports"],
+        "printed": data["page"]["printed"],
         "foreground": chip.hal == "esp32",  # its REPL cannot be used while framestep runs
-        "unfit": _unfit(board),
         "example": read(BOARDS / board / "rig.json"),
         "hasImage": chip.uf2_family is not None,
         "image": _file(out / image_name(board, version())),

@@ -10,14 +10,16 @@ import { EspError, write as writeMicroPython } from "./esp32.js";
 import { fetchFile, FileError } from "./next_to_page.js";
 import { pictures } from "./pictures.js";
 
+// Boards with the same chip have the same drive and the same ports, so none is chosen beforehand: the image of another one steps other pins.
+const NOT_CHOSEN = { name: "board", motors: Math.max(...setup.boards.map(({ motors }) => motors)), ports: 2, foreground: false, example: null };
 const FOR_THE_USER = [DriveError, EspError, FileError, LinkError];
 
 export class BoardStep {
   title = "1. Board";
   worksAlone = true;
   element = h("section");
-  /** The chosen board's entry in setup.json. */
-  board = setup.boards.find(({ image }) => image) ?? setup.boards[0];
+  /** The chosen board's entry in setup.json, or what holds for one that is not known. */
+  board = NOT_CHOSEN;
   /** The rate of the board's port, if it has a UART. */
   baud = setup.rates[0];
   #image = h("article", { class: "card", "aria-label": "Its image" });
@@ -27,11 +29,12 @@ export class BoardStep {
   constructor(onchoice = () => {}) {
     this.#onchoice = onchoice;
     const choices = setup.boards.map((board) => h("label", {},
-      h("input", { type: "radio", name: "board", value: board.board, checked: board === this.board, disabled: board.unfit !== null, onchange: () => this.#choose(board) }),
+      h("input", { type: "radio", name: "board", value: board.board, onchange: () => this.#choose(board) }),
       board.name,
-      h("small", {}, board.unfit ?? `${setup.chips[board.chip]}, ${board.motors} motors`)));
+      h("small", {}, `Printed on it: ${board.printed}. ${setup.chips[board.chip]}, ${board.motors} motors`)));
     this.element.append(
-      h("article", { class: "card", "aria-label": "Your board" }, h("h2", {}, "Which board do you have?"),
+      h("article", { class: "card", "aria-label": "Your board" }, h("h2", {}, "What is printed on your board?"),
+        h("p", {}, "Read it on the board itself, not on its drive: boards with the same chip show the same drive, and another board's image would step other pins."),
         h("div", { class: "boards", role: "radiogroup", "aria-label": "Board" }, ...choices),
         h("p", { class: "faint" }, "No board has been tried on hardware yet: begin with the motors' supply switched off. ",
           h("a", { href: "licences.txt" }, "Licences"), " of the packages that this page is made of.")),
@@ -49,6 +52,8 @@ export class BoardStep {
 
   #show() {
     const { board } = this;
+    this.#image.hidden = board === NOT_CHOSEN;
+    if (board === NOT_CHOSEN) return;
     this.#image.replaceChildren(h("h2", {}, `framestep onto the ${board.name}`), ...(board.hasImage ? this.#withImage(board) : this.#withFiles(board)));
   }
 

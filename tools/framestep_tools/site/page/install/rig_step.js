@@ -96,7 +96,9 @@ export class RigStep {
   }
 
   #example() {
-    return this.#fillSound(this.#board().example, "This is the example of the board's page: change it to what your rig has.");
+    const { example } = this.#board();
+    if (!example) throw new Error("There is an example for each board: choose yours in the first step.");
+    return this.#fillSound(example, "This is the example of the board's page: change it to what your rig has.");
   }
 
   /** Fill the form; a file with a mistake cannot be shown. */
