@@ -17,7 +17,7 @@ TOOLS = "framestep_tools"
 ONLY_IN_A_CHECKOUT = "framestep_emulator"  # it needs node and a build of MicroPython
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "firmware")]
 
-from framestep_tools.paths import repository, version  # noqa: E402
+from framestep_tools.paths import repository, site, version  # noqa: E402
 
 
 class BuildPackage(build_py):
@@ -72,7 +72,11 @@ def project_urls() -> dict[str, str]:
     url = repository()
     if url is None:
         return {}
+    home = site()
+    pages = {"Homepage": home, "Try it": f"{home}try/index.html"} if home else {}
     return {
+        "Homepage": url,
+        **pages,
         "Source": url,
         "Documentation": f"{url}/tree/v{version()}/docs",
         "Issues": f"{url}/issues",

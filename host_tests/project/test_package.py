@@ -129,6 +129,9 @@ def test_it_is_this_package_that_runs_and_no_other(installed):
 def test_its_links_lead_to_the_repository_that_has_built_it(installed):
     (metadata,) = installed.folder.glob("framestep-*.dist-info/METADATA")
     text = metadata.read_text(encoding="utf-8")
+    assert "\nAuthor: framestep contributors\n" in text
+    assert "\nProject-URL: Homepage, https://somebody.github.io/framestep/\n" in text
+    assert "\nProject-URL: Try it, https://somebody.github.io/framestep/try/index.html\n" in text
     assert "\nProject-URL: Source, https://github.com/somebody/framestep\n" in text
     assert "\nProject-URL: Issues, https://github.com/somebody/framestep/issues\n" in text
 

@@ -1,12 +1,14 @@
 """`make release`: the parts that do not need a build of MicroPython."""
 
 import io
+import re
 import zipfile
 
 import pytest
 
+from framestep_tools import paths
 from framestep_tools.building import release
-from framestep_tools.building.board_files import board_data, board_names, image_boards
+from framestep_tools.building.board_files import ROOT, board_data, board_names, image_boards
 from framestep_tools.building.images import BuildError
 
 
@@ -29,56 +31,58 @@ def test_a_wheel_becomes_the_same_whenever_it_was_built():
     assert built(["x.py", "y/z.py"], 2020) == built(["y/z.py", "x.py"], 2024)
 
 
-CHANGELOG = """# Changelog
-
-## Unreleased
-
-{}
-## 0.2.0 (2026-01-01)
-
-Second.
-
-### Fixed
-
-* A fault.
-
-## 0.1.0
-
-First.
-"""
+CHANGELOG = "# Changelog\n\n## 0.2.0 (2026-01-01)\n\nSecond.\n\n## 0.1.0\n\nFirst.\n"
 
 
-def changes(changelog, version):
-    """Return the last part of the notes."""
-    return release.notes(changelog, version).partition("## What has changed\n\n")[2]
+@pytest.fixture
+def nowhere(monkeypatch):
+    """A clone that is not on the web."""
+    for name in ("GITHUB_REPOSITORY", "GITHUB_SERVER_URL", "SITE_URL"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(paths, "repository", lambda: None)
 
 
-def test_notes_have_the_changes_of_the_version():
-    assert changes(CHANGELOG.format(""), "0.2.0") == "Second.\n\n### Fixed\n\n* A fault.\n"
-    assert changes(CHANGELOG.format(""), "0.1.0") == "First.\n"
-    assert changes(CHANGELOG.format("* New.\n"), "0.3.0") == "* New.\n"
-    assert changes(CHANGELOG.format("* New.\n"), "0.1.0") == "* New.\n\nFirst.\n", (
-        "what is unreleased is in the files as well"
-    )
-    with pytest.raises(BuildError, match=r"CHANGELOG\.md says nothing of 0\.3\.0"):
-        release.notes(CHANGELOG.format(""), "0.3.0")
+@pytest.mark.parametrize("version", ["0.3.0", "0.2", "2.0"])
+def test_a_version_that_the_changelog_does_not_have_is_no_release(version):
+    with pytest.raises(BuildError, match=f"CHANGELOG.md says nothing of {version}"):
+        release.notes(CHANGELOG, version)
 
 
-def test_notes_say_which_file_to_take():
-    text = release.notes(CHANGELOG.format(""), "0.2.0")
-    assert text.startswith("# framestep 0.2.0\n")
+def test_this_version_has_its_changes():
+    assert release.notes((ROOT / "CHANGELOG.md").read_text(), paths.version())
+
+
+@pytest.mark.parametrize("version", ["0.1.0", "0.2.0"])
+def test_notes_say_in_five_lines_what_to_do_and_which_file_to_take(version, nowhere):
+    text = release.notes(CHANGELOG, version)
+    assert text.startswith(f"# framestep {version}\n\n* ")
+    assert len(re.findall(r"^\* ", text, re.MULTILINE)) == 5
     for board in board_names():
         name = board_data(board)["name"]
         ending = "uf2" if board in image_boards() else "zip"
-        assert f"\n| {name} | `framestep-{board}-0.2.0.{ending}` |\n" in text
-    assert "`pipx install ./framestep-0.2.0-py3-none-any.whl`" in text
+        assert f"\n| {name} | `framestep-{board}-{version}.{ending}` |\n" in text
+    assert f"`pipx install ./framestep-{version}-py3-none-any.whl`" in text
+    assert f"unpack `framestep-pages-{version}.zip`" in text
+    assert "](" not in text, "a relative link leads nowhere from a release's page"
 
 
-def test_links_of_the_notes_lead_to_the_repository(monkeypatch):
-    changelog = CHANGELOG.format("* [Moves](docs/use/moves.md), [a page](https://a.example/).\n")
-    monkeypatch.setenv("GITHUB_REPOSITORY", "somebody/framestep")
-    monkeypatch.delenv("GITHUB_SERVER_URL", raising=False)
-    assert changes(changelog, "0.3.0") == (
-        "* [Moves](https://github.com/somebody/framestep/blob/v0.3.0/docs/use/moves.md), "
-        "[a page](https://a.example/).\n"
-    )
+def test_links_of_the_notes_lead_to_the_site_and_the_repository(monkeypatch):
+    monkeypatch.setenv("GITHUB_REPOSITORY", "Some/framestep")
+    for name in ("GITHUB_SERVER_URL", "SITE_URL"):
+        monkeypatch.delenv(name, raising=False)
+    assert re.findall(r"\]\((.*?)\)", release.notes(CHANGELOG, "0.2.0")) == [
+        "https://some.github.io/framestep/try/index.html",
+        "https://some.github.io/framestep/install/index.html",
+        "https://github.com/Some/framestep/blob/v0.2.0/CHANGELOG.md",
+    ]
+
+
+def test_documents_name_the_files_of_this_version():
+    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+    found = [
+        each
+        for page in pages
+        for each in re.findall(r"framestep-(?:[a-z][a-z_0-9]*-)?(\d+\.\d+\.\d+)", page.read_text())
+    ]
+    assert len(found) >= 2
+    assert set(found) == {paths.version()}

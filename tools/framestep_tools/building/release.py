@@ -4,8 +4,7 @@ framestep-VERSION-py3-none-any.whl   the package, for pipx install
 framestep-BOARD-VERSION.uf2          the image of each board with an RP2040 or RP2350
 framestep-BOARD-VERSION.zip          the files of each board with an ESP32
 framestep-pages-VERSION.zip          the pages to try framestep and to install it
-SHA256SUMS, NOTES.md                 sums of all of these; which file to take, and this version's
-                                     changes
+SHA256SUMS, NOTES.md                 sums of all of these; what to do and which file to take
 
 Each build makes the same bytes: times inside the files are the commit's, or SOURCE_DATE_EPOCH.
 """
@@ -48,52 +47,45 @@ def epoch() -> int:
     return int(asked.stdout) if asked.returncode == 0 and asked.stdout.strip() else _FIRST
 
 
-# What a user does with the files; {version}, {rows} and {changes} are filled in
 _NOTES = """\
 # framestep {version}
 
-## Which file to take
+* **Try it** without a board: {try_it}.
+* **Install it**: {install_it}. Or plug the board in with BOOTSEL held, and drop its `.uf2` onto the drive that appears.
+* **Commands** for Linux, macOS and Windows, with Python 3.10 or newer: `pipx install ./framestep-{version}-py3-none-any.whl`, then `framestep install`.
+* **Update** in the same way: your `rig.json` and your other files stay on the board. `framestep status` must answer.
+* **What it can**: {changes}. Check the files by `sha256sum -c --ignore-missing SHA256SUMS`.
 
 | you have | take |
 |---|---|
 {rows}
-| a computer with Linux, macOS or Windows and Python 3.10 or newer | `framestep-{version}-py3-none-any.whl` |
-| a web server, for the pages that install framestep and try it in the browser | `framestep-pages-{version}.zip` |
-
-## What to do
-
-1. Install the package: `pipx install ./framestep-{version}-py3-none-any.whl`. It contains the images of all boards.
-2. Put framestep on the board: `framestep install --board pico`, with your board's name. It says which button to press. Without the
-   package, plug the board in with BOOTSEL held, and drop its `.uf2` onto the drive that appears.
-   An ESP32 needs MicroPython first: its board's page says how. By hand: unpack the `.zip`, then
-   `mpremote fs cp -r framestep : + fs cp main.py : + reset`; to replace another version, `mpremote fs rm :framestep/modules` comes first.
-3. `framestep status` must answer. Your `rig.json` and your other files stay on the board.
-
-`SHA256SUMS` has the sum of each file: `sha256sum -c --ignore-missing SHA256SUMS`.
-
-## What has changed
-
-{changes}
+| a computer, for the commands | `framestep-{version}-py3-none-any.whl` |
+| a web server, for the pages | `framestep-pages-{version}.zip` |
 """  # noqa: E501
 
 
 def notes(changelog: str, wanted: str) -> str:
-    """Return the release notes: which file to take, what to do, and the version's changes.
-
-    The files also contain the unreleased changes, so these come first.
-    """
-    parts = dict(re.findall(r"^## (\S+).*\n((?:(?!## ).*\n?)*)", changelog, re.MULTILINE))
-    changes = [text for key in ("Unreleased", wanted) if (text := parts.get(key, "").strip())]
-    if not changes:
+    """Return the release notes: what to do in five lines, and which file to take."""
+    if not re.search(rf"^## {re.escape(wanted)}(?: |$)", changelog, re.MULTILINE):
         raise BuildError(f"CHANGELOG.md says nothing of {wanted}")
-    if url := paths.repository():  # a relative link would lead nowhere from a release's page
-        changes = [re.sub(r"\]\((?!\w+:)", f"]({url}/blob/v{wanted}/", text) for text in changes]
+    site, repository = paths.site(), paths.repository()
+    in_zip = f"unpack `{pages_name(wanted)}`, run `python3 -m http.server` there and open"
     rows = "\n".join(
         f"| {board_data(board)['name']} | `{name(board, wanted)}` |"
         for boards, name in ((image_boards(), image_name), (files_boards(), files_name))
         for board in boards
     )
-    return _NOTES.format(version=wanted, rows=rows, changes="\n\n".join(changes))
+    return _NOTES.format(
+        version=wanted,
+        rows=rows,
+        try_it=f"[in your browser]({site}try/index.html)" if site else f"{in_zip} `try/`",
+        install_it=f"[from your browser]({site}install/index.html), with Chrome or Edge"
+        if site
+        else f"{in_zip} `install/` in Chrome or Edge",
+        changes=f"[CHANGELOG.md]({repository}/blob/v{wanted}/CHANGELOG.md)"
+        if repository
+        else "CHANGELOG.md",
+    )
 
 
 def zipped(files: Mapping[str, bytes], when: int) -> bytes:
