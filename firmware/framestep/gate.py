@@ -10,9 +10,10 @@ class Gate:
     until those have woken up (Axes.wake).
 
     `flags` has each motor's MOTOR_ bits of CONFIGURE. These have a bit for each motor: `powered`:
-    its driver is on; `jogging`; `homing`: it is homed or waits for it. faults: a FaultLog, which is
-    cleared when motors are sent somewhere. Call join() before the first pass. Nothing allocates
-    after construction.
+    its driver is on; `jogging`; `homing`: it is homed or waits for it; `shooting`: it is on its way
+    to a frame that a button shoots, until something stops it or sends it elsewhere. faults: a
+    FaultLog, which is cleared when motors are sent somewhere. Call join() before the first pass.
+    Nothing allocates after construction.
     """
 
     def __init__(self, hal, rig, axes, drivers, faults):
@@ -34,6 +35,7 @@ class Gate:
         self.powered = 0
         self.jogging = 0
         self.homing = 0
+        self.shooting = 0
         self.stops = None
         self.operations = None
         self.virtuals = None
@@ -120,9 +122,15 @@ class Gate:
         self.jogging |= bit
         self.switch_on(bit)
 
+    def begin_shot(self, bits):
+        """Note that these motors are on their way to a frame that a button shoots."""
+        self.shooting = bits
+
     def stop_jogging(self, bits=-1):
-        """Note that these motors are no longer jogged."""
+        """Note that these motors are no longer jogged, or are stopped."""
         self.jogging &= ~bits
+        if self.shooting & bits:
+            self.shooting = 0
 
     def set_homing(self, bits):
         """Set which motors are homed, one after the other."""

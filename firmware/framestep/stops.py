@@ -103,6 +103,7 @@ class Stops:
         self.io.safe()  # a tick may have given a cue in the meantime
         self.virtuals.halt()
         self.axes.stop()
+        self.gate.stop_jogging()
         self.gate.switch_off(self.axes.released)
 
     def crash_stop(self):
@@ -117,7 +118,6 @@ class Stops:
     def fault_stop(self):
         """After an internal fault: stop everything, and report it soon (field note 8.4)."""
         self.stop_everything()
-        self.gate.stop_jogging()
         self._end_homing()
         self.reports.report_fault()
 

@@ -2,7 +2,8 @@
 
 The host shoots one frame of the upload: that sets exposure, window and motors. Each press then
 shoots the frame after it. All motors go to that frame; those of the shot go on to where it begins;
-it starts as soon as they are there. Whatever stops them on the way ends it.
+it starts as soon as they are there. Whatever stops them on the way, or while their drivers wake up,
+ends it; so does a request that sends them elsewhere.
 
 Loaded only if the rig file has `shoot_input`. Nothing allocates after construction.
 """
@@ -35,6 +36,7 @@ class NextShot:
         self.request = self.shoot.request
         self.positions = moves.positions
         self.step = _NOTHING
+        self.bits = 0  # of the motors that it waits for
         self.frame = 0
 
     def press(self):
@@ -49,8 +51,14 @@ class NextShot:
             and operations.send_to_frame(self.frame, self.positions) == OK
         ):
             self.run_outputs.show_frame(self.frame - self.store.start)
-            self.step = _TO_FRAME
+            self._wait(_TO_FRAME, self.player.motors())
         return False
+
+    def _wait(self, step, bits):
+        """Go on once these motors have arrived."""
+        self.step = step
+        self.bits = bits
+        self.gate.begin_shot(bits)
 
     def _next_frame(self):
         """Return the scene frame after the last shot, in its direction."""
@@ -74,6 +82,8 @@ class NextShot:
     def poll(self):
         """Go on if motors have arrived. In each pass in which anything may be planned."""
         operations = self.operations
+        if self.gate.shooting != self.bits:
+            self.step = _NOTHING
         if self.step == _TO_FRAME:
             axes = self.axes
             if axes.moving or stepper.waking(axes.kernel.state):
@@ -90,7 +100,7 @@ class NextShot:
                 and self.moves.report_exceeded(self._prepare()) == OK
             ):
                 self.gate.send(self.shoot.bits)
-                self.step = _PREPARED
+                self._wait(_PREPARED, self.shoot.bits)
         elif self.step == _PREPARED:
             if operations.operation is not self.shoot or operations.state != POSITIONING:
                 self.step = _NOTHING

@@ -167,6 +167,37 @@ def test_a_stop_on_the_way_ends_it(stop):
     assert len(session.steps(1)[0]) == len(session.steps(2)[0]) == 0
 
 
+def stop_by(session, stop):
+    """Stop what moves."""
+    if stop == "all":
+        session.accept(p.MotorStopAll())
+    elif stop == "one":
+        session.accept(p.MotorStop(1))
+    elif stop == "leave":
+        session.leave()
+    else:
+        session.board._board.set_input("estop", 1)
+        session.run(0.1)
+        session.board._board.set_input("estop", 0)
+
+
+@pytest.mark.parametrize("stop", ["all", "one", "estop", "leave"])
+def test_a_stop_while_drivers_wake_up_ends_it(stop):
+    """The motors are on the frame already, so nothing but their drivers is waited for."""
+    session = rig(estop="nc", motors=[{"enable_ms": 500, "off_after_s": 3}] * 2)
+    session.board._board.set_input("estop", 0)
+    session.run(0.1)
+    first(session, p.RtShootFrame2(1, 200, 0, 180))
+    session.accept(p.RtPositionFrame(2))
+    session.wait_idle()
+    session.run(4)
+    session.board.edges()
+    press(session)
+    stop_by(session, stop)
+    session.run(4)
+    assert not [edge for edge in session.board.edges() if edge[1] == "shutter"]
+
+
 def test_a_frame_that_a_motor_cannot_do():
     """It is refused like a request."""
     session = rig()
