@@ -228,6 +228,7 @@ class Homing:
         self.seekers = [Seeker(self), Seeker(self)]
         self.paired = False  # both look for their switches, otherwise the first
         self.coupling = _UNCOUPLED  # of the two, to restore
+        self.bounded = False  # the sides of a gantry: one goes `square_within` farther at most
         self.cleared = False  # both go back first, as a switch of a gantry was pressed
         self.probing = False  # on a switch of either end: it has to open on the way away from home
         self.rested_at = 0  # ms
@@ -347,13 +348,24 @@ class Homing:
                 if not seeker.found and seeker.at_switch():
                     self.axes.choose_sample()
                     seeker.stop_here(self.factor)
-                    other = self.seekers[1 - i]
-                    if self.paired and self.phase == _SEEK and not other.found:
-                        other.go(self.seekers[0].home["square_within"], False)
+            if self.paired and self.phase == _SEEK and not self.bounded:
+                self._bound()
         if self._moving():
             self.rested_at = now
         elif elapsed(now, self.rested_at) >= SETTLE_MS:
             self._judge()
+
+    def _bound(self):
+        """Let one side of a gantry go little farther once the other has found its switch, or has
+        come to rest without."""
+        first, second = self.seekers
+        if first.found or not first.axis.moving:
+            first = second
+        elif not second.found and second.axis.moving:
+            return
+        self.bounded = True
+        if not first.found and first.axis.moving:
+            first.go(self.seekers[0].home["square_within"], False)
 
     def _moving(self):
         seekers = self.seekers
@@ -393,6 +405,7 @@ class Homing:
     def _go(self, phase):
         """Set out on a phase."""
         self.phase = phase
+        self.bounded = False
         self.rested_at = self.reader.now
         first = self.seekers[0]
         home = first.home

@@ -173,6 +173,16 @@ def test_the_slower_side_sets_the_pace():
         assert np.diff(session.steps(motor)[0]).min() > 0.9 / 500
 
 
+def test_a_soft_limit_of_one_side():
+    """That side stops there, before it has found its switch; the other does not go on alone."""
+    session, rails = gantry(Switch(1, LOW, -1700), Switch(2, LOW_2, -1700), coupled=0)
+    session.accept(p.MotorResetPosition(1, 0), p.MotorSetLimits(1, 1, -600, 1, 3000))
+    session.accept(p.Home(b"\1"))
+    watch(session, rails)
+    assert trust(session, 1)[0] == trust(session, 2)[0] == LOST
+    assert skew(rails) < WITHIN + 130  # and the way in which the first one slows down
+
+
 def test_another_limit_switch_of_a_side():
     session, rails = gantry(Switch(1, LOW, -1700), Switch(2, LOW_2, -1700))
     session.accept(p.MotorSetLimits(2, 0, 0, 0, 0, 1), p.Home(b"\1"))

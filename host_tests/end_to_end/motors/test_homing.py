@@ -604,6 +604,7 @@ def test_refusals_of_the_command(framestep):
     )
 
 
+@pytest.mark.inside
 def test_repl(monkeypatch, capsys):
     session, _ = rails(Switch(1, LOW, -300), rig=THREE)
     board = session.board._board
