@@ -5,7 +5,7 @@ PYTHON_VENV := $(CACHE)/venv/bin/python
 PROCESSES := $(shell echo $$(($$(nproc) + 2))) # more than processors: some tests wait for a page or a port
 PYTEST := PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n $(PROCESSES) --dist loadfile --no-loadscope-reorder
 LAYERS := runtime esp32 board emulator console
-IMAGES := pico skr_pico fysetc_erb # boards that tests emulate
+IMAGES := pico pico2 skr_pico fysetc_erb # boards that tests emulate
 ARGS ?=
 BOARD ?= pico
 TARGET ?= esp32
@@ -88,9 +88,9 @@ test-replay: setup ## the end-to-end sessions once more on 32-bit MicroPython, w
 	@tools/micropython/build.sh unix32f
 	@$(PYTEST) --replay host_tests/end_to_end $(ARGS)
 
-test-sessions: setup node ## the end-to-end scenarios on another target: TARGET=esp32, rp2040, or device with PORT=; ARGS="--share 10" plays every tenth
+test-sessions: setup node ## the end-to-end scenarios on another target: TARGET=esp32, rp2040, rp2350, or device with PORT=; ARGS="--share 10" plays every tenth
 	$(if $(filter esp32,$(TARGET)),@tools/micropython/build.sh esp32)
-	$(if $(filter rp2040,$(TARGET)),@tools/micropython/build.sh rp2 && "$(PYTHON_VENV)" -m framestep_tools.building.images pico)
+	$(if $(filter rp2%,$(TARGET)),@tools/micropython/build.sh rp2 && "$(PYTHON_VENV)" -m framestep_tools.building.images pico pico2)
 	@$(if $(filter device,$(TARGET)),"$(PYTHON_VENV)" -m pytest -q --port $(PORT),$(PYTEST)) --target $(TARGET) host_tests/end_to_end $(ARGS)
 
 test-board: node images ## the firmware on the emulated board, end to end

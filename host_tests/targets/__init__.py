@@ -11,7 +11,7 @@ from types import ModuleType
 
 import pytest
 
-NAMES = ("host", "rp2040", "esp32", "device")
+NAMES = ("host", "rp2040", "rp2350", "esp32", "device")
 NEEDS = {
     "inside": "looks or reaches into the host simulation",
     "boards": "is about another board, or about the host simulation's own pins",

@@ -128,7 +128,12 @@ from framestep_tools.traffic.sniffer import Relay, capture_bytes, read_capture, 
         (emu.app, ["--single-port", "--repl"], 2, "with a single port"),
         (emu.app, ["--nonsense"], 2, "No such option: --nonsense"),
         (demo.app, ["--board", "toaster"], 1, "no board 'toaster'"),
-        (demo.app, ["--board", "pico2"], 1, "is not emulated, as its chip is rp2350: add --host"),
+        (
+            demo.app,
+            ["--board", "esp32_595"],
+            1,
+            "is not emulated, as its chip is esp32: add --host",
+        ),
         (
             demo.app,
             ["--host", "--move", "/not/there.csv"],

@@ -113,6 +113,8 @@ class Emulator:
         firmware = self.firmware or images.emulator_ready()
         free, self.lockstep = not self.lockstep, True  # it starts in lockstep
         arguments = [*self.args, "--lockstep"]
+        if "--chip" not in arguments and image.chip_of(Path(firmware).read_bytes()) == "RP2350":
+            arguments += ["--chip", "RP2350"]  # a process of a pool keeps its chip
         if self.flash:
             arguments += ["--flash", self.flash]
         elif self.tcp_ports == (0, 0):

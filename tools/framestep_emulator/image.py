@@ -1,4 +1,4 @@
-"""littlefs images for the file system of a MicroPython on the RP2040.
+"""littlefs images for the file system of a MicroPython, and the chip that a firmware is for.
 
 python -m framestep_emulator.image FIRMWARE IMAGE [HOST:DEVICE ...]
 
@@ -12,7 +12,16 @@ from pathlib import Path
 from framestep_tools.board import littlefs_image, uf2
 from framestep_tools.board.littlefs_image import read_image
 
-__all__ = ["collect", "make_image", "read_image"]
+__all__ = ["chip_of", "collect", "make_image", "read_image"]
+
+# A block for the boot ROM of an RP2350 begins so, in the first 4 kB (its datasheet, 5.9.5)
+_BLOCK_MARKER = b"\xd3\xde\xff\xff"
+_BLOCK_WITHIN = 4096
+
+
+def chip_of(firmware):
+    """Return the name of the chip that a firmware (bytes of the .bin) is for: RP2040 or RP2350."""
+    return "RP2350" if _BLOCK_MARKER in firmware[:_BLOCK_WITHIN] else "RP2040"
 
 
 def make_image(files, firmware):
@@ -21,7 +30,9 @@ def make_image(files, firmware):
 
     Raises ValueError if they do not fit.
     """
-    area = uf2.from_flash(Path(firmware).read_bytes(), uf2.RP2040).file_system()
+    content = Path(firmware).read_bytes()
+    families = {"RP2040": uf2.RP2040, "RP2350": uf2.RP2350}
+    area = uf2.from_flash(content, families[chip_of(content)]).file_system()
     return littlefs_image.make_image(files, area.size // littlefs_image.BLOCK_SIZE)
 
 

@@ -9,8 +9,10 @@ import path from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { parseArgs } from 'node:util';
 import { Worker } from 'node:worker_threads';
-import { Board, FLASH_SIZE } from './lib/board.mjs';
+import { Board } from './lib/board.mjs';
+import { chipOf } from './lib/binary_info.mjs';
 import { ControlServer } from './lib/control.mjs';
+import { Pico2 } from './lib/rp2350/board.mjs';
 import { Runner } from './lib/runner.mjs';
 
 const HERE = path.dirname(fileURLToPath(import.meta.url));
@@ -29,7 +31,7 @@ const USAGE = `usage: emu.mjs --firmware fw.bin [options]
   --erase-ms N        flash sector erase time (default 45)
   --program-ms N      flash page program time (default 0.4)
   --seed N            seed of the random numbers (default 1)
-  --chip B1|B2        stepping of the chip: B1 has erratum RP2040-E5 (default B2)
+  --chip NAME         RP2350, or the RP2040's stepping: B1 has erratum RP2040-E5, B2 has not (default: what the image is for)
   --exit-with-stdin   end when standard input is closed
   --verbose           log events and accesses to registers that are not emulated`;
 
@@ -50,7 +52,7 @@ function options() {
       'erase-ms': { type: 'string', default: '45' },
       'program-ms': { type: 'string', default: '0.4' },
       seed: { type: 'string', default: '1' },
-      chip: { type: 'string', default: 'B2' },
+      chip: { type: 'string' },
       'exit-with-stdin': { type: 'boolean', default: false },
       verbose: { type: 'boolean', default: false },
       help: { type: 'boolean', default: false },
@@ -77,27 +79,31 @@ function imageWith(firmware, puts) {
 
 const REVISIONS = { B0: 1, B1: 1, B2: 2 }; // in CHIP_ID
 
-function revisionOf(stepping) {
-  const revision = REVISIONS[stepping];
-  if (!revision) throw new Error(`no RP2040 ${stepping}; there are ${Object.keys(REVISIONS).join(', ')}`);
-  return revision;
+/** Return the board with a chip, and the chip's revision. */
+function kindOf(chip) {
+  if (chip === 'RP2350') return { Kind: Pico2, revision: 2 };
+  const revision = REVISIONS[chip];
+  if (!revision) throw new Error(`--chip ${chip}: expected RP2350 or, of the RP2040, ${Object.keys(REVISIONS).join(', ')}`);
+  return { Kind: Board, revision };
 }
 
 function makeBoard(args) {
   const flashFile = args.flash && fs.existsSync(args.flash) ? fs.readFileSync(args.flash) : null;
-  const board = new Board({
-    firmware: fs.readFileSync(args.firmware),
+  const firmware = fs.readFileSync(args.firmware);
+  const { Kind, revision } = kindOf(args.chip ?? (chipOf(firmware) === 'RP2350' ? 'RP2350' : 'B2'));
+  const board = new Kind({
+    firmware,
     xipMiss: Number(args['xip-miss']),
     timing: { eraseMs: Number(args['erase-ms']), programMs: Number(args['program-ms']) },
     seed: Number(args.seed),
-    revision: revisionOf(args.chip),
+    revision,
     verbose: args.verbose,
     onEvent: (event) => {
       if (args.verbose || event.type === 'halt' || event.type === 'core1') console.error('emu:', JSON.stringify(event));
     },
   });
   const { offset } = board.files;
-  if (flashFile) board.flash.set(flashFile.subarray(offset, FLASH_SIZE), offset);
+  if (flashFile) board.flash.set(flashFile.subarray(offset, board.flash.length), offset);
   const image = args.fs ? fs.readFileSync(args.fs) : args.put.length ? imageWith(args.firmware, args.put) : null;
   if (image) board.putFiles(image);
   return board;

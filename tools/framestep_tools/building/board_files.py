@@ -31,7 +31,7 @@ __all__ = ["CACHE", "FIRMWARE", "ROOT"]  # re-exported
 
 # -O2 drops assertions and keeps line numbers for tracebacks; a .mpy never has docstrings.
 _FLAGS = ("-O2",)
-_EMULATED = "rp2040"  # chip of the emulated boards
+_EMULATED = ("rp2040", "rp2350")  # chips of the emulated boards
 _KEPT_TREES = 20
 _KEPT_RESULTS = 40
 _NATIVE = "framestep/base/native.py"
@@ -204,7 +204,7 @@ def image_boards() -> list[str]:
 
 def emulated_boards() -> list[str]:
     """List the boards that are emulated."""
-    return [name for name in board_names() if board_data(name)["chip"] == _EMULATED]
+    return [name for name in board_names() if board_data(name)["chip"] in _EMULATED]
 
 
 def files_boards() -> list[str]:

@@ -22,7 +22,9 @@ def main(
     ] = False,
     short: Annotated[bool, typer.Option("--short", help="fewer moves")] = False,
     board: Annotated[str, typer.Option(help="folder in boards/ of the board")] = "pico",
-    chip: Annotated[str, typer.Option(help="stepping of the chip: B1 or B2")] = "B2",
+    chip: Annotated[
+        str | None, typer.Option(help="stepping of an RP2040: B1 or B2; by default B2")
+    ] = None,
     out: Annotated[Path, typer.Option(help="folder for the report", metavar="DIR")] = ROOT
     / "build"
     / "prove",
@@ -32,7 +34,7 @@ def main(
     if board not in emulated_boards():
         raise ToolError(f"{data['name']} is not emulated: its chip is {data['chip']}")
     images.frozen(board)
-    with emulated(("--chip", chip), board) as measured:
+    with emulated(("--chip", chip) if chip else (), board) as measured:
         beside = {} if renew else report.emulated_boards()
         found = prove(measured, Options(short=short), beside, print)
         count = len(measured.layout.measured)

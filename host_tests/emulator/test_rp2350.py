@@ -1,0 +1,93 @@
+"""The emulated Pico 2: its processor against QEMU, the image's chip, and twelve motors."""
+
+import subprocess
+
+import numpy as np
+import pytest
+
+from framestep_emulator import Emulator
+from framestep_emulator.errors import EmulatorError
+from framestep_tools.building import images
+from framestep_tools.payloads import MotorMove
+from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.end_to_end.session import Session
+
+ROUNDS = 60  # of 96 instructions
+STEPS_PER_S = 20_000
+ACCELERATION = 100_000
+
+
+def test_instructions_agree_with_qemu(paths):
+    script = paths.root / "tools/framestep_emulator/board/test/m33.mjs"
+    result = subprocess.run(["node", script, str(ROUNDS)], capture_output=True, text=True)
+    assert result.returncode == 0, result.stdout + result.stderr
+    cases, _, _, groups, *_ = result.stdout.split()
+    assert int(cases) == 96 * ROUNDS
+    assert int(groups) >= 74
+
+
+@pytest.mark.parametrize(
+    ("board", "chip", "said"),
+    [
+        ("pico", "RP2350", "the image is for an RP2040, and the emulated chip is an RP2350"),
+        ("pico2", "B2", "the image is for an RP2350, and the emulated chip is an RP2040"),
+        ("pico2", "B3", "--chip B3: expected RP2350 or, of the RP2040, B0, B1, B2"),
+    ],
+)
+def test_an_image_of_the_other_chip_is_refused(board, chip, said, capfd):
+    with pytest.raises(EmulatorError, match="did not start"):
+        Emulator(firmware=images.frozen(board), args=["--chip", chip]).start()
+    assert said in capfd.readouterr().err
+
+
+PYTHON = """
+import math, time, machine
+@micropython.viper
+def total(n: int) -> int:
+    found = 0
+    while n:
+        found += n
+        n -= 1
+    return found
+print(total(1000), 7 ** 40 % 1000007, math.sin(0.5), 1 / 3, machine.freq())
+begun = time.ticks_us()
+time.sleep_ms(20)
+print(time.ticks_diff(time.ticks_us(), begun) // 1000)
+"""
+
+
+def test_python(emulator):
+    board = emulator(firmware=images.frozen("pico2"))
+    first, second = board.repl().exec(PYTHON).split("\n")[:2]
+    whole, power, sine, third, clock = first.split()
+    assert (int(whole), int(power), int(clock)) == (500_500, 7**40 % 1_000_007, 150_000_000)
+    assert float(sine) == pytest.approx(np.sin(0.5), rel=1e-6)
+    assert float(third) == pytest.approx(1 / 3, rel=1e-6)
+    assert int(second) in (19, 20, 21)
+
+
+def test_files_outlive_a_reset(emulator):
+    board = emulator(firmware=images.frozen("pico2"), files={"/kept.txt": "once"})
+    assert board.repl().exec("print(open('/kept.txt').read())").strip() == "once"
+    board.repl().exec("with open('/kept.txt', 'w') as file: file.write('twice')")
+    board.reset()
+    board.wait_usb()
+    assert board.repl().exec("print(open('/kept.txt').read())").strip() == "twice"
+
+
+def test_twelve_motors_keep_their_rate():
+    """While all move, the intervals of each motor's steps are even to half a microsecond."""
+    with EmulatedBoard(board="pico2") as board:
+        session = Session(board, motors=12)
+        for motor in range(1, 13):
+            session.speed(motor, STEPS_PER_S, ACCELERATION)
+        session.forget()
+        session.accept(*(MotorMove(motor, 12_000) for motor in range(1, 13)))
+        session.wait_idle()
+        positions = session.ask_positions().steps
+        assert positions == (12_000,) * 12
+        for motor in range(1, 13):
+            times, signs = session.steps(motor)
+            assert int(signs.sum()) == 12_000
+            middle = np.diff(times[5_000:7_000])
+            assert np.abs(middle - 1 / STEPS_PER_S).max() < 0.5e-6

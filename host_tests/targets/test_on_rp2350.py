@@ -1,0 +1,16 @@
+"""A share of the scenarios on the emulated Pico 2; `make test-sessions TARGET=rp2350` plays all."""
+
+import pytest
+
+from host_tests.targets.shares import SUBJECTS, play
+
+
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_share(subject):
+    play("rp2350", 40, subject)
+
+
+@pytest.mark.repeats
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_larger_share(subject):
+    play("rp2350", 15, subject)
