@@ -141,7 +141,7 @@ drawn-faults: setup ## faults drawn at random, and which test finds each; ARGS="
 conform: setup ## the conformance kit against the simulator and against seeded faults: both scores
 	@"$(PYTHON_VENV)" -m host_tests.conform.score
 
-prove: setup node micropython ## the emulated board measures itself, like a real one with `framestep prove` (build/prove); ARGS="--chip B1" or --renew
+prove: setup node micropython ## the emulated board measures itself, like a real one with `framestep lab prove` (build/prove); ARGS="--chip B1" or --renew
 	@"$(PYTHON_VENV)" -m framestep_tools.prove $(ARGS)
 
 emulator-measure: setup node micropython ## measure the emulated board itself (40 s)

@@ -1,4 +1,4 @@
-"""`framestep conform` against the emulated board through its port, as `make emu` serves it.
+"""`framestep lab conform` against the emulated board through its port, as `make emu` serves it.
 
 They are short, and no clock judges: the computer decides how fast it emulates the board.
 """
@@ -41,7 +41,7 @@ def conform(capsys):
 
     def run(device, *subjects):
         words = [word for subject in subjects for word in ("--subject", subject)]
-        status = cli.app.status(["conform", device, "--yes", *words])
+        status = cli.app.status(["lab", "conform", device, "--yes", *words])
         said = capsys.readouterr()
         assert status == DONE, said
         return said.out.splitlines()[-1], said.err

@@ -1,5 +1,5 @@
-"""`framestep prove` on the emulated board: what the board measures on its pins is what the emulator
-saw."""
+"""`framestep lab prove` on the emulated board: what the board measures on its pins is what the
+emulator saw."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""`framestep conform`: what it prints and writes, a trace, Ctrl-C, a lost device."""
+"""`framestep lab conform`: what it prints and writes, a trace, Ctrl-C, a lost device."""
 
 import json
 import re
@@ -45,7 +45,7 @@ def conform(board, monkeypatch, capsys):
 
     def run(*words, port=None):
         monkeypatch.setattr(open_port, "open_port", lambda url, timeout: port or Port(board))
-        status = cli.app.status(["conform", "socket://x", "--yes", *words])
+        status = cli.app.status(["lab", "conform", "socket://x", "--yes", *words])
         said = capsys.readouterr()
         return status, said.out, said.err
 
@@ -131,7 +131,9 @@ def test_somebody_presses_switches_when_asked(monkeypatch, capsys):
     monkeypatch.setattr(typer, "prompt", say)
     monkeypatch.setattr(typer, "confirm", lambda text, **_: True)
     monkeypatch.setattr(open_port, "open_port", lambda url, timeout: port)
-    status = cli.app.status(["conform", "socket://x", "--yes", "--hands", "--subject", "inputs"])
+    status = cli.app.status(
+        ["lab", "conform", "socket://x", "--yes", "--hands", "--subject", "inputs"]
+    )
     out, err = capsys.readouterr()
     assert (status, err) == (DONE, "")
     assert out == "24 checks: 24 passed, 0 left out, 0 reading, 0 departs, 0 fault\n"

@@ -59,7 +59,7 @@ class _LoggedPort(LockstepPort):
         return super().write(data)
 
     def write_log(self, path):
-        """Write the log of all that has passed, as `framestep sniff` does. Return its lines."""
+        """Write the log of all that has passed, as `framestep lab sniff` does. Return its lines."""
         path.parent.mkdir(parents=True, exist_ok=True)
         times = [0.0]
         with path.open("w") as file:
@@ -83,7 +83,7 @@ def logs_of(test: str, folder: Path) -> str:
     for number, port in enumerate(ports, 1):
         path = folder / f"{re.sub('[^a-zA-Z0-9_.-]+', '-', test)}-{number}.log"
         last = [line[:200] for line in port.write_log(path)[-_SHOWN:]]
-        said += "\n".join([*last, f"all of it: {path}", "once more: framestep replay FILE PORT\n"])
+        said += "\n".join([*last, f"all of it: {path}", "again: framestep lab replay FILE PORT\n"])
     return said
 
 

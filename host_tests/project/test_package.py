@@ -258,6 +258,7 @@ def test_what_needs_unix_says_so_in_a_sentence(installed):
             sys.executable,
             "-c",
             "from framestep_tools.cli import app; app()",
+            "lab",
             "sniff",
             "--device",
             "socket://127.0.0.1:1",
@@ -270,9 +271,9 @@ def test_what_needs_unix_says_so_in_a_sentence(installed):
 @pytest.mark.parametrize(
     ("command", "package"),
     [
-        (["demo"], "matplotlib"),
+        (["lab", "demo"], "matplotlib"),
         (["check", "--plot", "x.png", "camera_move.csv"], "matplotlib"),
-        (["plot", "edges.csv"], "matplotlib"),
+        (["lab", "plot", "edges.csv"], "matplotlib"),
         (["import", "camera_move.csv", "-o", "x.csv", "--smooth", "5"], "scipy"),
     ],
 )

@@ -35,10 +35,18 @@ from framestep_tools.traffic.sniffer import Relay, capture_bytes, read_capture, 
         ),
         (cli.app, ["shoot", "1", "--exposure", "x"], 2, "--exposure: expected a number"),
         (cli.app, ["virtual", "x"], 2, "axis: 'x' is not one of 'track'"),
-        (cli.app, ["prove"], 3, "no board with framestep is on USB"),
-        (cli.app, ["conform"], 3, "no board with framestep is on USB"),
+        (cli.app, ["lab", "prove"], 3, "no board with framestep is on USB"),
+        (cli.app, ["lab", "conform"], 3, "no board with framestep is on USB"),
+        (
+            cli.app,
+            ["vcd", "x.csv"],
+            2,
+            "vcd is one of the lab: framestep lab vcd; framestep --help",
+        ),
+        (cli.app, ["demo"], 2, "demo is one of the lab: framestep lab demo"),
         (cli.app, ["fly"], 2, "No such command 'fly'"),
         (cli.app, ["status"], 3, "no board with framestep is on USB"),
+        (cli.app, ["status"], 3, "without a board, framestep console --demo shows a simulated rig"),
         (
             cli.app,
             ["status", "/dev/not-there"],
@@ -110,8 +118,8 @@ from framestep_tools.traffic.sniffer import Relay, capture_bytes, read_capture, 
             1,
             "cannot read the lights /not/there.csv",
         ),
-        (cli.app, ["sniff"], 2, "either a capture file or a --device"),
-        (cli.app, ["sniff", "/not/there.hex"], 1, "cannot read the capture /not/there.hex"),
+        (cli.app, ["lab", "sniff"], 2, "either a capture file or a --device"),
+        (cli.app, ["lab", "sniff", "/not/there.hex"], 1, "cannot read the capture /not/there.hex"),
         (cli.app, ["install", "--board", "nano"], 1, "no board 'nano'"),
         (cli.app, ["console", "--port", "99999"], 2, "--port: expected at most 65535"),
         (sim.app, ["--trace", "/not/there.csv"], 1, "cannot write the trace /not/there.csv"),
@@ -182,6 +190,7 @@ def test_no_description_of_a_command_is_cut_short(capsys):
         ("framestep mo", "move"),
         ("framestep move --ve", "--velocity"),
         ("framestep rig ex", "example"),
+        ("framestep lab sn", "sniff"),
     ],
 )
 def test_a_shell_completes_commands_and_options(typed, completed, monkeypatch, capfd):
@@ -202,7 +211,10 @@ def test_every_exit_status_is_documented():
 
 def test_nothing_asked_for_shows_the_help(capsys):
     assert cli.app.status([]) == 0
-    assert "status" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "status" in shown
+    assert "framestep console --demo" in shown.splitlines()[-2]
+    assert "framestep install" in shown.splitlines()[-1]
     assert cli.app.status(["--version"]) == 0
     assert capsys.readouterr().out.startswith("framestep ")
 
@@ -242,7 +254,7 @@ def test_a_capture_is_read(tmp_path, capsys):
     digits.write_text(TRAFFIC.hex(" ") + "\n")
     printed = []
     for path in (binary, digits):
-        assert cli.app.status(["sniff", str(path)]) == 0
+        assert cli.app.status(["lab", "sniff", str(path)]) == 0
         printed.append(capsys.readouterr().out.splitlines())
     assert printed[0] == printed[1]
     lines = [" ".join(line.split()) for line in printed[0]]

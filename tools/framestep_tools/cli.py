@@ -13,17 +13,14 @@ from typer.core import TyperGroup
 from .commands import (
     board,
     check,
-    conform,
     console,
-    demo,
+    lab,
     motors,
     move_files,
     moves,
-    prove,
     rig,
     sim,
     stream,
-    traces,
     traffic,
     virtual,
 )
@@ -31,17 +28,27 @@ from .errors import STATUSES, Command
 
 _EPILOG = "Exit status: " + "; ".join(f"{number} {text}" for number, text in STATUSES.items()) + "."
 
+_FIRST = """\
+No board yet? framestep console --demo shows a simulated rig in your browser.
+A new board?  framestep install puts framestep onto it."""
+
 _SUBJECTS = {
     "Motors": (motors, virtual, stream),
     "Moves": (moves, check, move_files),
     "Board": (rig, board),
-    "In the browser, and without a board": (console, sim, demo),
-    "Ports, traffic and tests": (traffic, traces, conform, prove),
+    "In the browser, and without a board": (console, sim),
+    "Ports, and looking into it": (traffic, lab),
 }
 
 
 class _BySubject(TyperGroup):
     """Lists the commands under their subjects."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find a command; of one that is in the laboratory, say where it is."""
+        if args and args[0] in lab.NAMES:
+            raise typer.BadParameter(f"{args[0]} is one of the lab: framestep lab {args[0]}")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the lists, all with the same first column."""
@@ -88,7 +95,7 @@ def _framestep(
     ] = False,
 ) -> None:
     if context.invoked_subcommand is None:
-        print(context.get_help())
+        print(context.get_help(), _FIRST, sep="\n\n")
 
 
 _framestep.__doc__ = __doc__

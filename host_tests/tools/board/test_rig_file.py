@@ -11,7 +11,7 @@ from framestep_tools import cli
 from framestep_tools.board import rig_change, rig_file
 from framestep_tools.board.repl_device import State
 from framestep_tools.board.rig_file import RigFileError
-from framestep_tools.building.board_files import board_data
+from framestep_tools.building.board_files import ROOT, board_data
 from framestep_tools.errors import ToolError
 
 WRONG = {
@@ -195,7 +195,7 @@ def test_a_doubled_key(text, tmp_path, capsys):
 
 @pytest.mark.parametrize("content", ["{}", '{"name": "a // b \\" // c"}', '{\n  "motors": [{}]\n}'])
 def test_a_draft_with_comments(content):
-    draft = rig_file.commented(content)
+    draft = rig_file.commented(content, everything=True)
     assert rig_file.without_comments(draft).strip() == content
     assert rig_file.without_comments(draft).count("\n") == draft.count("\n")
     for table in (
@@ -207,6 +207,20 @@ def test_a_draft_with_comments(content):
         settings.LIMIT_SETTINGS,
     ):
         assert all(f'//   "{key}": ' in draft for key in table)
+
+
+def test_a_draft_shows_first_what_a_new_rig_needs():
+    """The settings that docs/start/configure.md names."""
+    draft = rig_file.commented("{}")
+    shown = re.findall(r'^//   "(\w+)": ', draft, re.MULTILINE)
+    page = (ROOT / "docs/start/configure.md").read_text()
+    first = page.partition("## What to set first")[2].partition("A whole file")[0]
+    assert set(re.findall(r'"(\w+)":', first)) <= set(shown)
+    wanted = [key for keys in rig_file.FIRST.values() for key in keys]
+    assert sorted(shown) == sorted(wanted), "a key of FIRST is no setting"
+    assert len(shown) < 30
+    assert "framestep rig edit --all" in draft
+    assert draft.count("//\n// of ") == 3, "no heading without settings"
 
 
 def test_a_key_below_what_the_type_of_driver_needs(tmp_path, capsys):

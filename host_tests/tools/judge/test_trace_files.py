@@ -95,17 +95,20 @@ def trace(tmp_path):
 
 
 def test_the_command_writes_beside_the_trace(trace, capsys):
-    assert cli.app.status(["vcd", str(trace)]) == 0
+    assert cli.app.status(["lab", "vcd", str(trace)]) == 0
     assert capsys.readouterr().out == f"{trace.with_suffix('.vcd')}: 16 changes of 4 signals\n"
     assert changes(trace.with_suffix(".vcd").read_text())["position1"][-1] == (60_000, 1)
-    assert cli.app.status(["vcd", str(trace), "--pulse-us", "0.1", "-o", str(trace) + ".v"]) == 0
+    assert (
+        cli.app.status(["lab", "vcd", str(trace), "--pulse-us", "0.1", "-o", str(trace) + ".v"])
+        == 0
+    )
     assert (10_100, "0") in changes((trace.parent / "edges.csv.v").read_text())["step1"]
 
 
 @pytest.mark.parametrize("ending", [".png", ".svg"])
 def test_a_picture_of_all_signals(trace, ending, capsys):
     picture = trace.with_name(f"picture{ending}")
-    assert cli.app.status(["plot", str(trace), "-o", str(picture)]) == 0
+    assert cli.app.status(["lab", "plot", str(trace), "-o", str(picture)]) == 0
     assert capsys.readouterr().out == f"{picture}\n"
     content = picture.read_bytes()
     if ending == ".png":
@@ -118,13 +121,19 @@ def test_a_picture_of_all_signals(trace, ending, capsys):
 @pytest.mark.parametrize(
     ("args", "text"),
     [
-        (["vcd", "/not/there.csv"], "cannot read the trace /not/there.csv: No such file"),
-        (["plot", "/not/there.csv"], "cannot read the trace /not/there.csv: No such file"),
-        (["plot", "{trace}", "-o", "x.txt"], "x.txt: a picture is one of .png, .svg, .pdf"),
-        (["plot", "{empty}"], "empty.csv: nothing has happened in this trace"),
-        (["vcd", "{other}"], "other.csv: expected the header"),
-        (["vcd", "{binary}"], "binary.csv: expected a trace, CSV in text, found other bytes"),
-        (["vcd", "{trace}", "-o", "/not/there/x.vcd"], "cannot write /not/there/x.vcd: No such"),
+        (["lab", "vcd", "/not/there.csv"], "cannot read the trace /not/there.csv: No such file"),
+        (["lab", "plot", "/not/there.csv"], "cannot read the trace /not/there.csv: No such file"),
+        (["lab", "plot", "{trace}", "-o", "x.txt"], "x.txt: a picture is one of .png, .svg, .pdf"),
+        (["lab", "plot", "{empty}"], "empty.csv: nothing has happened in this trace"),
+        (["lab", "vcd", "{other}"], "other.csv: expected the header"),
+        (
+            ["lab", "vcd", "{binary}"],
+            "binary.csv: expected a trace, CSV in text, found other bytes",
+        ),
+        (
+            ["lab", "vcd", "{trace}", "-o", "/not/there/x.vcd"],
+            "cannot write /not/there/x.vcd: No such",
+        ),
     ],
 )
 def test_one_sentence_says_what_is_wrong(args, text, trace, capsys):

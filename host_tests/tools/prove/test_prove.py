@@ -1,5 +1,5 @@
-"""`framestep prove`: verdicts, reports, what stamps mean. host_tests/board/test_prove.py tests the
-measurements."""
+"""`framestep lab prove`: verdicts, reports, what stamps mean. host_tests/board/test_prove.py tests
+the measurements."""
 
 import json
 from contextlib import nullcontext
@@ -174,8 +174,8 @@ def test_it_asks_before_pins_move(monkeypatch, capsys):
     """It says which drivers to unplug, and opens no port before."""
     asked = []
     monkeypatch.setattr("typer.confirm", lambda text, **_: asked.append(text))
-    assert app.status(["prove", "/dev/none"]) == 130
-    assert app.status(["prove", "/dev/none", "--with-drivers"]) == 130
+    assert app.status(["lab", "prove", "/dev/none"]) == 130
+    assert app.status(["lab", "prove", "/dev/none", "--with-drivers"]) == 130
     assert "enable pins" in asked[0]
     assert "motors turn" in asked[1]
 
@@ -211,7 +211,7 @@ def test_what_was_measured_before_it_broke_off_is_kept(
     )
     monkeypatch.setattr("framestep_tools.prove.board.real", lambda *_: nullcontext(board))
     monkeypatch.setattr(Measuring, "everything", measure)
-    arguments = ["prove", "/dev/none", "--yes", "--out", str(tmp_path)]
+    arguments = ["lab", "prove", "/dev/none", "--yes", "--out", str(tmp_path)]
     if status is None:
         with pytest.raises(type(error)):
             app.status(arguments)
@@ -234,7 +234,7 @@ def test_nothing_is_written_if_nothing_was_measured(monkeypatch, tmp_path):
     board = SimpleNamespace(client=None, run=lambda code: "", drivers_off=nullcontext)
     monkeypatch.setattr("framestep_tools.prove.board.real", lambda *_: nullcontext(board))
     monkeypatch.setattr(Measuring, "everything", interrupted)
-    assert app.status(["prove", "/dev/none", "--yes", "--out", str(tmp_path)]) == INTERRUPTED
+    assert app.status(["lab", "prove", "/dev/none", "--yes", "--out", str(tmp_path)]) == INTERRUPTED
     assert not list(tmp_path.iterdir())
 
 
@@ -288,7 +288,7 @@ def test_a_board_that_is_another_one_or_cannot_watch_itself(name, chip, expected
 
 def test_a_board_that_there_is_not(capsys):
     """It is refused before the tool looks for a port."""
-    assert app.status(["prove", "--board", "nano", "--yes"]) != 0
+    assert app.status(["lab", "prove", "--board", "nano", "--yes"]) != 0
     assert "no board 'nano': there are" in capsys.readouterr().err
 
 

@@ -135,7 +135,7 @@ def test_a_log_is_read_by_people(log, tmp_path, capsys):
         writer.add(entry)
     path = tmp_path / "log"
     path.write_text(file.getvalue())
-    assert cli.app.status(["sniff", str(path)]) == 0
+    assert cli.app.status(["lab", "sniff", str(path)]) == 0
     text = capsys.readouterr().out
     assert text.count("MOTOR_MOVE            ACK ERR_RANGE (0x0014)  (there is no such motor") == 1
     assert "frame with a wrong checksum among them" in text
@@ -161,7 +161,7 @@ def test_files_that_are_no_logs(tmp_path, capsys):
     other = tmp_path / "other"
     other.write_text("hello")
     for path, text in ((other, "is not a traffic log"), (tmp_path / "none", "cannot read the log")):
-        assert cli.app.status(["replay", str(path)]) == 1
+        assert cli.app.status(["lab", "replay", str(path)]) == 1
         assert text in capsys.readouterr().err
 
 
@@ -429,7 +429,7 @@ def test_the_command_plays_a_log_against_a_device(log, tmp_path, capsys):
                 path = tmp_path / "log"
                 path.write_text("\n".join(lines))
                 record = tmp_path / "record"
-                args = ["replay", str(path), url, "--log", str(record)]
+                args = ["lab", "replay", str(path), url, "--log", str(record)]
                 args += ["--ignore", "motor_get_position"]
                 assert cli.app.status(args) == status
                 answers.append(capsys.readouterr())

@@ -216,14 +216,23 @@ def ask_again(mistake: str) -> bool:
 
 _HEAD = """\
 // Settings of the rig. Text after // is a comment, for this editor only: it does not go to the board.
-// All settings and their defaults are below. Copy those that you change into the braces, with commas between them.
+// Settings and their defaults are below. Copy those that you change into the braces, with commas between them.
 """  # noqa: E501
+# What a new rig needs first, as in docs/start/configure.md
+FIRST = {
+    "": ("name", "motor_count", "motors", "estop", "estop_cuts_power", "limits"),
+    "motors": ("type", "pulse_us", "enable_ms", "off_after_s", "invert", "backlash", "driver"),
+    "driver": ("run_ma",),
+    "limits": ("low", "high"),
+}
 
 
-def commented(content: str) -> str:
-    """Add all settings, as comments, to a rig file's text."""
+def commented(content: str, everything: bool = False) -> str:
+    """Add settings, as comments, to a rig file's text: those of FIRST, or all."""
     lines = ["", "// All settings (docs/use/rig-file.md):", "//"]
-    tables = (
+    if not everything:
+        lines[1] = "// The settings to begin with. framestep rig edit --all shows every other one:"
+    tables: tuple[tuple[str, dict[str, Any]], ...] = (
         ("", settings.SETTINGS),
         ('of "motors": [{…}, {…}], an object for each motor', settings.MOTOR_SETTINGS),
         ('of "driver": {…} of a motor', settings.DRIVER_SETTINGS),
@@ -235,20 +244,22 @@ def commented(content: str) -> str:
         ('of "limits": [{…}]', settings.LIMIT_SETTINGS),
     )
     for title, table in tables:
-        if title:
+        (of,) = re.findall(r'^of "(\w+)"|^$', title)
+        rows = {k: row for k, row in table.items() if everything or k in FIRST.get(of, ())}
+        if title and rows:
             lines += ["//", f"// {title}:"]
-        for key, (kind, low, high, default, unit, meaning) in table.items():
+        for key, (kind, low, high, default, unit, meaning) in rows.items():
             shown = "…" if default is None else json.dumps(default, ensure_ascii=False)
             allowed = settings.allowed(kind, low, high, unit)
             lines.append(f"//   {f'{json.dumps(key)}: {shown}':<32} {meaning} ({allowed})")
     return _HEAD + content.rstrip("\n") + "\n" + "\n".join(lines) + "\n"
 
 
-def _with_comments(content: bytes) -> bytes:
+def _with_comments(content: bytes, everything: bool) -> bytes:
     """Return a draft with comments. A draft that has comments stays as it is."""
     try:
         bare = _bare(content) == content
-        return commented(content.decode()).encode() if bare else content
+        return commented(content.decode(), everything).encode() if bare else content
     except UnicodeDecodeError:  # the editor will show it
         return content
 
@@ -317,11 +328,14 @@ def edit_until_right(
                 raise
 
 
-def edit(device: "Device", protocol: str | None, file: Path | None = None) -> None:
+def edit(
+    device: "Device", protocol: str | None, file: Path | None = None, everything: bool = False
+) -> None:
     """Fetch the rig file of a board (not connected yet), let the user edit it, put it back,
     restart.
 
-    file: where the user begins instead, such as an earlier draft; it is not changed. If the new
+    file: where the user begins instead, such as an earlier draft; it is not changed. everything:
+    show all settings as comments, not only those that a new rig needs first. If the new
     file cannot be put on the board, the board's file is unchanged and the draft stays.
     """
     from .repl_device import RIG_FILE
@@ -342,7 +356,7 @@ def edit(device: "Device", protocol: str | None, file: Path | None = None) -> No
     folder = Path(tempfile.mkdtemp(prefix="framestep-"))
     draft = folder / "rig.json"
     there = b"{}" if content is None else content
-    draft.write_bytes(_with_comments(there if begin is None else begin))
+    draft.write_bytes(_with_comments(there if begin is None else begin, everything))
     try:
         new = edit_until_right(draft, board, run_editor, ask_again, there)
         if new is None:

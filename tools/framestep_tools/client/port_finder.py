@@ -32,7 +32,8 @@ _INTERFACE = re.compile(r":(?:x|\d+)\.(\d+)$")
 _MAC = re.compile(r"usbmodem.*?(\d{1,2})$")
 GET = (
     "put framestep on one (framestep install; or hold BOOTSEL while plugging it in, and drop the "
-    ".uf2 onto the drive that appears), take a cable that carries data, or name a port"
+    ".uf2 onto the drive that appears), take a cable that carries data, or name a port; "
+    "without a board, framestep console --demo shows a simulated rig"
 )
 
 

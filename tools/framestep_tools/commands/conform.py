@@ -1,4 +1,4 @@
-"""`framestep conform`: check a device against the protocol."""
+"""`framestep lab conform`: check a device against the protocol."""
 
 from pathlib import Path
 from typing import Annotated
@@ -138,6 +138,6 @@ def _person():
     return Operator(say, lambda text: typer.confirm(text, err=True))
 
 
-def add(app: typer.Typer) -> None:
-    """Put this command into the command line."""
+def add_lab(app: typer.Typer) -> None:
+    """Put this command into the laboratory."""
     put(app, conform)

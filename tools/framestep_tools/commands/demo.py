@@ -1,4 +1,4 @@
-"""`framestep demo`: a camera move on a simulated board, every edge checked."""
+"""`framestep lab demo`: a camera move on a simulated board, every edge checked."""
 
 from pathlib import Path
 from typing import Annotated
@@ -28,6 +28,6 @@ def demo(
     return main(host=True, fps=fps, move_file=move or CAMERA_MOVE, out=out)
 
 
-def add(app: typer.Typer) -> None:
-    """Put this command into the command line."""
+def add_lab(app: typer.Typer) -> None:
+    """Put this command into the laboratory."""
     put(app, demo)

@@ -1,4 +1,4 @@
-"""`framestep prove`: a board that measures itself."""
+"""`framestep lab prove`: a board that measures itself."""
 
 from pathlib import Path
 from typing import Annotated
@@ -81,6 +81,6 @@ def prove(
         raise ToolError(f"{len(found.complaints)} things are not as they should be")
 
 
-def add(app: typer.Typer) -> None:
-    """Put this command into the command line."""
+def add_lab(app: typer.Typer) -> None:
+    """Put this command into the laboratory."""
     put(app, prove)

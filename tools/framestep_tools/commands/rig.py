@@ -75,6 +75,9 @@ def rig_edit(
     protocol: Annotated[
         str | None, typer.Option(help="port that Dragonframe uses, if it is not found by itself")
     ] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="show every setting, not only those to begin with")
+    ] = False,
 ) -> None:
     """Edit a board's rig file with $EDITOR, check it and put it back.
 
@@ -83,7 +86,7 @@ def rig_edit(
     from ..board import rig_file
     from ..board.repl_device import Device
 
-    rig_file.edit(Device(port), protocol, file)
+    rig_file.edit(Device(port), protocol, file, everything)
 
 
 @rig.command("example")

@@ -101,6 +101,6 @@ def plot(
     print(target)
 
 
-def add(app: typer.Typer) -> None:
-    """Put these commands into the command line."""
+def add_lab(app: typer.Typer) -> None:
+    """Put these commands into the laboratory."""
     put(app, vcd, plot)

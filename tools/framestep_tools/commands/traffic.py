@@ -103,7 +103,7 @@ def _log_writer(path: Path, subject: str) -> Any:
 
 def replay(
     log: Annotated[
-        Path, typer.Argument(help="a log written by framestep sniff --log", show_default=False)
+        Path, typer.Argument(help="a log written by framestep lab sniff --log", show_default=False)
     ],
     target: Annotated[
         str | None,
@@ -210,5 +210,10 @@ def ports(
 
 
 def add(app: typer.Typer) -> None:
-    """Put these commands into the command line."""
-    put(app, ports, sniff, replay)
+    """Put this command into the command line."""
+    put(app, ports)
+
+
+def add_lab(app: typer.Typer) -> None:
+    """Put these commands into the laboratory."""
+    put(app, sniff, replay)

@@ -1,4 +1,4 @@
-"""`framestep prove`: a board measures itself, without wires.
+"""`framestep lab prove`: a board measures itself, without wires.
 
 instrument  edges stamped by the chip: unused or idle state machines, and DMA
 borrowed    parts of the chip that are borrowed for it, and given back

@@ -29,7 +29,7 @@ def main(
     / "build"
     / "prove",
 ) -> None:
-    """Measure an emulated board as `framestep prove` measures a real one."""
+    """Measure an emulated board as `framestep lab prove` measures a real one."""
     data = board_data(board)
     if board not in emulated_boards():
         raise ToolError(f"{data['name']} is not emulated: its chip is {data['chip']}")

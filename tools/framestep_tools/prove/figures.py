@@ -1,4 +1,4 @@
-"""The figures that `framestep prove` measures, and their verdicts against the emulated board."""
+"""The figures that `framestep lab prove` measures, and their verdicts against the emulator."""
 
 from dataclasses import dataclass
 

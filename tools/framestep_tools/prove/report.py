@@ -1,4 +1,4 @@
-"""Report of `framestep prove`: a table, a file for programs, a page to attach to an issue."""
+"""Report of `framestep lab prove`: a table, a file for programs, a page to attach to an issue."""
 
 import json
 import sys

@@ -38,7 +38,7 @@ def names_known(names: list[str]) -> frozenset[str]:
     for an unknown one."""
     found = frozenset(name.upper().removeprefix("MSG_") for name in names)
     for name in sorted(found - set(TYPE_NAMES.values())):
-        raise ToolError(f"{name} is not a message; framestep sniff shows their names")
+        raise ToolError(f"{name} is not a message; framestep lab sniff shows their names")
     return found
 
 

@@ -174,5 +174,5 @@ def read(path: str) -> list[Entry]:
     except OSError as error:
         raise LogError(f"cannot read the log {path}: {error.strerror}") from None
     if not is_log(content):
-        raise LogError(f"{path} is not a traffic log: framestep sniff --log {path} writes one")
+        raise LogError(f"{path} is not a traffic log: framestep lab sniff --log {path} writes one")
     return list(parse(content.decode(errors="replace").splitlines()))
