@@ -107,7 +107,8 @@ def protocol_js() -> str:
         "FORMATS": {each.NAME: each.ENDINGS[0] for each in FORMATS.values()},
         "SCRIPTS": scripts.FOR_THE_PAGE,
         "RIG_TASKS": {
-            task: [key for key in keys if "[" not in key] for task, keys in rig_table.TASKS.items()
+            task: [key for key in keys if key.isidentifier()]
+            for task, keys in rig_table.TASKS.items()
         },
         "SECTION_POSITIONS": (messages.LARGEST_PAYLOAD - _bytes_before(RtUploadMoveAxis)) // 4,
     }
