@@ -97,6 +97,26 @@ def test_a_spoilt_file_is_read_or_refused(text, at, length, put):
             ["--fps", "24"],
             "is at 25 frames/s, --fps says 24: leave --fps out",
         ),
+        *(
+            (
+                f"# {comment}\nframe,track,pan\n1,0,2\n",
+                [],
+                f": a comment says {found} frames per second, expected is a number from 0.001",
+            )
+            for comment, found in {
+                "fps: 0": "0",
+                "fps = -25": "-25",
+                "-25 fps": "-25",
+                "fps: 1e9": "1e9",
+                "25.5.1 fps": "25.5.1",
+                "frame rate: 24/0": "24/0",
+            }.items()
+        ),
+        (
+            "# 24 fps\n# fps: 25\nframe,track,pan\n1,0,2\n",
+            [],
+            ": comments say 24 and 25 frames per second: leave one",
+        ),
         ("0 2\n0 2 3\n", [], "line 2: expected 2 columns, found 3"),
         ("0 2 3\n", [], "has 3 columns without names, there are 2 axes"),
         ("0 2\n\n0 two\n", [], "line 3, column 2: expected a number, found 'two'"),

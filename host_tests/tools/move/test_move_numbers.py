@@ -246,3 +246,21 @@ def test_the_rate_travels_with_the_move(name, shot, capsys):
         assert read_move(back).fps == 24
         assert run(shot, "import", str(out), "-o", str(back), "--fps", "24000/1001") == 0
         assert read_move(back).fps == pytest.approx(24000 / 1001)
+
+
+@pytest.mark.parametrize(
+    ("comment", "fps"),
+    [
+        ("fps: 23,976", 23.976),
+        ("23,976 fps", 23.976),
+        ("frame rate = 24000/1001 (NTSC)", 24000 / 1001),
+        ("shot at 25fps, 1001 frames", 25),
+        ("fps: 25, frames: 8", 25),
+        ("exported at 25 fps. 25 frames per second", 25),
+        ("frame rate 25p, H264", None),
+        ("frames 1 to 240", None),
+    ],
+)
+def test_the_rate_in_a_comment(comment, fps):
+    for text in (f"# {comment}\nframe,a\n1,2\n", f"# {comment}\nAxes = a\n1\n"):
+        assert of_content(text, "f").read(text, "f").fps == fps

@@ -11,9 +11,10 @@ from .text_file import MoveFileError
 SLOWEST, FASTEST = 0.001, 1000.0  # frames per second
 _COMMENT = re.compile(r"\s*(?://|#)(.*)")
 _SEPARATOR_LINE = re.compile(r'"?sep=(.)"?', re.IGNORECASE)  # Excel's own, before the header
+_RATE_NUMBER = r"[+-]?\.?\d(?:[\d.,/+-]|e(?=[\d+-]))*"
 _RATE = re.compile(
-    r"(?:fps|frame ?rate|frames per second)\W{0,3}(?P<after>\d+(?:\.\d+)?(?:/\d+)?)\b"
-    r"|\b(?P<before>\d+(?:\.\d+)?(?:/\d+)?) ?(?:fps|frames/s|frames per second)",
+    rf"(?:fps|frame ?rate|frames per second)[^\w.+-]{{0,3}}(?P<after>{_RATE_NUMBER})(?!\w)"
+    rf"|(?<![\w.,/+-])(?P<before>{_RATE_NUMBER}) ?(?:fps|frames/s|frames per second)\b",
     re.IGNORECASE,
 )
 _COMMA_BETWEEN_DIGITS = re.compile(r"\d,\d")
@@ -41,8 +42,21 @@ class Table:
 
     @property
     def fps(self) -> float | None:
-        """The frames per second that a comment names."""
-        return next((rate for rate in map(rate_in, self.comments) if rate), None)
+        """The frames per second that comments name. Raises MoveFileError if none can be so, or if
+        they contradict each other."""
+        found = [text for comment in self.comments for text in rates_in(comment)]
+        rates = [rate(text.replace(COMMA, POINT)) for text in found]
+        for text, value in zip(found, rates, strict=True):
+            if value is None:
+                raise MoveFileError(
+                    f"{self.path}: a comment says {text} frames per second, expected is a number "
+                    f"from {SLOWEST:g} to {FASTEST:g}"
+                )
+            if value != rates[0]:
+                raise MoveFileError(
+                    f"{self.path}: comments say {found[0]} and {text} frames per second: leave one"
+                )
+        return rates[0] if rates else None
 
     def require(self, width: int, first: int = 0, what: str = "columns") -> None:
         """Raise MoveFileError unless all rows from `first` on have as many cells."""
@@ -83,10 +97,12 @@ def _plain(texts: tuple[str, ...]) -> list[float]:
     return values
 
 
-def rate_in(comment: str) -> float | None:
-    """Return the frames per second that a text names, such as "fps: 25" or "24000/1001 fps"."""
-    found = _RATE.search(comment)
-    return rate(found["after"] or found["before"]) if found else None
+def rates_in(comment: str) -> list[str]:
+    """Return the numbers of frames per second that a text names, such as "fps: 25" or "24000/1001
+    fps"."""
+    return [
+        (found["after"] or found["before"]).rstrip(".,/+-") for found in _RATE.finditer(comment)
+    ]
 
 
 def rate(text: str) -> float | None:

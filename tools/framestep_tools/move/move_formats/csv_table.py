@@ -10,7 +10,7 @@ from itertools import pairwise
 
 from ..frame_times import last_decimal
 from ..table import Table as Text
-from ..table import contents, separator_of, with_header
+from ..table import contents, rates_in, separator_of, with_header
 from ..text_file import MoveFileError, shown
 from .camera import OWN
 from .curves import Samples
@@ -49,8 +49,9 @@ def _header_line(text: str) -> int | None:
     """Return the index of the line that is the header, also behind a # or //, or None."""
     lines, _ = contents(text)
     first = lines[0][0] if lines else 1
-    for i, line in enumerate(text.split("\n")[:first]):
-        if _clock_of(_BEHIND_SIGN.sub("", line)) in _CLOCKS:
+    for i, line in reversed(list(enumerate(text.split("\n")[:first]))):
+        bare = _BEHIND_SIGN.sub("", line)
+        if _clock_of(bare) in _CLOCKS and (bare == line or not rates_in(bare)):
             return i
         if i + 1 == first and line.strip().strip('"').lower().startswith("sep="):
             below = contents("\n".join(text.split("\n")[first:]))[0]
