@@ -416,3 +416,32 @@ def test_what_spreadsheets_make_of_a_move(tmp_path, content):
         1: [5, 7],
         2: [-6, 8],
     }
+
+
+def _floats(command, path):
+    if hasattr(command, "commands"):
+        for name, each in command.commands.items():
+            yield from _floats(each, [*path, name])
+    for param in getattr(command, "params", ()):
+        given = getattr(param, "type_descriptor", None)
+        if given and given.annotation is float and not given.parameter_info.parser:
+            yield " ".join([*path, param.name]), param
+
+
+def test_a_number_has_both_ends():
+    """So that 1e400 and nan get a sentence."""
+    found = dict(_floats(typer.main.get_command(cli.app), []))
+    assert "virtual position" in found
+    for name, param in found.items():
+        assert None not in (param.min, param.max), name
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "1e400", "-1e30"])
+def test_numbers_that_are_none(text, capsys):
+    for args in (["virtual", "pan", text], ["check", "camera_move.csv", "--preroll", text]):
+        with pytest.raises(SystemExit) as end:
+            cli.app(args)
+        assert end.value.code == 2
+        error = capsys.readouterr().err
+        assert "expected at " in error
+        assert len(error.splitlines()) == 1

@@ -38,6 +38,8 @@ def conform(
         typer.Option(
             help="speed of the device's time, as given to `make sim` or `make emu`",
             metavar="FACTOR",
+            min=0.01,
+            max=1000,
         ),
     ] = 1,
     page: Annotated[

@@ -189,7 +189,7 @@ def jog(
     destination: Position,
     device: Url = None,
     speed: Speed = _USUAL_SPEED,
-    seconds: Annotated[float, typer.Option(help="how long", min=0)] = 1.0,
+    seconds: Annotated[float, typer.Option(help="how long", min=0, max=86400)] = 1.0,
     axes: AxesFile = None,
 ) -> None:
     """Jog a motor toward a position for a time, as a held key does."""

@@ -49,6 +49,7 @@ Fps = Annotated[
     ),
 ]
 USUAL_FPS = 24.0
+LONGEST_ROLL_S = 600  # the board's LONGEST_ROLL
 FirstFrame = Annotated[
     int | None, typer.Option("--from", help="first scene frame played, else the move's first")
 ]
@@ -58,10 +59,17 @@ LastFrame = Annotated[
 Reverse = Annotated[bool, typer.Option("--reverse", help="backward")]
 Preroll = Annotated[
     float,
-    typer.Option(help="seconds to get up to speed; 0: the shortest that each motor can", min=0),
+    typer.Option(
+        help="seconds to get up to speed; 0: the shortest that each motor can",
+        min=0,
+        max=LONGEST_ROLL_S,
+    ),
 ]
 Postroll = Annotated[
-    float, typer.Option(help="seconds to slow down; 0: the shortest that each motor can", min=0)
+    float,
+    typer.Option(
+        help="seconds to slow down; 0: the shortest that each motor can", min=0, max=LONGEST_ROLL_S
+    ),
 ]
 Velocity = Annotated[
     str | None,

@@ -127,7 +127,7 @@ def replay(
         bool, typer.Option("--exact", help="also compare by value what depends on time")
     ] = False,
     patience: Annotated[
-        float, typer.Option(help="seconds to wait for a motion to end", min=0)
+        float, typer.Option(help="seconds to wait for a motion to end", min=0, max=86400)
     ] = 10.0,
     record: Annotated[
         Path | None,

@@ -7,6 +7,8 @@ import typer
 
 from .common import AxesFile, Json, Url, load_axes, moving, put, say_json
 
+_FARTHEST = (2**31 - 1) / 100_000  # field note 9.1
+
 
 class VirtualAxisName(str, Enum):
     """Virtual axes 1 to 6 (field note 9.1)."""
@@ -24,7 +26,8 @@ def virtual(
         VirtualAxisName | None, typer.Argument(help="the axis to move", show_default=False)
     ] = None,
     position: Annotated[
-        float | None, typer.Argument(help="units or degrees", show_default=False)
+        float | None,
+        typer.Argument(help="units or degrees", show_default=False, min=-_FARTHEST, max=_FARTHEST),
     ] = None,
     device: Url = None,
     json: Json = False,
