@@ -48,6 +48,8 @@ class Settings:
                 if same == found:
                     found = same
             self.motors.append(found)
+        for name in ("motors", "outputs", "inputs", "limits"):
+            rig.settings[name] = None  # as in the file; the rig has them with all keys
         for name, value in rig.__dict__.items():
             if name != "motors":
                 setattr(self, name, value)

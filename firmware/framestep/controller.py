@@ -86,6 +86,15 @@ class Controller:
             self.faults,
             self.acknowledge,
         )
+        self.handlers = {
+            m.MSG_HI: self._hi,
+            m.MSG_MOTOR_STATUS: self._status,
+            m.MSG_MOTOR_GET_POSITION: self._get_position,
+            m.MSG_CONDITION: self._condition,
+            m.MSG_LOAD: self._load,
+        }
+        self._merge(self.moves)
+        self._merge(self.io)
         self.operations = self.moves.operations
         self.operations.player.strict = rig.strict_moves
         if rig.smoothing:
@@ -110,7 +119,6 @@ class Controller:
         self.heard_at = 0  # time of the last bytes
         self.begun_at = 0  # time of the first bytes of an incomplete frame
         self.beat = 0
-        parts = [self.moves, self.io]  # type: list
         if rig.virtuals:
             from framestep.virtual_axes.requests import Virtuals
 
@@ -128,7 +136,7 @@ class Controller:
             from framestep.virtual_axes.absent import NoVirtuals
 
             self.virtuals = NoVirtuals()  # type: ignore[assignment]
-        parts.append(self.virtuals)
+        self._merge(self.virtuals)
         self.homing = None
         if rig.homing:
             from framestep.homing import Homing
@@ -146,7 +154,7 @@ class Controller:
                 self.reports,
                 self.faults,
             )
-            parts.append(self.homing)
+            self._merge(self.homing)
         self.pendant = None
         if rig.pendant:
             from framestep.hand_wheel import Pendant
@@ -173,7 +181,7 @@ class Controller:
             self.homing,
             self.reports,
         )
-        parts.append(self.motors)
+        self._merge(self.motors)
         self.stops = Stops(
             hal,
             rig,
@@ -193,17 +201,13 @@ class Controller:
         )
         self.gate.join(self.stops, self.operations, self.virtuals)
         self.reports.join(self.moves, self.virtuals)
-        self.handlers = {
-            m.MSG_HI: self._hi,
-            m.MSG_MOTOR_STATUS: self._status,
-            m.MSG_MOTOR_STOP_ALL: self.stops.stop_all,
-            m.MSG_MOTOR_GET_POSITION: self._get_position,
-            m.MSG_CONDITION: self._condition,
-            m.MSG_LOAD: self._load,
-        }
-        for part in parts:
-            self.handlers.update(part.handlers)
-            part.handlers = None  # frees its memory
+        self.handlers[m.MSG_MOTOR_STOP_ALL] = self.stops.stop_all
+
+    def _merge(self, part):
+        """Take over a part's handlers. Soon after it is made, so that the next parts fill the
+        memory that is freed."""
+        self.handlers.update(part.handlers)
+        part.handlers = None
 
     def _restore(self):
         """Restore the positions of before the power cut. Return the journal, or None without

@@ -216,7 +216,7 @@ def test_the_motion_comes_as_much_later_than_its_ticks_as_cues_do():
     12."""
     shot = Shot([0])
     shot.blur((1, 0, 800))
-    assert reals.value(shot.shoot.shot.wait, 0) == pytest.approx(1 + 0.100 + 0.012, abs=1e-6)
+    assert reals.value(shot.shoot.shot.times, 0) == pytest.approx(1 + 0.100 + 0.012, abs=1e-6)
 
 
 def test_the_speed_is_constant_while_the_shutter_is_open():

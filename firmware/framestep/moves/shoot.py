@@ -50,6 +50,10 @@ from framestep.pulse.engine import CUE_DELAY_US
 RUN_UP_MS = const(1000)  # field note 7.1: fixed, so that Dragonframe can time its shutter
 LONGEST_MS = const(3600000)
 DEFAULT_MS = const(1000)  # for EXPOSURE 0 (field note 7.3)
+# Reals of Shot.times
+_AT_WAIT = const(0)
+_AT_RAMP = const(2)
+_AT_WINDOW = const(4)
 # Words of ShootFrame.request
 BACKWARD = const(0)
 PERMILLE = const(1)
@@ -120,9 +124,8 @@ class Shot:
         self.blurs = True  # it is a SHOOT_FRAME, to which the blur flag applies
         self.begin_ms = 0  # from GO until the shutter opens
         self.lasts_ms = 0  # from GO to RT_END
-        self.wait = array("i", [0] * 2)  # real: ticks from GO to the first ramp
-        self.ramp = array("i", [0] * 2)  # real: ticks of a ramp
-        self.window = array("i", [0] * 2)  # real: ticks of constant velocity, from a to b
+        # reals: ticks from GO to the first ramp, of a ramp, and of constant velocity, from a to b
+        self.times = array("i", [0] * 6)
         self.starts = array("i", [0] * motors)  # for each motor: where it waits,
         # and the direction in which it starts: 1 up, -1 down, 0 not at all
         self.directions = array("i", [0] * motors)
@@ -280,9 +283,9 @@ class ShootFrame(Operation):
             shot.lasts_ms = max(shot.lasts_ms, lasts + 1)
         held_ms = shot.begin_ms + shot.exposure_ms + self.run_outputs.hold_ms
         shot.lasts_ms = max(shot.lasts_ms, held_ms)
-        reals.fetch(shot.wait, 0, r, WAIT)
-        reals.fetch(shot.ramp, 0, r, RAMP)
-        reals.fetch(shot.window, 0, r, WINDOW)
+        reals.fetch(shot.times, _AT_WAIT, r, WAIT)
+        reals.fetch(shot.times, _AT_RAMP, r, RAMP)
+        reals.fetch(shot.times, _AT_WINDOW, r, WINDOW)
         return OK
 
     def _find_positions(self, shot, permille):
@@ -401,9 +404,9 @@ class ShootFrame(Operation):
         player = self.player
         r = player.numbers
         shot = self.shot
-        reals.fetch(r, WINDOW, shot.window, 0)
-        reals.fetch(r, WAIT, shot.wait, 0)
-        reals.fetch(r, RAMP, shot.ramp, 0)
+        reals.fetch(r, WINDOW, shot.times, _AT_WINDOW)
+        reals.fetch(r, WAIT, shot.times, _AT_WAIT)
+        reals.fetch(r, RAMP, shot.times, _AT_RAMP)
 
     def queue_first_phases(self, motor):
         player = self.player
