@@ -23,6 +23,7 @@ FILES = {
     "a.bvh": (BVH, "Camera.Xposition", "Camera.Yrotation", []),
     "raw.txt": ("0.5 2\n0.6 2.5\n", "track", "pan", []),
     "s.csv": ("seconds;track;pan\n0;0,5;2\n0,04;0,6;2,5\n", "track", "pan", ["--fps", "25"]),
+    "t.csv": ("# 25 fps\nseconds;track;pan\n0;0,5;2\n2;0,6;2,5\n", "track", "pan", []),
     "k.kup": ("# 24 fps\nAxes = Track, Pan\n0,5 2\n0,6 2,5\n", "track", "pan", []),
 }
 

@@ -117,6 +117,11 @@ def test_a_spoilt_file_is_read_or_refused(text, at, length, put):
             [],
             ": comments say 24 and 25 frames per second: leave one",
         ),
+        (
+            "# 25 fps\nseconds,track,pan\n0,0,2\n2,1,2\n",
+            ["--fps", "24"],
+            "is at 25 frames/s, --fps says 24: leave --fps out",
+        ),
         ("0 2\n0 2 3\n", [], "line 2: expected 2 columns, found 3"),
         ("0 2 3\n", [], "has 3 columns without names, there are 2 axes"),
         ("0 2\n\n0 two\n", [], "line 3, column 2: expected a number, found 'two'"),

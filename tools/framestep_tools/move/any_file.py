@@ -26,7 +26,7 @@ def any_of(read: Text, path: str | os.PathLike, axes: Axes, fps: float | None = 
             f"{path} is in units, and there is no {FILE}, which assigns its axes "
             f"({', '.join(recording.names)}) to motors; docs/use/axes.md shows one"
         )
-    rate = fps if recording.seconds else None
+    rate = fps if recording.seconds and not recording.fps else None
     move, left = to_move(recording, axes.list, name, rate, camera=axes.camera_rig())
     said = [*read.said, *move.said]
     if left:

@@ -43,20 +43,22 @@ def to_move(
 ) -> tuple[Move, list[str]]:
     """Return a move of the axes in their motors' order, and the file's names without an axis.
 
-    fps: frames per second; a file in seconds needs it, a file in frames may not name others.
+    fps: frames per second; a file in seconds that does not name its own needs it, none may name
+    others.
     start: number of the first frame (None: the file's, or 1); chosen: heading or number of the
     file's column by the name of an axis; unwrap: rotations go on beyond full turns;
     smooth: over so many frames, needs scipy; camera: the rig that takes the camera to its poses in
     the file; posed: the file has to have poses. Raises ToolError if an axis is not in the file, its
     unit is of another kind, or a position is beyond its limits or the rig's reach, with the frame.
     """
-    if recording.seconds and fps is None:
-        raise ToolError(f"{path} is in seconds: name the frames per second by --fps")
     named = recording.fps
-    if fps is not None and named and not recording.seconds and not same_rate(fps, named):
+    if recording.seconds and fps is None and named is None:
+        raise ToolError(f"{path} is in seconds: name the frames per second by --fps")
+    if fps is not None and named and not same_rate(fps, named):
         raise ToolError(
             f"{path} is at {named:.10g} frames/s, --fps says {fps:.10g}: leave --fps out"
         )
+    fps = named or fps
     chosen = chosen or {}
     pose = pose_columns(recording, camera, chosen, path) if camera else None
     if posed and not pose:
@@ -130,7 +132,7 @@ def to_move(
         )
     known = {id(channel) for channel in taken}
     left = [str(channel) for channel in recording.axes if id(channel) not in known]
-    return Move(number, names, positions, recording.fps or fps, tuple(said)), left
+    return Move(number, names, positions, fps, tuple(said)), left
 
 
 class _Span(NamedTuple):
