@@ -224,6 +224,16 @@ def test_one_sentence_says_what_is_wrong_and_nothing_is_written(text, options, s
             "--fps: expected frames per second from 0.001 to 1000",
         ),
         (
+            ["import", "SOURCE", "-o", "OUT", "--column", "pan=1", "--column", "pan=2"],
+            2,
+            "--column: pan has two values: give one",
+        ),
+        (
+            ["import", "SOURCE", "-o", "OUT", "--camera", "up=y", "--camera", "up=z"],
+            2,
+            "--camera: up has two values: give one",
+        ),
+        (
             ["import", "SOURCE", "-o", "OUT", "--fps", "nan"],
             2,
             "--fps: expected frames per second from 0.001 to 1000",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import extra
-from .common import AxesFile, Json, load_axes, put, say_json, talking
+from .common import AxesFile, Json, load_axes, put, put_once, say_json, talking
 from .moves import (
     FirstFrame,
     Fps,
@@ -152,14 +152,17 @@ def _take(settings: "dict[int, Setting]", name: str, given: list[str] | None, ax
     """Put velocities or accelerations from the command line into the settings: first values for all
     motors, then values for single ones."""
     per = "s" if name == "velocity" else "s²"
+    seen: dict[str, str] = {}
     for text in sorted(given or [], key=lambda text: "=" in text):
         one, _, value = text.rpartition("=")
+        put_once(seen, f"motor {axes.motor(one)}" if one else "every motor", value, f"--{name}")
         for motor in [axes.motor(one)] if one else list(settings):
             _has(settings, motor, name)
             settings[motor] = replace(settings[motor], **{name: axes.rate(motor, value, per)})
 
 
 def _take_limits(settings: "dict[int, Setting]", given: list[str] | None, axes: "Axes") -> None:
+    seen: dict[str, str] = {}
     for text in given or []:
         one, _, ends = text.partition("=")
         if ends.count(":") != 1 or not one:
@@ -169,6 +172,7 @@ def _take_limits(settings: "dict[int, Setting]", given: list[str] | None, axes: 
             )
         motor = axes.motor(one)
         _has(settings, motor, "limits")
+        put_once(seen, f"motor {motor}", ends, "--limits")
         lower, upper = axes.limits(motor, *ends.split(":"))
         if lower is not None and upper is not None and lower > upper:
             raise typer.BadParameter(f"--limits: {lower} is above {upper}, found {text!r}")

@@ -63,6 +63,12 @@ def fps_of(text: str) -> float:
     return found
 
 
+def put_once(found: dict[Any, Any], key: Any, value: Any, option: str) -> None:
+    """Put a value of a repeated option into `found`. Raises BadParameter if it has another one."""
+    if found.setdefault(key, value) != value:
+        raise typer.BadParameter(f"{option}: {key} has two values: give one")
+
+
 Json = Annotated[bool, typer.Option("--json", help="as JSON, for programs")]
 
 _NUMBER = re.compile(r"-(\d|\.\d)")

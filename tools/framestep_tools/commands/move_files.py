@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import extra
-from .common import AxesFile, SpokenCommand, fps_of, note
+from .common import AxesFile, SpokenCommand, fps_of, note, put_once
 
 # spelled out, so that --help loads none of them
 _FORMATS = "gltf, usd, arc, anim, ae, aejson, bvh, flair, kuper, csv, raw, chan"
@@ -65,7 +65,7 @@ def _columns(given: list[str] | None) -> dict[str, str]:
             raise typer.BadParameter(
                 f"--column: expected AXIS=COLUMN such as pan=ry or pan=5, found {text[:80]!r}"
             )
-        found[axis.strip()] = column.strip()
+        put_once(found, axis.strip(), column.strip(), "--column")
     return found
 
 
@@ -83,12 +83,15 @@ def _camera(given: list[str] | None) -> dict[str, Any]:
             )
         for written in (value, f"[{value}]", f'"{value}"'):
             try:
-                found[key] = tomllib.loads(f"value = {written}")["value"]
+                taken: Any = tomllib.loads(f"value = {written}")["value"]
                 break
             except tomllib.TOMLDecodeError:
                 continue
-        if key == "ignore" and isinstance(found.get(key), str):
-            found[key] = [each.strip() for each in value.split(",")]
+        else:
+            continue
+        if key == "ignore" and isinstance(taken, str):
+            taken = [each.strip() for each in value.split(",")]
+        put_once(found, key, taken, "--camera")
     return found
 
 
