@@ -114,9 +114,11 @@ else
 	@"$(PYTHON_VENV)" -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(if $(BOARD),--board esp32_s3_595) $(ARGS)
 endif
 
-lint: setup ## style (ruff)
+lint: setup ## style (ruff), spelling (codespell), and subjects of commits
 	@"$(PYTHON_VENV)" -m ruff check --show-files | grep -q '[.]py$$' || { echo "ruff finds no Python file to check"; exit 1; }
 	@"$(PYTHON_VENV)" -m ruff check --quiet && "$(PYTHON_VENV)" -m ruff format --check --quiet
+	@git ls-files -z | xargs -0 "$(PYTHON_VENV)" -m codespell_lib
+	@tools/check_subjects.sh
 
 types: setup ## types of the host tools, and of all code of the board against MicroPython's stubs (mypy)
 	@"$(PYTHON_VENV)" tools/check_types.py
