@@ -105,3 +105,11 @@ def test_another_rate_than_the_files_is_said(shot, capsys):
     assert error == ("the move is at 25 frames/s, --fps says 24: it takes 1.04 times as long\n")
     assert run(shot, "check", str(shot / "m.csv"), "--json", "--fps", "25.0") == 0
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("command", ["check", "play", "import", "export"])
+def test_a_scene_that_is_not_read_is_named(command, shot, capsys):
+    (shot / "a.fbx").write_text("; FBX 7.3.0 project file\nFBXHeaderExtension:  {\n}\n")
+    output = ["-o", str(shot / "x.csv")] if command in ("import", "export") else []
+    assert run(shot, command, str(shot / "a.fbx"), *output) == 1
+    assert "it is an FBX scene, which framestep does not read: export" in capsys.readouterr().err

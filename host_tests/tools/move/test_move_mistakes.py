@@ -122,6 +122,12 @@ def test_a_spoilt_file_is_read_or_refused(text, at, length, put):
             ["--fps", "24"],
             "is at 25 frames/s, --fps says 24: leave --fps out",
         ),
+        (
+            'frame,track,pan\n1,0,2\n2,"0,2\n3,0,2\n',
+            [],
+            "line 3: a quote is not closed",
+        ),
+        ('frame,track,pan\n1,"0"5,2\n', [], "line 2: ',' expected after '\"'"),
         ("0 2\n0 2 3\n", [], "line 2: expected 2 columns, found 3"),
         ("0 2 3\n", [], "has 3 columns without names, there are 2 axes"),
         ("0 2\n\n0 two\n", [], "line 3, column 2: expected a number, found 'two'"),

@@ -5,7 +5,7 @@ import os
 from ..errors import ToolError
 from .move_conversion import to_move
 from .move_file import Move, move_of
-from .move_formats import FORMATS, csv_table, of_content
+from .move_formats import FORMATS, csv_table, of_content, refuse_others
 from .rig_axes import FILE, Axes
 from .text_file import Text, read_text
 
@@ -17,6 +17,7 @@ def read_any(path: str | os.PathLike, axes: Axes, fps: float | None = None) -> M
 
 def any_of(read: Text, path: str | os.PathLike, axes: Axes, fps: float | None = None) -> Move:
     """Return the move in a file's text, as `read_any` does. path: for errors."""
+    refuse_others(read.text, str(path))
     if is_in_steps(read.text):
         return move_of(read, path, axes)
     name = str(path)

@@ -155,16 +155,22 @@ def with_header(text: str, path: str, decimal: str | None = None) -> Table:
             numbers.append(i)
     if not kept:
         return Table(path, [], [], comments, decimal)
-    reader = csv.reader(kept, delimiter=separator or separator_of(kept[0]), skipinitialspace=True)
+    reader = csv.reader(
+        kept, delimiter=separator or separator_of(kept[0]), skipinitialspace=True, strict=True
+    )
     rows, at = [], []
+    before = 0
     try:
-        before = 0
         for row in reader:
             rows.append([cell.strip() for cell in row])
             at.append(numbers[before])
             before = reader.line_num
     except csv.Error as error:
-        raise MoveFileError(f"{path}, line {numbers[reader.line_num - 1]}: {error}") from None
+        at_end = "unexpected end" in str(error)
+        said = "a quote is not closed" if at_end else str(error)
+        raise MoveFileError(
+            f"{path}, line {numbers[before if at_end else reader.line_num - 1]}: {said}"
+        ) from None
     while rows and not any(rows[-1]):
         rows.pop()
     while rows and rows[0] and not rows[0][-1]:

@@ -79,13 +79,18 @@ _WAY_OUT = (
 )
 
 
+def refuse_others(text: str, path: str) -> None:
+    """Raise MoveFileError if a file's text is of a known format that is not read."""
+    for begin, what in _OTHERS.items():
+        if "".join(text[:200].split()).startswith("".join(begin.split())):
+            raise MoveFileError(f"{path}: it is {what}, {_WAY_OUT}")
+
+
 def of_content(text: str, path: str) -> Format:
     """Recognise the format of a file's text. Raises MoveFileError if it looks like none."""
     if not text.strip():
         raise MoveFileError(f"{path}: the file is empty")
-    for begin, what in _OTHERS.items():
-        if "".join(text[:200].split()).startswith("".join(begin.split())):
-            raise MoveFileError(f"{path}: it is {what}, {_WAY_OUT}")
+    refuse_others(text, path)
     ending = Path(path).suffix.lower()
     for candidate in sorted(FORMATS.values(), key=lambda each: ending not in each.ENDINGS):
         if candidate.recognises(text):
