@@ -4,7 +4,8 @@ Such a switch says that the motor is at an end, and the direction in which the m
 which. From then on the switch stops only motion in that direction, until the motor has gone `reach`
 steps back. A switch that is released and pressed again within them is still that of the same end;
 one that is pressed beyond them is the other end's. One that is still pressed there is stuck. One
-that is pressed while its motor is at rest may be at either end. Both stop both directions.
+that is pressed while its motor is at rest may be at either end, as a hand may have pushed the
+motor. Both stop both directions.
 
 Loaded only if the rig file has such a set. Nothing allocates after construction.
 """
@@ -37,7 +38,7 @@ class SharedSwitches:
 
     def __init__(self, safety, rig, axes):
         self.safety = safety
-        self.blocks = [axis.block for axis in axes.axes]
+        self.axes = axes
         self.pins = 0  # of such switches
         for limit, pair in zip(rig.limits, safety.sets):
             if limit["pin"] >= 0:
@@ -48,6 +49,7 @@ class SharedSwitches:
         self.assigned = array("i", [0] * (2 * axes.count))  # pins: lower end, upper end
         self.sides = bytearray([_UNKNOWN] * axes.count)
         self.places = array("i", [0] * axes.count)  # where the switch was hit
+        self.opened = 0  # motors whose switch has opened since, one bit each
 
     def counting(self, motor, upper):
         """Return the pins that count for one end of a motor. upper: 1 or 0."""
@@ -58,6 +60,7 @@ class SharedSwitches:
     def put(self, motor, upper):
         """The motor has hit its switch at this end."""
         self.sides[motor] = upper
+        self.opened &= ~(1 << motor)
         self.hit_here(motor)
         self._count(motor)
 
@@ -68,7 +71,7 @@ class SharedSwitches:
 
     def hit_here(self, motor):
         """Count the motor's way from its present position, which has been set."""
-        copy_word(self.places, motor, self.blocks[motor], POSITION)
+        copy_word(self.places, motor, self.axes[motor].block, POSITION)
 
     def take(self, motor, upper, active):
         """Note that a motor has been stopped at one end. active: bits of pins."""
@@ -92,10 +95,18 @@ class SharedSwitches:
             if side == _UNKNOWN:
                 continue
             active = self.safety.is_active(self.pins & self._all(motor))
-            if side == _STUCK:
-                if not active:
+            axis = self.axes[motor]
+            if not active:
+                self.opened |= 1 << motor
+                if side == _STUCK:
                     self.forget(motor)
-            elif _has_left(self.blocks[motor], self.places, motor, side, self.reaches[motor]):
+                    continue
+            elif self.opened & 1 << motor and not axis.moving:
+                self.forget(motor)  # somebody may have pushed the motor to the other end
+                continue
+            if side != _STUCK and _has_left(
+                axis.block, self.places, motor, side, self.reaches[motor]
+            ):
                 self.sides[motor] = _STUCK if active else _UNKNOWN
                 self._count(motor)
 

@@ -207,6 +207,29 @@ def test_position_set_on_the_switch():
     assert reasons(session) == []
 
 
+def test_pushed_by_hand_to_the_other_end():
+    """The switch opens and is pressed again at rest: nobody knows which end it is any more, and
+    homing does not drive into the end."""
+    session, rail = rail_from(2500)
+    assign(session)
+    go(session, 3000)
+    at = rail.steps[1]
+    switch = rail.switches[0]
+    switch.at = 2500 - at  # in the middle
+    session.run(0.5)
+    switch.at = -20 - at  # on the lower switch
+    session.run(0.5)
+    session.refuse(p.Ack.ERR_HARD_LOW, p.MotorMove(1, 0))
+    session.refuse(p.Ack.ERR_HARD_UP, p.MotorMove(1, 3000))
+    lowest = rail.steps[1]
+    session.accept(p.Home(b"\1"))
+    while session.moving:
+        session.run(0.02)
+        lowest = min(lowest, rail.steps[1])
+    assert trust(session) == (KNOWN, HOMED)
+    assert lowest + switch.at > -60
+
+
 def test_a_motor_without_home():
     session = simulated({"limits": [{"pin": PIN}]})
     session.board.wire_switches()
