@@ -12,6 +12,7 @@ list(APPEND MICROPY_DEF_BOARD PICO_PRINTF_SUPPORT_FLOAT=0 PICO_PRINTF_SUPPORT_EX
 # Parts of MicroPython that are left out (headers are searched for in MICROPY_BOARD_DIR)
 if(PICO_PLATFORM STREQUAL "rp2040")
     list(APPEND MICROPY_DEF_BOARD MP_CONFIGFILE="../rp2040_port.h")
+    list(APPEND MICROPY_SOURCE_BOARD ${CMAKE_CURRENT_LIST_DIR}/help.c)
     # eight machine.Timers at once instead of sixteen leave more memory for uploaded moves
     list(APPEND MICROPY_DEF_BOARD PICO_TIME_DEFAULT_ALARM_POOL_MAX_TIMERS=8)
 endif()

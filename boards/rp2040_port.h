@@ -22,7 +22,7 @@
 #define MICROPY_PY_BUILTINS_COMPLEX (0) // complex numbers and cmath
 #define MICROPY_PY_CMATH (0)
 #undef MICROPY_PY_BUILTINS_HELP_TEXT
-#define MICROPY_PY_BUILTINS_HELP_TEXT mp_help_default_text // the port's own is 1 kB longer
+#define MICROPY_PY_BUILTINS_HELP_TEXT framestep_help_text // help.c
 // The REPL's buffers are half as large as the port's, for more uploaded frames; USB holds back what does not fit
 #define MICROPY_HW_STDIN_BUFFER_LEN (256)
 #define CFG_TUD_CDC_RX_BUFSIZE (128)

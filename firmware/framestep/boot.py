@@ -24,7 +24,7 @@ controller = None
 runner = None
 mistake = None  # text of the mistake in the rig file
 # Modules that are needed only to read the rig file
-_READING = (
+READING = (
     "framestep.rig.homes",
     "framestep.rig.servos",
     "framestep.rig.pendants",
@@ -72,7 +72,7 @@ def _settings(board):
 
     found, mistake = rig.load(board=board)
     settings = Settings(found, len(found.board["step"]))
-    forget(*_READING)
+    forget(*READING)
     return settings
 
 
@@ -100,7 +100,7 @@ def judge(text):
     except MemoryError:
         return None, ""
     finally:
-        forget(*_READING)
+        forget(*READING)
         gc.collect()
 
 

@@ -112,6 +112,7 @@ class Controller:
         self.active_passes = _ACTIVE_PASSES
         self.planning = False  # there is more to plan in the next pass
         self.reported = False  # the last pass was for a report, so this one plans
+        self.refused = 0  # the last refused request, for the REPL: its number << 8 | the code
         self.unsent = False  # the port has not taken everything yet
         self.backlog = False  # requests wait until there is room for their answers
         self.was_open = False
@@ -437,6 +438,8 @@ class Controller:
             code = m.ERR_CHECKSUM if found == DAMAGED else self._handle(reader)
             if code:
                 writer.ack(reader, code, self.rig.dword_acks)
+                if code != m.OK:
+                    self.refused = reader.type << 8 | code
             if not reader.waiting:
                 self.backlog = False
                 break

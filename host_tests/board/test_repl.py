@@ -73,7 +73,12 @@ def test_bench_commands_beside_a_run(session):
     assert figures[2].startswith("load of the last ")
     assert [line.split(":")[0] for line in figures[3:]] == [f"motor {i}" for i in positions]
     assert "lost" in lines[3]
-    assert repl.exec("rig()").count("\n") > 15
+    assert "why the last request was refused" in repl.exec("help()")
+    assert "object framestep.boot is of type" in repl.exec("help(framestep.boot)").replace(
+        "<module 'framestep.boot' from 'framestep/boot.py'>", "framestep.boot"
+    )
+    assert repl.exec("rig()") == "estop = nc\r\nall else is at its default\r\n"
+    assert repl.exec("why()").startswith("refused: a command of the REPL, as ")
     assert "output 1, pin 22: off" in repl.exec("io()")
     # afterwards they do move something
     assert repl.exec("move(8, 200)") == ""

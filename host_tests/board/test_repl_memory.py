@@ -31,11 +31,13 @@ FEATURES = {
 COMMANDS = {
     "status()": "motor 1",
     "timing()": "interrupts: ",
-    "rig()": "name",
+    "rig()": "at its default",
     "io()": "",
     "home(1)": "",
     "move(1, 200)": "",
     "stop()": "",
+    "why()": "",
+    "help()": "positions, until a key is pressed",
 }
 # All memory is taken except for single pieces of 640 bytes; an open file takes 636
 FRAGMENTED = """

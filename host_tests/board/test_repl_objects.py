@@ -20,6 +20,8 @@ COMMANDS = (
     "timing()",
     "rig()",
     "home(1)",
+    "why()",
+    "help()",
 )
 # Asks about an object, then prints what it contains, each as (expression, identity, type).
 # Of the entries of a list three are enough. The memory for moves takes a second to print.

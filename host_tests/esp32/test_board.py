@@ -376,7 +376,7 @@ def test_the_commands_of_the_repl():
             return board.transmit().decode(errors="replace")
 
         assert typed("\x03").endswith(">>> ")
-        assert "status() move(1, 200)" in typed("import framestep.repl")
+        assert "status() why()" in typed("import framestep.repl")
         for command, expected in {
             "status()": [stopped, "\r\nmotor 1: 0, "],
             "timing()": [stopped],
@@ -385,6 +385,8 @@ def test_the_commands_of_the_repl():
             "move(1, 200)": [f"refused: {stopped}"],
             "home(1)": [f"refused: {stopped}"],
             "stop()": [stopped],
+            "why()": [stopped],
+            "help()": ["positions, until a key is pressed"],
         }.items():
             said = typed(command)
             assert "Error" not in said, command

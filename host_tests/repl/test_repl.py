@@ -3,12 +3,24 @@ refuse."""
 
 import io as text
 import json
+import re
 
 import pytest
 
 from framestep import boot, repl
+from framestep.repl import state
 from framestep.repl.figures import live
-from framestep_tools.payloads import MotorSetLimits, RtEnd, RtGo, RtPositionFrame, RtRunMove
+from framestep.rig import Rig
+from framestep_tools.payloads import (
+    Ack,
+    MotorMove,
+    MotorSetLimits,
+    MotorStop,
+    RtEnd,
+    RtGo,
+    RtPositionFrame,
+    RtRunMove,
+)
 from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.realtime import MOVE, loaded
 
@@ -203,13 +215,81 @@ def test_live_figures_are_a_list_that_a_program_reads(bench):
     assert all(0 < waiting <= holds for _, waiting in queues)
 
 
-def test_rig(bench):
+def test_rig_shows_what_differs_from_the_defaults(bench, monkeypatch):
     _, says = bench
     lines = says(repl.rig)
+    assert lines[0] == "estop = no"
     assert "name = crane" in lines
-    assert "jog_timeout_ms = 500" in lines
-    assert any(line.startswith("motors 1 {") and "'backlash': 3" in line for line in lines)
-    assert any(line.startswith("outputs 1 {'pin': 22") for line in lines)
+    assert "motors[1]: {'backlash': 3}" in lines
+    assert "outputs[1]: {'pin': 22}" in lines
+    assert not any("jog_timeout_ms" in line for line in lines)
+    assert lines[-1] == "all else is at its default"
+    monkeypatch.setattr(boot.controller.rig, "settings", Rig({}).settings)
+    assert says(repl.rig) == ["everything is at its default"]
+
+
+def test_help_has_a_line_for_each_command(bench):
+    _, says = bench
+    lines = says(repl.help)
+    shown = [line.partition("(")[0] for line in lines]
+    assert sorted(shown) == sorted(re.findall(r"(\w+)\(", repl._COMMANDS))
+    assert all(callable(getattr(repl, name)) for name in shown)
+    assert max(map(len, lines)) < 100
+    assert any("str" in line for line in says(repl.help, str)), "of Python"
+
+
+def test_why_a_request_was_refused(bench):
+    session, says = bench
+    assert says(repl.why) == ["nothing was refused, and nothing has stopped the motors"]
+    session.accept(MotorSetLimits(8, 1, -10, 1, 250))
+    session.refuse(Ack.ERR_SOFT_UP, MotorMove(8, 251))
+    assert says(repl.why) == ["refused: MOTOR_MOVE, as that is past the upper soft limit"]
+    session.refuse(Ack.ERR_RANGE, MotorStop(9))
+    session.accept(MotorMove(8, 20))
+    session.wait_idle()
+    assert says(repl.why) == ["refused: message 0x0032, as there is no such motor or value"]
+    says(repl.move, 8, -11)
+    assert says(repl.why) == [
+        "refused: a command of the REPL, as that is past the lower soft limit"
+    ]
+    session.refuse(Ack.ERR_RANGE, RtRunMove(200_000, 1, 25, 0, 0))
+    first, second = says(repl.why)
+    assert first.startswith("refused: RT_RUN_MOVE, as ")
+    assert second.startswith("the last move exceeds, at frame ")
+
+
+def test_why_the_motors_were_stopped(bench, monkeypatch):
+    session, says = bench
+    session.accept(MotorMove(8, 20_000))
+    session.run(0.1)
+    session.board._board.set_input("estop", 0)
+    session.wait_idle()
+    assert says(repl.why) == [
+        "the E-stop is held",
+        "the E-stop was pressed; the motors were ramped down",
+    ]
+    monkeypatch.setattr(boot, "mistake", "ports: found 3")
+    assert says(repl.why)[0] == "ports: found 3"
+
+
+def test_watch(bench, monkeypatch, capsys):
+    session, _ = bench
+    session.accept(MotorMove(2, 300))
+    looks = iter([False, False, True])
+
+    def key(ms):
+        session.run(ms / 1000)
+        return next(looks)
+
+    monkeypatch.setattr(state, "_key", key)
+    capsys.readouterr()
+    repl.watch()
+    shown = capsys.readouterr().out.split("\r")
+    assert shown[0] == "any key ends\n"
+    positions = [re.findall(r"(\d): (-?\d+)", line) for line in shown[1:]]
+    assert [[motor for motor, _ in line] for line in positions] == [list("12345678")] * 3
+    assert 0 == int(positions[0][1][1]) < int(positions[1][1][1]) <= 300
+    assert shown[-1].endswith("\n")
 
 
 def test_without_a_controller(bench, monkeypatch):
@@ -219,7 +299,7 @@ def test_without_a_controller(bench, monkeypatch):
     monkeypatch.setattr(boot.runner, "failure", ValueError())
     assert says(repl.status)[2] == "framestep was stopped by a fault in the firmware"
     monkeypatch.setattr(boot, "controller", None)
-    for command in (repl.status, repl.io, repl.timing, repl.rig, repl.stop):
+    for command in (repl.status, repl.why, repl.watch, repl.io, repl.timing, repl.rig, repl.stop):
         assert says(command) == ["framestep has not been started"]
     assert says(live) == ["framestep has not been started"]
     assert says(repl.move, 1, 5) == ["refused: framestep has not been started"]

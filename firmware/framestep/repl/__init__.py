@@ -1,15 +1,7 @@
 """Short commands for the REPL, which work while the protocol's port is in use.
 
     import framestep.repl
-
-    status()       what the controller does, where the motors are, how much can be uploaded
-    move(1, 200)   move motor 1 to step 200
-    home(1)        home motor 1; home(): all motors that have a home switch
-    jog()          jog motors by keys; jog(2, 3000): motor 2 first, at 3000 of 10000
-    stop()         bring all motors to rest
-    io()           outputs, inputs, switches; io(1, True): output 1 on
-    timing()       cost of a tick, worst lateness, depth of the queues
-    rig()          the settings of the rig file
+    help()
 
 While an operation of Dragonframe waits or runs, commands that would move a motor are refused with
 an explanation. The code of a command (framestep/repl) is loaded for the call and dropped after it.
@@ -18,13 +10,13 @@ an explanation. The code of a command (framestep/repl) is loaded for the call an
 import gc
 
 from framestep.base.native import CPYTHON
-from framestep.boot import forget
+from framestep.boot import READING, forget
 
 _NO_MEMORY = (
     "() needs more memory than is free: delete what your program holds, or set a smaller "
     "motor_count or virtuals in rig.json"
 )
-_COMMANDS = "status() move(1, 200) home(1) jog() stop() io() timing() rig()"
+_COMMANDS = "status() why() watch() move(1, 200) home(1) jog() stop() io() timing() rig() help()"
 
 
 def _call(module, name, *arguments):
@@ -36,6 +28,7 @@ def _call(module, name, *arguments):
     finally:
         if not CPYTHON:
             forget(
+                "framestep.repl.guide",
                 "framestep.repl.state",
                 "framestep.repl.motion",
                 "framestep.repl.figures",
@@ -48,6 +41,16 @@ def _call(module, name, *arguments):
 def status():
     """Print what the controller does, where its motors are, and how many frames fit."""
     _call("state", "status")
+
+
+def why():
+    """Print why the motors were stopped, and why the last refused request was."""
+    _call("state", "why")
+
+
+def watch():
+    """Print the motors' positions until a key is pressed."""
+    _call("state", "watch")
 
 
 def move(motor, step):
@@ -87,13 +90,26 @@ def timing():
 
 
 def rig():
-    """Print the settings of the rig file, including defaults."""
+    """Print the settings that differ from their defaults."""
     _call("state", "rig")
+    if not CPYTHON:
+        for name in READING:  # the code that knows the defaults
+            forget(name)
+
+
+def help(*things):
+    """Print the commands with a line each. help(thing) is MicroPython's own help."""
+    if things:
+        import builtins
+
+        builtins.help(*things)
+    else:
+        _call("guide", "show")
 
 
 if not CPYTHON:
     import __main__
 
-    for _command in (status, move, home, jog, stop, io, timing, rig):
+    for _command in (status, why, watch, move, home, jog, stop, io, timing, rig, help):
         setattr(__main__, _command.__name__, _command)
     print(_COMMANDS)

@@ -27,12 +27,16 @@ def test_a_command_runs_on_the_board(types):
     assert "motor 2: 300" in types("status()\r").replace("  ", " ")
     assert "refused: there is no such motor" in types("move(3, 1)\r")
     assert "TypeError" in types("move(1)\r")
+    assert "TypeError" in types("help('modules')\r")
+    assert "why the motors were stopped" in types("help()\r")
+    assert "refused: a command of the REPL, as there is no such motor" in types("why()\r")
 
 
 @pytest.mark.parametrize(
     "line",
     [
         "help",
+        "help.x()",
         "1 + 1",
         "import os",
         "__import__('os')",

@@ -136,7 +136,9 @@ def _digest(board: str, files: dict[str, bytes]) -> str:
     folder = ROOT / "boards" / board
     machinery = ROOT / "tools/micropython"
     recipe = [*machinery.glob("*.sh"), *machinery.glob("patches/*/*.patch")]
-    common = [path for path in folder.parent.iterdir() if path.suffix in (".cmake", ".h", ".py")]
+    common = [
+        path for path in folder.parent.iterdir() if path.suffix in (".c", ".cmake", ".h", ".py")
+    ]
     own = folder.glob("mpconfig*")
     definition = {
         str(path.relative_to(ROOT)): path.read_bytes() for path in (*own, *common, *recipe)

@@ -11,8 +11,17 @@ from typing import Any
 from framestep import boot, repl
 from framestep.hal.host_board import HostBoard
 
-COMMANDS = (repl.status, repl.move, repl.home, repl.stop, repl.io, repl.timing, repl.rig)
-KNOWN = "status() move(1, 200) home(1) stop() io() timing() rig()"
+
+def help() -> None:
+    """Print the commands with a line each. (Help about anything else stays away.)"""
+    repl.help()
+
+
+COMMANDS = (
+    *(repl.status, repl.why, repl.move, repl.home, repl.stop, repl.io, repl.timing, repl.rig),
+    help,
+)
+KNOWN = "status() why() move(1, 200) home(1) stop() io() timing() rig() help()"
 PROMPT = ">>> "
 _HELP = f"the prompt of the simulated board knows {KNOWN}"
 _BY_NAME = {command.__name__: command for command in COMMANDS}
