@@ -130,6 +130,7 @@ plots: setup ## draw the pictures in docs again
 	@"$(PYTHON_VENV)" -m framestep_tools.documents.plot_interpolation
 	@"$(PYTHON_VENV)" -m framestep_tools.documents.plot_virtuals
 	@"$(PYTHON_VENV)" -m framestep_tools.documents.rig_picture
+	@"$(PYTHON_VENV)" -m framestep_tools.documents.coil_picture
 
 bench: setup node micropython ## measure the firmware on the emulated board against its goals (build/bench.json); ARGS=--explain
 	@"$(PYTHON_VENV)" -m framestep_tools.bench $(ARGS)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from framestep_tools.documents import rig_picture
+from framestep_tools.documents import coil_picture, rig_picture
 from framestep_tools.documents.plot_virtuals import FILES, FOLDER, draw
 
 
@@ -18,4 +18,10 @@ def test_drawing_is_up_to_date(kind, tmp_path):
 def test_the_rig_in_readme_is_up_to_date():
     assert rig_picture.drawing() == rig_picture.PICTURE.read_text(), (
         "docs/rig.svg is not what the source makes: run `make plots`"
+    )
+
+
+def test_the_coils_of_a_motor_are_up_to_date():
+    assert coil_picture.drawing() == coil_picture.PICTURE.read_text(), (
+        "docs/start/coils.svg is not what the source makes: run `make plots`"
     )
