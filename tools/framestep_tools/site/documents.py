@@ -43,7 +43,7 @@ def stage(folder: Path) -> None:
     """Copy every document, and every file of ours that one links to, into an emptied folder."""
     shutil.rmtree(folder, ignore_errors=True)
     listed = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "*.md"],
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "*.md", ":!.github"],
         cwd=ROOT,
         capture_output=True,
         check=True,
