@@ -113,3 +113,40 @@ def test_a_scene_that_is_not_read_is_named(command, shot, capsys):
     output = ["-o", str(shot / "x.csv")] if command in ("import", "export") else []
     assert run(shot, command, str(shot / "a.fbx"), *output) == 1
     assert "it is an FBX scene, which framestep does not read: export" in capsys.readouterr().err
+
+
+WHOLE = {
+    "start": 1,
+    "positions": [[1, 2, 3], [4, 5, 6]],
+    "fps": 24,
+    "motors": 8,
+    "frames": 1000,
+    "set": [{"velocity": 5000, "acceleration": 20000, "lower": None, "upper": None}] * 2,
+    "format": "csv",
+    "name": "f.csv",
+    "text": "frame,pan\n1,2\n",
+}
+ODD = ["null", "0", "-1", "1e300", "1e-300", "NaN", "Infinity", '"x"', "[]", "{}", "99999999999"]
+
+
+@pytest.mark.parametrize("task", ["check_move", "export_move", "read_move"])
+def test_a_request_of_the_page_is_done_or_refused(task, shot):
+    """Whatever it has in place of a value: the page gets an answer."""
+    work = MoveWork(AxesText(shot / "axes.toml"))
+    getattr(work, task)(json.dumps(WHOLE))
+    changed = [{**WHOLE, key: "ODD"} for key in WHOLE]
+    changed += [{**WHOLE, "set": [{**WHOLE["set"][0], key: "ODD"}] * 2} for key in WHOLE["set"][0]]
+    texts = [json.dumps(each).replace('"ODD"', odd) for each in changed for odd in ODD]
+    for text in [*texts, "[" * 100_000]:
+        try:
+            found = getattr(work, task)(text)
+        except ToolError:
+            continue
+        assert "nan" not in str(found)
+
+
+@pytest.mark.parametrize("fps", [0, -25, 1e9, float("nan"), "25"])
+def test_the_rate_of_an_export_of_the_page(fps, shot):
+    work = MoveWork(AxesText(shot / "axes.toml"))
+    with pytest.raises(ToolError, match=r"expected frames per second from 0\.001 to 1000, found"):
+        work.export_move(json.dumps({**WHOLE, "fps": fps}))

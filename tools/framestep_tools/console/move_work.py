@@ -35,9 +35,13 @@ class MoveWork:
         asked = _values(text)
         axes = self._rig()
         move = _move(asked, axes)
+        fps = _fps(asked)
+        counts = [asked.get(key) for key in ("motors", "frames")]
+        if fps is None or not all(type(each) is int and 0 <= each in _INT32 for each in counts):
+            raise ToolError("the page has asked for no move: fps, motors or frames are missing")
         try:
             run = RtRunMove(
-                fps_milli=round(float(asked["fps"]) * 1000),
+                fps_milli=round(fps * 1000),
                 start_frame=move.start_frame,
                 end_frame=move.end_frame,
                 preroll_ms=1000,
@@ -48,8 +52,14 @@ class MoveWork:
                 for motor, given in zip(move.positions, asked["set"], strict=True)
             }
             device = move_check.Device(
-                {}, motors=int(asked["motors"]), frames=int(asked["frames"]), axes=axes
+                {}, motors=min(asked["motors"], 32), frames=asked["frames"], axes=axes
             )
+            for each in settings.values():
+                rates, ends = (each.velocity, each.acceleration), (each.lower, each.upper)
+                if not all(type(rate) is int and rate >= 1 for rate in rates):
+                    raise ValueError("a velocity or an acceleration is below 1")
+                if not all(end is None or type(end) is int for end in ends):
+                    raise ValueError("a limit is no whole number")
         except (KeyError, TypeError, ValueError) as error:
             raise ToolError(f"the page has asked for no move: {error}") from None
         found = move_check.check(move, run, settings, device)
@@ -66,7 +76,7 @@ class MoveWork:
         from ..move.move_formats import FORMATS, WITH_RATE
 
         asked = _values(text)
-        chosen = FORMATS.get(asked.get("format", ""))
+        chosen = FORMATS.get(str(asked.get("format")))
         if chosen is None:
             raise ToolError(f"the format is one of {', '.join(FORMATS)}")
         if not self._axes or not self._text():
@@ -86,7 +96,7 @@ class MoveWork:
             table = to_pose_table(move, axes.list, rig, chosen.CAMERA)
         else:
             table = to_table(move, axes.list)
-        fps = asked.get("fps") if chosen.NAME in WITH_RATE else None
+        fps = _fps(asked) if chosen.NAME in WITH_RATE else None
         return {"text": chosen.write(table, fps)}
 
     def read_move(self, text: str) -> dict[str, Any]:
@@ -100,7 +110,7 @@ class MoveWork:
         from ..move.text_file import decoded
 
         asked = _values(text)
-        name, fps = asked.get("name"), asked.get("fps")
+        name = asked.get("name")
         content = asked.get("text", asked.get("data"))
         if not isinstance(name, str) or not isinstance(content, str):
             raise ToolError("the page has sent no file")
@@ -110,7 +120,7 @@ class MoveWork:
             raise ToolError("the page has sent no file") from None
         axes = self._rig()
         read = decoded(data, f"cannot read {name}")
-        move = any_of(read, name, axes, fps if isinstance(fps, int | float) and fps > 0 else None)
+        move = any_of(read, name, axes, _fps(asked))
         return {
             "start": move.start_frame,
             "motors": list(move.positions),
@@ -131,11 +141,23 @@ class MoveWork:
 def _values(text: str) -> dict[str, Any]:
     try:
         found = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ToolError(f"the page has sent no JSON: {error}") from None
     if not isinstance(found, dict):
         raise ToolError("the page has sent no JSON object")
     return found
+
+
+def _fps(asked: dict[str, Any]) -> float | None:
+    """Return the frames per second in a request, None for null. Raises ToolError for others."""
+    from ..move.table import FASTEST, SLOWEST
+
+    fps = asked.get("fps")
+    if fps is None:
+        return None
+    if type(fps) not in (int, float) or not SLOWEST <= fps <= FASTEST:
+        raise ToolError(f"expected frames per second from {SLOWEST:g} to {FASTEST:g}, found {fps}")
+    return float(fps)
 
 
 def _move(asked: dict[str, Any], axes: rig_axes.Axes) -> Move:
