@@ -10,7 +10,7 @@ from rich.console import Console
 
 from framestep_tools.bench import esp32
 from framestep_tools.bench.__main__ import conclude
-from framestep_tools.bench.figures import AT_200, FIGURES, keyed, missed, table
+from framestep_tools.bench.figures import AT_200, FIGURES, keyed, missed, plain_table, table
 from framestep_tools.bench.moves import FPS, MOTORS, RAMP, ROLL_MS, STEADY_RATES, mixed_move
 from framestep_tools.judge.reference import Reference
 from framestep_tools.judge.trace import PinDecoder, Trace, load_board
@@ -153,7 +153,7 @@ def test_figures_of_an_esp32():
         assert esp32.pause_ms(session, (60,)) == 0
     values = {figure.key: 1.0 for figure in esp32.FIGURES}
     out = io.StringIO()
-    Console(file=out, width=150).print(esp32.table(values, True))
+    Console(file=out, width=150).print(plain_table(esp32.TITLE, esp32.FIGURES, values, True))
     for figure in esp32.FIGURES:
         assert figure.key in out.getvalue()
         assert figure.how[:20] in out.getvalue()

@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Annotated
@@ -12,8 +13,8 @@ from rich.console import Console
 from ..building import images
 from ..building.board_files import ROOT
 from ..errors import Command
-from . import esp32, tick_cost
-from .figures import TRUST, keyed, missed, table
+from . import esp32, pico2, tick_cost
+from .figures import TRUST, all_missed, keyed, missed, plain_table, table
 from .loops import loop_table, loops
 from .measure import measure
 
@@ -39,33 +40,37 @@ def main(
     if not console.is_terminal:
         console.width = _WIDTH
     console.print("making the frozen image, if it is not there (two minutes)")
-    images.frozen()
+    for board in ("pico", pico2.BOARD):
+        images.frozen(board)
     began = time.monotonic()
+
+    def saying(name: str) -> Callable[[str], None]:
+        return lambda text: console.print(f"{time.monotonic() - began:5.0f} s  {name}: {text}")
 
     def run(mhz: int, cache: bool) -> dict[str, float]:
         name = f"{mhz} MHz, " + ("cache model on" if cache else "no cache misses")
-        return measure(
-            mhz,
-            cache,
-            lambda text: console.print(f"{time.monotonic() - began:5.0f} s  {name}: {text}"),
-        )
+        return measure(mhz, cache, saying(name))
 
     with ThreadPoolExecutor(2) as pool:
+        newer = pool.submit(pico2.measured, saying("Pico 2"))
         slow, fast, ideal = pool.map(run, (125, 200, 125), (True, True, False))
+    on_pico2 = newer.result()
     modelled = {125: slow, 200: fast}
     parts = tick_cost.both()
     passes = loops()
     console.print("the simulated ESP32")
     chain = esp32.measure()
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(json.dumps(keyed(modelled) | chain, indent=2) + "\n")
+    out.write_text(json.dumps(keyed(modelled) | on_pico2 | chain, indent=2) + "\n")
     console.print(table(modelled, ideal, explain))
     console.print(loop_table(passes))
     console.print(tick_cost.table(parts))
     console.print(TRUST)
-    console.print(esp32.table(chain, explain))
+    console.print(plain_table(pico2.TITLE, pico2.FIGURES, on_pico2, explain))
+    console.print(plain_table(esp32.TITLE, esp32.FIGURES, chain, explain))
     console.print(f"figures with the cache model in {out}")
-    conclude(console, missed(modelled) + esp32.missed(chain), report)
+    lines = missed(modelled) + all_missed(pico2.FIGURES, on_pico2)
+    conclude(console, lines + all_missed(esp32.FIGURES, chain), report)
 
 
 def conclude(console: Console, lines: list[str], report: bool) -> None:

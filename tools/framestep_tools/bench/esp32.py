@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
-from rich.table import Table
 
 from ..errors import ToolError
 from ..judge.judge import Limits, NoRun, judge
@@ -19,7 +18,7 @@ from ..payloads import HardStop, MotorMove, MotorSetSpeed, MotorStopAll, Positio
 from ..simulator.esp32_board import RATE, Esp32Board
 from . import builder_cost
 from .esp32_memory import HEAP_KB, memory
-from .figures import Figure, number
+from .figures import Figure
 from .moves import FPS, MOTORS, ROLL_MS, STEEPEST, mixed_move, steady_move
 from .session import Played, Session
 
@@ -29,6 +28,7 @@ _STOP_SPEED = 20_000  # steps/s; at STEEPEST it ends within 5 ms
 _PAUSES_MS = (20, 30, 40)
 _RUN_S = 60  # of virtual time, for a run that does not end
 
+TITLE = "ESP32, simulated: code takes no time"
 FIGURES = (
     Figure(
         "esp32_steps_per_s_8",
@@ -180,25 +180,3 @@ def measure() -> dict[str, float]:
     figures["esp32_builder_tick_us_8"] = builder_cost.us(60_000)
     figures["esp32_free_bytes"] = memory({}).move_bytes
     return figures
-
-
-def missed(figures: Mapping[str, float]) -> list[str]:
-    """Return a line for each goal that is missed."""
-    return [
-        figure.shortfall(figures[figure.key])
-        for figure in FIGURES
-        if figure.reached(figures[figure.key]) is False
-    ]
-
-
-def table(figures: Mapping[str, float], explain: bool = False) -> Table:
-    """Return a table of the figures and their goals."""
-    result = Table(title="ESP32, simulated: code takes no time", title_justify="left")
-    for name in ("figure", "value", "goal", "", "unit", *(["how"] if explain else [])):
-        result.add_column(name)
-    for figure in FIGURES:
-        value = figures[figure.key]
-        verdict = {True: "[green]reached[/]", False: "[red]missed[/]", None: ""}
-        cells = [figure.key, number(value), figure.goal, verdict[figure.reached(value)]]
-        result.add_row(*cells, figure.unit, *([figure.how] if explain else []))
-    return result

@@ -1,6 +1,6 @@
 """The figures, their goals, and their table."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rich.table import Table
@@ -260,6 +260,30 @@ def missed(modelled: Mapping[int, Mapping[str, float]]) -> list[str]:
         for mhz, figures in modelled.items()
         for figure in FIGURES
         if figure.at(mhz).reached(figures[figure.key]) is False
+    ]
+
+
+def plain_table(
+    title: str, figures: Sequence[Figure], values: Mapping[str, float], explain: bool = False
+) -> Table:
+    """Return a table of the figures of one chip and their goals."""
+    result = Table(title=title, title_justify="left")
+    for name in ("figure", "value", "goal", "", "unit", *(["how"] if explain else [])):
+        result.add_column(name)
+    for figure in figures:
+        value = values[figure.key]
+        verdict = {True: "[green]reached[/]", False: "[red]missed[/]", None: ""}
+        cells = [figure.key, number(value), figure.goal, verdict[figure.reached(value)]]
+        result.add_row(*cells, figure.unit, *([figure.how] if explain else []))
+    return result
+
+
+def all_missed(figures: Sequence[Figure], values: Mapping[str, float]) -> list[str]:
+    """Return a line for each goal of these figures that is missed."""
+    return [
+        figure.shortfall(values[figure.key])
+        for figure in figures
+        if figure.reached(values[figure.key]) is False
     ]
 
 

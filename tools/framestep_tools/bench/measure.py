@@ -8,6 +8,7 @@ import numpy as np
 
 from framestep.protocol import messages
 
+from ..building.board_files import board_data
 from ..client.client import Client, upload_requests
 from ..client.wire import encode
 from ..errors import ToolError
@@ -190,14 +191,18 @@ def light_channels(session: Session, frames: int) -> int:
     return _CHANNELS
 
 
-def measure(mhz: int, cache: bool, say: Callable[[str], None]) -> dict[str, float]:
+def measure(
+    mhz: int, cache: bool, say: Callable[[str], None], board: str = "pico"
+) -> dict[str, float]:
     """Measure all figures at a clock of the processor, with the flash-cache model or without."""
     args = [] if cache else ["--xip-miss", "0"]
     rig: dict[str, Any] = {"clock_mhz": mhz, "motors": [{"pulse_us": PULSE_US}] * MOTORS}
+    if len(board_data(board)["step"]) != MOTORS:
+        rig["motor_count"] = MOTORS
     figures: dict[str, float] = {}
     say("booting the frozen image")
-    with EmulatedBoard(rig, trace=False, args=args) as board:
-        session = Session(board)
+    with EmulatedBoard(rig, trace=False, board=board, args=args) as emulated:
+        session = Session(emulated)
         figures["upload_frames_8"] = session.info.upload_frames
         say("upload")
         figures["rx_bytes_per_s"] = upload_rate(session, session.info.upload_frames)
@@ -216,9 +221,9 @@ def measure(mhz: int, cache: bool, say: Callable[[str], None]) -> dict[str, floa
         figures["steps_per_s_8"] = top_rate(session, MOTORS, say)
         figures["steps_per_s_1"] = top_rate(session, 1, say)
     say("upload through a single port")
-    with EmulatedBoard({**rig, "ports": 1}, trace=False, args=args) as board:
-        figures["rx_bytes_per_s_single_port"] = upload_rate(Session(board), 1000)
-    figures |= smoothing_figures(rig, args, say)
+    with EmulatedBoard({**rig, "ports": 1}, trace=False, board=board, args=args) as emulated:
+        figures["rx_bytes_per_s_single_port"] = upload_rate(Session(emulated), 1000)
+    figures |= smoothing_figures(rig, args, say, board)
     return {figure.key: figures[figure.key] for figure in FIGURES}
 
 

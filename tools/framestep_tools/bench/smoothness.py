@@ -17,15 +17,16 @@ from .session import Session
 
 
 def smoothing_figures(
-    rig: dict[str, Any], args: Sequence[str], say: Callable[[str], None]
+    rig: dict[str, Any], args: Sequence[str], say: Callable[[str], None], board: str = "pico"
 ) -> dict[str, float]:
     """Return the ripple of velocity and of acceleration with `smoothing`, divided by the one
     without, and what it adds to the load at the fastest rate, percent."""
     ripples, loads = [], []
     for smoothing in (True, False):
         say(f"ripple of rounding, {'with' if smoothing else 'without'} smoothing")
-        with EmulatedBoard({**rig, "smoothing": smoothing}, trace=False, args=args) as board:
-            session = Session(board)
+        settings = {**rig, "smoothing": smoothing}
+        with EmulatedBoard(settings, trace=False, board=board, args=args) as emulated:
+            session = Session(emulated)
             played = [_played(session, fps, smoothing) for fps in RIPPLE_RATES]
             ripples.append(sum((ripple for ripple, _ in played), Ripple()))
             loads.append(played[-1][1])

@@ -100,6 +100,9 @@ export class M33 {
     this.excCount = new Float64Array(80);
     this.excCycles = new Float64Array(80);
     this.excMax = new Float64Array(80);
+    this.excStack = []; // number and first cycle of the exceptions that run
+    this.maskedSince = 0; // cycles when PRIMASK was set
+    this.flashBusy = false; // the flash was erased or written since then
     this.longestMasked = { cycles: 0, endNanos: 0 };
 
     this.xipMiss = xipMiss;
@@ -655,6 +658,7 @@ export class M33 {
   }
   exceptionEntry(n) {
     const { r, st, si } = this;
+    this.excStack.push(n, this.cycles);
     const fp = st[8] && !(this.ppbWords.get(0xef34) === 0);
     const size = fp ? 0x68 : 0x20;
     const align = r[13] & 4 ? 1 : 0;
@@ -719,6 +723,27 @@ export class M33 {
     this.eventRegistered = true;
     this.irqCheck = true;
     st[1] = -1;
+    if (this.excStack.length) {
+      const start = this.excStack.pop();
+      const n = this.excStack.pop();
+      const spent = this.cycles - start;
+      this.excCycles[n] += spent;
+      if (spent > this.excMax[n]) this.excMax[n] = spent;
+    }
+  }
+  /** Set PRIMASK, and keep the longest time that it was set for. */
+  mask(on) {
+    if (on === this.PM) return;
+    this.PM = on;
+    if (on) {
+      this.maskedSince = this.cycles;
+      this.flashBusy = false;
+      return;
+    }
+    const cycles = this.cycles - this.maskedSince;
+    if (cycles > this.longestMasked.cycles && !this.flashBusy) {
+      this.longestMasked = { cycles, endNanos: this.now(0) };
+    }
   }
 
   svc() {
@@ -726,7 +751,7 @@ export class M33 {
     this.check();
   }
   cps(disable, which) {
-    if (which & 2) this.PM = disable;
+    if (which & 2) this.mask(disable ? 1 : 0);
     if (which & 1) this.FM = disable;
     if (!disable) this.check();
   }
@@ -774,7 +799,7 @@ export class M33 {
       case 9: if (this.spsel) this.r[13] = value & ~3; else this.otherSP = value & ~3; break;
       case 10: this.msplim = value; break;
       case 11: this.psplim = value; break;
-      case 16: this.PM = value & 1; this.check(); break;
+      case 16: this.mask(value & 1); this.check(); break;
       case 17: this.basepri = value & 0xf0; this.check(); break;
       case 18: if (value & 0xf0 && (!this.basepri || (value & 0xf0) < this.basepri)) this.basepri = value & 0xf0; break;
       case 19: this.FM = value & 1; this.check(); break;
