@@ -223,6 +223,20 @@ def test_a_draft_shows_first_what_a_new_rig_needs():
     assert draft.count("//\n// of ") == 3, "no heading without settings"
 
 
+@pytest.mark.parametrize(
+    ("board", "first", "second", "warned"),
+    [
+        ("pico", True, False, True),
+        ("pico", True, True, False),
+        ("pico", True, None, False),
+        ("skr_pico", True, False, False),
+    ],
+)
+def test_two_polarities_of_one_enable_pin(board, first, second, warned):
+    motors = [{"enable_high": first}, {} if second is None else {"enable_high": second}]
+    assert bool(rig_file.warnings({"motors": motors}, board_data(board))) == warned
+
+
 def test_a_key_below_what_the_type_of_driver_needs(tmp_path, capsys):
     file = tmp_path / "rig.json"
     file.write_text(
@@ -231,6 +245,8 @@ def test_a_key_below_what_the_type_of_driver_needs(tmp_path, capsys):
     )
     said = [
         "motors[1].pulse_us: 10 µs is less than the 30 µs that a driver of type tb6600 needs",
+        "motors[2].enable_high: the drivers share an enable pin on this board, so that of "
+        "motors[1] counts",
         "motors[2].enable_ms: 200 ms is less than the 500 ms that a driver of type cl57t needs",
     ]
     assert cli.app.status(["rig", "check", str(file)]) == 0

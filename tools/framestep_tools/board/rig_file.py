@@ -110,11 +110,19 @@ def check(settings: dict[str, Any], board: Mapping[str, Any], name: str) -> rig.
         raise RigFileError(f"{name}: " + "\n  ".join(count + texts)) from None
 
 
-def warnings(given: Mapping[str, Any]) -> list[str]:
+def warnings(given: Mapping[str, Any], board: Mapping[str, Any]) -> list[str]:
     """Return a sentence for each key of a valid rig file that is less than what the motor's type of
-    driver needs."""
+    driver needs, or that does not count on this board."""
     found = []
-    for number, motor in enumerate(given.get("motors", []), 1):
+    motors = given.get("motors", [])
+    shared = not isinstance(board.get("enable"), list)
+    for number, motor in enumerate(motors, 1):
+        high = motor.get("enable_high")
+        if shared and high not in (None, motors[0].get("enable_high", False)):
+            found.append(
+                f"motors[{number}].enable_high: the drivers share an enable pin on this board, so "
+                "that of motors[1] counts"
+            )
         for key, least in drivers.needs(motor.get("type", "other")).items():
             if key in motor and key != "enable_high" and motor[key] < least:
                 unit = settings.MOTOR_SETTINGS[key][4]
@@ -373,7 +381,7 @@ def edit(
         ) from None
     given = parse(new, RIG_FILE)
     found = check(given, board, RIG_FILE)
-    for warning in warnings(given):
+    for warning in warnings(given, board):
         print(f"warning: {warning}")
     device.path = at_rate(device.path, found.settings["uart_baud"])
     try:

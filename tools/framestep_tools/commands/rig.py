@@ -29,7 +29,7 @@ def rig_check(
     comments = rig_file.for_board(bare) != bare
     given = rig_file.read(file)
     found = rig_file.check(given, board_data(board), str(file))
-    warnings = rig_file.warnings(given)
+    warnings = rig_file.warnings(given, board_data(board))
     if json:
         say_json(
             {

@@ -59,7 +59,7 @@ class BoardWork:
         return {
             "text": f"valid for {board['name']}: {found.name.decode()!r}, "
             f"{len(found.motors)} motor{'s' * (len(found.motors) != 1)} set"
-            + "".join(f"; {warning}" for warning in rig_file.warnings(given))
+            + "".join(f"; {warning}" for warning in rig_file.warnings(given, board))
         }
 
     def write_rig(self, text: str) -> dict[str, Any]:
