@@ -181,3 +181,15 @@ def write(shot, text):
     path = shot / "source"
     path.write_text(text)
     return path
+
+
+def test_a_long_list_of_columns_is_cut(shot, capsys):
+    """Of those that are left out, and of those that there are."""
+    (shot / "wide").write_text(f"frame,track,pan{',other' * 2000}\n1,0,2{',1' * 2000}\n")
+    out = str(shot / "move.csv")
+    assert run(shot, "import", str(shot / "wide"), "-o", out) == 0
+    error = capsys.readouterr().err
+    assert error.endswith("other, other and 1950 more\n")
+    assert len(error) < 1000
+    assert run(shot, "import", str(shot / "wide"), "-o", out, "--column", "pan=none") == 1
+    assert len(capsys.readouterr().err) < 1000

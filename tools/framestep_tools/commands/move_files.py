@@ -186,7 +186,7 @@ def import_move(
     from ..move.move_conversion import to_move
     from ..move.move_file import or_example, write_move
     from ..move.move_formats import FORMATS, of_content
-    from ..move.text_file import read_text
+    from ..move.text_file import listed, read_text
 
     if smooth:
         with extra("--smooth"):
@@ -205,7 +205,7 @@ def import_move(
     if not found or not rig_axes.exists(found):
         raise ToolError(
             f"there is no {found or rig_axes.FILE}, which assigns the axes of {file} "
-            f"({', '.join(recording.names)}) to motors; docs/use/axes.md shows one"
+            f"({listed(recording.names)}) to motors; docs/use/axes.md shows one"
         )
     rig = rig_axes.load(found, every_motor=True)
     known = rig.list
@@ -231,7 +231,7 @@ def import_move(
     write_move(output, move)
     note(*said, *move.said)
     if left:
-        note(f"left out, no axis names them: {', '.join(left)}")
+        note(f"left out, no axis names them: {listed(left)}")
     print(
         f"{output}: frames {move.start_frame} to {move.end_frame}"
         + (f" at {move.fps:.10g} frames/s" if move.fps else "")

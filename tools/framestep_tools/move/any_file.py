@@ -7,7 +7,7 @@ from .move_conversion import to_move
 from .move_file import Move, move_of
 from .move_formats import FORMATS, csv_table, of_content, refuse_others
 from .rig_axes import FILE, Axes
-from .text_file import Text, read_text
+from .text_file import Text, listed, read_text
 
 
 def read_any(path: str | os.PathLike, axes: Axes, fps: float | None = None) -> Move:
@@ -25,13 +25,13 @@ def any_of(read: Text, path: str | os.PathLike, axes: Axes, fps: float | None = 
     if not axes.list:
         raise ToolError(
             f"{path} is in units, and there is no {FILE}, which assigns its axes "
-            f"({', '.join(recording.names)}) to motors; docs/use/axes.md shows one"
+            f"({listed(recording.names)}) to motors; docs/use/axes.md shows one"
         )
     rate = fps if recording.seconds and not recording.fps else None
     move, left = to_move(recording, axes.list, name, rate, camera=axes.camera_rig())
     said = [*read.said, *move.said]
     if left:
-        said.append(f"left out, no axis names them: {', '.join(left)}")
+        said.append(f"left out, no axis names them: {listed(left)}")
     return Move(move.start_frame, move.names, move.positions, move.fps, tuple(said))
 
 

@@ -15,6 +15,7 @@ from .move_formats.camera import Camera
 from .move_formats.recording import FIRST_FRAME, Channel, Column, Curve, Recording, Table
 from .move_formats.units import factor
 from .smoothing import smoothed
+from .text_file import listed
 from .turns import unwrapped
 
 LONGEST = (
@@ -64,7 +65,7 @@ def to_move(
     if posed and not pose:
         raise ToolError(
             f"--camera: {path} has no camera's pose: expected columns such as x, y, z, or "
-            f"--column x=2 and so on; it has {', '.join(recording.names)}"
+            f"--column x=2 and so on; it has {listed(recording.names)}"
         )
     by_pose = camera.moved if camera and pose else []
     others = [axis for axis in axes if axis not in by_pose]
@@ -257,7 +258,7 @@ def _named(axis: Axis, channels: list[Channel], path: str, choice: str | None) -
                 return channel
         last = max(channel.column for channel in channels)
         raise ToolError(f"{path} has no column {number} for axis {axis.name}; its last is {last}")
-    there = ", ".join(map(str, channels))
+    there = listed(list(map(str, channels)))
     raise ToolError(f"{path} has no axis {wanted!r} for motor {axis.motor}; it has {there}")
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from ..errors import ToolError
 
+_MOST_NAMES = 50
 _LONGEST = 80  # characters of a line in an error text
 _MARKS = (
     (b"\xef\xbb\xbf", "utf-8"),
@@ -107,6 +108,12 @@ def write_text(path: str | os.PathLike, text: str) -> None:
         if plain:
             written.unlink(missing_ok=True)
         raise MoveFileError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def listed(names: list[str]) -> str:
+    """Return names for a line of limited length."""
+    more = len(names) - _MOST_NAMES
+    return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
 
 
 def shown(row: list[str]) -> str:
