@@ -8,7 +8,7 @@ import re
 import pytest
 
 from framestep import boot, repl
-from framestep.repl import state
+from framestep.repl import reasons
 from framestep.repl.figures import live
 from framestep.rig import Rig
 from framestep_tools.payloads import (
@@ -281,7 +281,7 @@ def test_watch(bench, monkeypatch, capsys):
         session.run(ms / 1000)
         return next(looks)
 
-    monkeypatch.setattr(state, "_key", key)
+    monkeypatch.setattr(reasons, "_key", key)
     capsys.readouterr()
     repl.watch()
     shown = capsys.readouterr().out.split("\r")

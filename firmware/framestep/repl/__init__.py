@@ -29,6 +29,7 @@ def _call(module, name, *arguments):
         if not CPYTHON:
             forget(
                 "framestep.repl.guide",
+                "framestep.repl.reasons",
                 "framestep.repl.state",
                 "framestep.repl.motion",
                 "framestep.repl.figures",
@@ -45,12 +46,12 @@ def status():
 
 def why():
     """Print why the motors were stopped, and why the last refused request was."""
-    _call("state", "why")
+    _call("reasons", "why")
 
 
 def watch():
     """Print the motors' positions until a key is pressed."""
-    _call("state", "watch")
+    _call("reasons", "watch")
 
 
 def move(motor, step):
@@ -91,7 +92,7 @@ def timing():
 
 def rig():
     """Print the settings that differ from their defaults."""
-    _call("state", "rig")
+    _call("reasons", "rig")
     if not CPYTHON:
         for name in READING:  # the code that knows the defaults
             forget(name)

@@ -23,12 +23,6 @@ REFUSALS = {
     m.ERR_SOFT_LOW: "that is past the lower soft limit",
     m.ERR_HARD_UP: "the upper limit switch is hit",
     m.ERR_HARD_LOW: "the lower limit switch is hit",
-    m.ERR_CHECKSUM: "it arrived damaged",
-    m.ERR_UNSUPPORTED: "framestep does not know it",
-    m.ERR_NOT_IN_POSITION: "the motors are not where it begins",
-    m.ERR_PREROLL: "in the pre-roll a motor would pass a limit, or needs more time",
-    m.ERR_POSTROLL: "in the post-roll a motor would pass a limit, or needs more time",
-    m.ERR_AIM_COD: "the aim point is too near",
 }
 
 
@@ -120,11 +114,6 @@ def refusal(code):
     if isinstance(code, int):
         if boot.controller:
             boot.controller.refused = code  # why() says it again
-        code = reason(code)
+        code = REFUSALS.get(code, "0x%04X" % code)
     print("refused:", code)
     return False
-
-
-def reason(code):
-    """Return the text of a response code."""
-    return REFUSALS.get(code, "0x%04X" % code)
