@@ -77,7 +77,11 @@ def test_bench_commands_beside_a_run(session):
     assert "object framestep.boot is of type" in repl.exec("help(framestep.boot)").replace(
         "<module 'framestep.boot' from 'framestep/boot.py'>", "framestep.boot"
     )
-    assert repl.exec("rig()") == "estop = nc\r\nall else is at its default\r\n"
+    assert repl.exec("rig()").splitlines() == [
+        *(f"outputs[{i}].pin = {pin}" for i, pin in enumerate((22, 26), 1)),
+        *(f"inputs[{i}].pin = {pin}" for i, pin in enumerate((27, 28), 1)),
+        "all else is at its default",
+    ]
     assert repl.exec("why()").startswith("refused: a command of the REPL, as ")
     assert "output 1, pin 22: off" in repl.exec("io()")
     # afterwards they do move something

@@ -100,15 +100,23 @@ def rig():
     if boot.controller is None:
         print(dead())
         return
-    from framestep.rig.settings import SETTINGS
+    from framestep.rig import settings as known
 
-    found = boot.controller.rig.settings
-    changed = [name for name in sorted(found) if found[name] != SETTINGS[name][3]]
-    for name in changed:
-        value = found[name]
-        if isinstance(value, list):
-            for i, entry in enumerate(value, 1):
-                print("%s[%d]:" % (name, i), entry)
-        else:
-            print(name, "=", value)
-    print("all else is at its default" if changed else "everything is at its default")
+    rig = boot.controller.rig
+    _changed("", rig.settings, known.SETTINGS)
+    for name, table in (
+        ("motors", known.MOTOR_SETTINGS),
+        ("limits", known.LIMIT_SETTINGS),
+        ("outputs", known.OUTPUT_SETTINGS),
+        ("inputs", known.INPUT_SETTINGS),
+    ):
+        for i, entry in enumerate(getattr(rig, name), 1):
+            _changed("%s[%d]." % (name, i), entry, table)
+    print("all else is at its default")
+
+
+def _changed(where, found, table):
+    for key in sorted(found):
+        # lists of the whole file follow with all keys of their entries
+        if table[key][0] is not list and found[key] != table[key][3]:
+            print(where + key, "=", found[key])
