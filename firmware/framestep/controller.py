@@ -112,7 +112,7 @@ class Controller:
         self.active_passes = _ACTIVE_PASSES
         self.planning = False  # there is more to plan in the next pass
         self.reported = False  # the last pass was for a report, so this one plans
-        self.refused = 0  # the last refused request, for the REPL: its number << 8 | the code
+        self.refused = 0  # for why(): number << 8 | code of the last refused request, or text
         self.unsent = False  # the port has not taken everything yet
         self.backlog = False  # requests wait until there is room for their answers
         self.was_open = False

@@ -137,6 +137,7 @@ def test_nothing_of_dragonframes_is_disturbed(bench):
     assert says(repl.move, 8, 200) == ["refused: the motors move to the start of a run"]
     session.wait_idle()
     assert says(repl.move, 1, 200) == ["refused: a run waits for GO"]
+    assert says(repl.why) == ["refused: a command of the REPL, as a run waits for GO"]
     session.accept(RtGo())
     session.run(0.3)
     assert says(repl.move, 8, 200)[0].startswith("refused: a run is on, at frame ")

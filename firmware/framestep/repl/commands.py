@@ -112,8 +112,8 @@ def refusal(code):
     if code == m.OK:
         return True
     if isinstance(code, int):
-        if boot.controller:
-            boot.controller.refused = code  # why() says it again
         code = REFUSALS.get(code, "0x%04X" % code)
+    if boot.controller:
+        boot.controller.refused = code  # why() says it again
     print("refused:", code)
     return False

@@ -50,9 +50,11 @@ def _reasons():
     conditions = controller.condition() & ~m.CONDITION_EXCEEDED  # its own line follows
     lines += texts.conditions(conditions) + texts.faults(controller.faults)
     refused = controller.refused
-    if refused:
+    if isinstance(refused, str):
+        lines.append("refused: a command of the REPL, as " + refused)
+    elif refused:
         kind = refused >> 8
-        name = _NAMES.get(kind, "message 0x%04X" % kind) if kind else "a command of the REPL"
+        name = _NAMES.get(kind, "message 0x%04X" % kind)
         lines.append("refused: %s, as %s" % (name, _reason(refused & 0xFF)))
     return lines + _exceeded(controller)
 
