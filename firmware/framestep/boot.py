@@ -17,7 +17,6 @@ from framestep.protocol.messages import CONDITION_OVERLAY, CONDITION_OVERLAY_LEF
 
 _DENSE = const(3072)  # bytes taken between two collections
 _SAVE = "framestep: set a smaller motor_count or virtuals in rig.json"
-_SPARE = const(10 * 1024)  # bytes for the REPL and a user's own code, in one piece
 
 hal = None
 controller = None
@@ -117,7 +116,7 @@ def start(again=False):
 
     chip = __import__("framestep.hal.%s.start" % BOARD.pop("hal"), None, None, ("held",))
     chip.clear()  # in case boot.py is not framestep's
-    spare = bytearray(_SPARE)
+    spare = bytearray(chip.SPARE)
     held = chip.held(BOARD)
     if held:
         print("framestep: not started,", held)

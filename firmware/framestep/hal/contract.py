@@ -125,6 +125,7 @@ class Start:
     first, and unloaded once the board is up.
 
     SPENT   modules that are no longer needed then, itself included
+    SPARE   bytes of the heap for the REPL and a user's own code, in one piece
     """
 
     def clear():  # type: ignore[misc]

@@ -1,5 +1,7 @@
 """The start of an ESP32; unloaded once the board is up. See hal.contract.Start."""
 
+from gc import mem_free
+
 import machine
 from machine import Pin
 
@@ -8,6 +10,8 @@ from framestep.base.native import const
 _CHAIN = const(64)  # pin number of the chain's output 0
 _OUTPUTS = const(32)
 
+# The REPL's commands are not in flash. Without PSRAM there is no memory to spare for all of them.
+SPARE = (32 if mem_free() > 700_000 else 10) * 1024
 SPENT = ("framestep.hal.flash_blocks", "framestep.hal.esp32.start")
 
 

@@ -7,6 +7,7 @@ from framestep.hal import STACK
 from framestep.hal.rp2.pins import drivers_off  # noqa: F401 -- part of the contract
 from framestep.leftovers import stop_dma as clear  # noqa: F401
 
+SPARE = 10 * 1024
 SPENT = (
     "framestep.hal.flash_blocks",
     "framestep.hal.rp2.clock",
