@@ -13,4 +13,4 @@ def test_share(subject):
 @pytest.mark.repeats
 @pytest.mark.parametrize("subject", SUBJECTS)
 def test_larger_share(subject):
-    play("rp2040", 25, subject)
+    play("rp2040", 15, subject)

@@ -13,4 +13,4 @@ def test_share(subject):
 @pytest.mark.repeats
 @pytest.mark.parametrize("subject", SUBJECTS)
 def test_larger_share(subject):
-    play("rp2350", 25, subject)
+    play("rp2350", 15, subject)

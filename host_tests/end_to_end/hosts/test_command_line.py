@@ -213,8 +213,6 @@ def test_refused_in_words(framestep, board, line, words):
          "in its post-roll of 20 ms motor 3 would need 119429 steps/s², its acceleration is 20000"),
         ([100, 101, 102, 103], "play FILE --fps 300",
          "300 frames/s: expected more than 0, at most 200"),
-        ([100, 101, 102, 103], "play FILE --preroll 700",
-         "the pre-roll has 600 s at most"),
     ],
 )  # fmt: skip
 def test_a_run_refused_in_words(framestep, board, tmp_path, path, line, words):
@@ -321,11 +319,12 @@ def test_a_run_against_a_limit_switch_names_the_motor():
         "virtual roll -1e9",
         "play camera_move.csv --preroll 1e9",
         "play camera_move.csv --postroll 1e9",
+        "play camera_move.csv --preroll 700",
     ],
 )
 def test_values_that_fit_no_message(framestep, line):
     said = framestep(line, status=2)
-    assert "does not fit" in said
+    assert "expected at " in said
     assert len(said.splitlines()) == 1
 
 

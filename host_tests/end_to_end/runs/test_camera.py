@@ -181,6 +181,7 @@ def test_stills_without_angles(more):
         assert off == pytest.approx(time + 0.5 / 24, abs=0.00065)
 
 
+@pytest.mark.needs("short pulses")
 @pytest.mark.with_reports
 @pytest.mark.parametrize("fps", [2, 12, 24, 29.97, 60, 200])
 @pytest.mark.parametrize("angles", [(0, 360), (0, 359), (1, 360), (2, 358)])
