@@ -207,7 +207,7 @@ def test_a_device_that_says_nothing_any_more_ends_the_checks(conform, board, mon
 def test_a_speed_that_no_device_has(conform, speed):
     status, _, err = conform("--speed", speed)
     assert status == USAGE
-    assert "--speed is more than 0 and at most 100" in err
+    assert "--speed" in err
 
 
 def test_a_device_that_runs_at_a_tenth_of_real_time(conform, board, monkeypatch):

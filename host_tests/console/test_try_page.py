@@ -327,6 +327,10 @@ def test_eight_motors_at_24_frames_take_less_than_real_time(stage, make_site, tm
     rows = [",".join(map(str, row)) for row in zip(range(240), *columns, strict=True)]
     table = tmp_path / "eight.csv"
     table.write_text("\n".join(["frame,1,2,3,4,5,6,7,8", *rows]))
+    go_to(page, "Positions")
+    page.get_by_role("button", name="All are as shown").click()
+    page.get_by_role("button", name="Press again: all are known").click()
+    close_drawer(page)
     go_to(page, "Move")
     page.get_by_label("Open a move").set_input_files(table)
     page.get_by_role("button", name="Raise the speeds to fit").click()

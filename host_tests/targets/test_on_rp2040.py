@@ -8,9 +8,3 @@ from host_tests.targets.shares import SUBJECTS, play
 @pytest.mark.parametrize("subject", SUBJECTS)
 def test_share(subject):
     play("rp2040", 40, subject)
-
-
-@pytest.mark.repeats
-@pytest.mark.parametrize("subject", SUBJECTS)
-def test_larger_share(subject):
-    play("rp2040", 15, subject)
