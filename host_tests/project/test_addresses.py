@@ -15,7 +15,7 @@ from framestep_tools import paths
         ("/home/me/framestep", None),
         ("../framestep", None),
         ("file:///srv/git/framestep.git", None),
-        ("C:/work/framestep", None),
+        ("C:/framestep", None),
         ("", None),
     ],
 )

@@ -1,5 +1,6 @@
 """What the usual drivers need at their step, direction and enable pins, by name. Allocates."""
 
+# The sources are as others quote them: docs/use/drivers.md.
 # fmt: off
 # name: (pulse_us, setup_us, hold_us, enable_ms, enable_high, source). For boxes with optocouplers
 # enable_high is that of a common cathode: see docs/start/wiring.md.
