@@ -309,7 +309,8 @@ def test_files_go_out_and_come_back(opened, tmp_path):
         ('{"start": 1, "positions": [[1], [1, 2]]}', "sent no move"),
         ('{"start": 1, "positions": [[1.5]]}', "sent no move"),
         ('{"start": 1, "positions": [[true]]}', "sent no move"),
-        ('{"start": 1, "positions": [[1]], "fps": "a"}', "asked for no move"),
+        ('{"start": 1, "positions": [[1]], "fps": "a"}', "expected frames per second"),
+        ('{"start": 1, "positions": [[1]]}', "asked for no move"),
         ('{"start": 1, "positions": [[1]], "fps": 1, "set": [{"speed": 1}]}', "asked for no move"),
         (
             '{"start": 1, "positions": [[1]], "fps": 1, "set": [], "motors": 1, "frames": 1}',

@@ -328,7 +328,7 @@ def jogs_forgotten(monkeypatch):
 
 
 def begins_in_motion(monkeypatch):
-    monkeypatch.setattr(Moves, "_may_begin", lambda self: m.OK)
+    monkeypatch.setattr(Moves, "may_begin", lambda self: m.OK)
 
 
 def falls_short(monkeypatch):

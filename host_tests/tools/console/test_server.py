@@ -282,6 +282,22 @@ def test_a_page_that_watches_asks_and_moves_nothing(shared):
         assert told(client.port.link, "pages") == []
 
 
+def test_a_question_of_a_page_that_watches_waits_for_the_port(shared):
+    """It may come while one page closes the port and another one opens it."""
+    link, _ = watching(shared)
+    link.send(encode(MotorStatus.TYPE, b"", 7))
+    link.send('{"id": 3, "do": "read_rig"}')
+    assert told(link, "error")  # so the question has been read
+    with shared.client():
+        decoder = FrameDecoder()
+        answered = False
+        while not answered:
+            message = link.recv(PATIENCE_S)
+            if isinstance(message, bytes):
+                answered = any(frame.id == 7 for frame in decoder.feed(message))
+    link.close()
+
+
 def test_a_page_hands_the_device_over_and_watchers_are_told(shared):
     with shared.client() as client:
         number = None

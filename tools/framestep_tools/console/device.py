@@ -1,7 +1,7 @@
 """The device of a console: what its pages take turns with."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING, Any
 
 from ..client import shared_port
@@ -44,6 +44,7 @@ class ConsoleDevice:
         self.press_estop: Callable[[bool], None] | None = None  # of a simulated board
         self.bridge: Bridge | None = None  # the open port
         self.on_reports: set[Callable[[Frame], None]] = set()  # what gets the unasked messages
+        self.on_open: set[Callable[[], Awaitable[None]]] = set()  # awaited once a port is open
         self._open_port = open_port
 
     def simulate(self, board: "DemoBoard") -> None:
@@ -58,6 +59,8 @@ class ConsoleDevice:
         if self.bridge is None:
             self.bridge = Bridge(await asyncio.to_thread(self._open_port), self.name)
             self.bridge.on_report = self._report
+            for told in list(self.on_open):
+                await told()
         return self.bridge
 
     def _report(self, frame: Frame) -> None:

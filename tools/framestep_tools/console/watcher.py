@@ -27,6 +27,7 @@ QUESTIONS = frozenset(
     kind for kind, cls in REQUESTS.items() if cls.KEEPS_PLAN and cls.REPLY is not Ack
 )
 _REFUSED = struct.pack("<H", Ack.ERR_GENERAL)
+_MOST_ASKED = 16  # questions of a page that wait for their answers
 _numbers = itertools.count(1)
 
 
@@ -40,6 +41,7 @@ class Watcher:
         self._device = device
         self._page = page
         self._outbox: asyncio.Queue[bytes | str] = asyncio.Queue()
+        self._asked: dict[int, Frame] = {}
         hello: dict[str, Any] = {"device": device.name, "repl": False, "kept": False}
         if device.axes:
             hello["axes"] = device.axes.read()
@@ -49,6 +51,7 @@ class Watcher:
         """Serve the page until it is gone, or `end` is called."""
         sender = asyncio.create_task(self._send())
         self._device.on_reports.add(self._report)
+        self._device.on_open.add(self._ask_again)
         decoder = FrameDecoder()
         try:
             with contextlib.suppress(ConnectionClosed):
@@ -60,6 +63,7 @@ class Watcher:
                         await self._ask(frame)
         finally:
             self._device.on_reports.discard(self._report)
+            self._device.on_open.discard(self._ask_again)
             sender.cancel()
 
     def say(self, found: dict[str, Any]) -> None:
@@ -79,18 +83,28 @@ class Watcher:
             self.say({"id": number, "error": "another page has the device: take it over first"})
 
     async def _ask(self, frame: Frame) -> None:
-        """Forward a question; the device answers the page. Without a port nothing answers."""
+        """Forward a question; the device answers the page, once its port is open."""
         if frame.type not in QUESTIONS:
             self._outbox.put_nowait(encode(frame.type | messages.MSG_FLAG_ACK, _REFUSED, frame.id))
-        elif self._device.bridge:
-            with contextlib.suppress(OSError):  # the page that has the port is told
-                await self._device.bridge.ask_for(frame, self._answer(frame.id))
+            return
+        if len(self._asked) == _MOST_ASKED:  # by a page that did not wait
+            del self._asked[next(iter(self._asked))]
+        self._asked[frame.id] = frame
+        await self._forward(frame)
 
-    def _answer(self, number: int) -> Any:
+    async def _ask_again(self) -> None:
+        """Forward what has no answer: its port was closed as another page has got the device."""
+        for frame in list(self._asked.values()):
+            await self._forward(frame)
+
+    async def _forward(self, question: Frame) -> None:
         def send(frame: Frame) -> None:
-            self._outbox.put_nowait(encode(frame.type, frame.payload, number))
+            if self._asked.pop(question.id, None):
+                self._outbox.put_nowait(encode(frame.type, frame.payload, question.id))
 
-        return send
+        if self._device.bridge:
+            with contextlib.suppress(OSError):  # the page that has the port is told
+                await self._device.bridge.ask_for(question, send)
 
     def _report(self, frame: Frame) -> None:
         self._outbox.put_nowait(encode(frame.type, frame.payload, 0))
