@@ -7,9 +7,12 @@ lacks nothing. A scenario says what it needs of its target: `@pytest.mark.needs(
 
 import importlib
 import os
+from collections.abc import Iterable
 from types import ModuleType
 
 import pytest
+
+from framestep_tools.judge.trace import Edge
 
 NAMES = ("host", "rp2040", "rp2350", "esp32", "device")
 NEEDS = {
@@ -21,6 +24,8 @@ NEEDS = {
     "ramped E-stop": "sees motors ramp down after the E-stop",
     "little memory": "fills the memory for uploads of the host simulation",
     "short pulses": "drives a motor faster than pulses of 4 µs allow",
+    "120 frames/s": "moves eight motors in more frames a second than a Pico 2 plans in time",
+    "150 frames/s": "moves eight motors in more frames a second than a Pico plans in time",
     "instants": "looks for a level of no duration",
     "servo edges": "measures servos more finely than machine.PWM sets them",
     "edges": "looks at the pins",
@@ -91,6 +96,23 @@ class Scenarios:
     def pytest_runtest_setup(self, item: pytest.Item) -> None:
         if begin := getattr(self.target, "begin", None):
             begin(item)
+
+
+class FirstLevels:
+    """Drops a pin's first level from a trace that begins with it: on the host that is no edge. A
+    pin that begins high has been set."""
+
+    def __init__(self) -> None:
+        self._known: set[str] = set()
+
+    def drop(self, edges: Iterable[Edge]) -> list[Edge]:
+        """Return the edges among these."""
+        found = []
+        for edge in edges:
+            if edge[1] in self._known or edge[2]:
+                found.append(edge)
+            self._known.add(edge[1])
+        return found
 
 
 def install(config: pytest.Config) -> None:

@@ -16,6 +16,7 @@ import pytest
 from framestep_tools.building.board_files import board_data
 from framestep_tools.judge.trace import Edge
 from framestep_tools.simulator.esp32_board import Esp32Board
+from host_tests.targets import FirstLevels
 
 NAME = "esp32_s3_595"
 # A Pico's general pins, gio1 to gio4, of which the first two are outputs by default; and what takes
@@ -91,7 +92,7 @@ class Target(Esp32Board):
         settings = translated(rig or {})
         if motors not in (None, count):
             settings.setdefault("motor_count", motors)
-        self._known: set[str] = set()
+        self._first = FirstLevels()
         super().__init__(settings, NAME)
         self._board = Inside(self)
 
@@ -114,11 +115,10 @@ class Target(Esp32Board):
         """Return the edges, with a Pico's names of the general outputs."""
         if _shift_ns:
             self.run_until(self.now_ns + _QUEUE_NS)
-        found = []
-        for time, signal, value in super().edges():
-            if signal in self._known or value:
-                found.append((time - _shift_ns, _SIGNALS.get(signal, signal), value))
-            self._known.add(signal)  # the level that it begins with is no edge
+        found = [
+            (time - _shift_ns, _SIGNALS.get(signal, signal), value)
+            for time, signal, value in self._first.drop(super().edges())
+        ]
         for number, motor in enumerate(self.rig.motors, 1):
             if motor["servo"]:
                 times, levels = self.line_edges(motor["servo"]["pin"])

@@ -7,12 +7,14 @@ from typing import Any
 
 from framestep.rig import Rig
 from framestep_tools.building.board_files import board_data
+from framestep_tools.judge.trace import Edge
 from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.targets import FirstLevels
 
 NAME = "pico"
 # DMX is not decoded from its pin (host_tests/board/test_io.py), the memory for uploads is the
 # board's, and a request takes effect some ticks later than on the host simulation.
-LACKS = {"inside", "boards", "lights", "little memory", "prompt"}
+LACKS = {"inside", "boards", "lights", "little memory", "prompt", "150 frames/s"}
 
 
 class Inside:
@@ -48,6 +50,7 @@ class Target(EmulatedBoard):
         settings = dict(rig or {})
         if motors not in (None, len(board_data(board)["step"])):
             settings.setdefault("motor_count", motors)
+        self._first = FirstLevels()
         super().__init__(settings, board=board)
         self._board = Inside(self)
 
@@ -65,6 +68,9 @@ class Target(EmulatedBoard):
     @property
     def pending(self) -> int:
         return self.protocol.pending
+
+    def edges(self) -> list[Edge]:
+        return self._first.drop(super().edges())
 
     def __del__(self) -> None:
         with contextlib.suppress(OSError, AttributeError):

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from host_tests.targets import NAMES, NEEDS
+from host_tests.targets import NAMES, NEEDS, FirstLevels
 from host_tests.targets.shares import SCENARIOS, pytest_run
 
 
@@ -39,6 +39,12 @@ def test_the_host_plays_all_and_others_leave_out_what_they_lack():
     # about DMX, and about the inside
     for file in ("test_lights_and_triggers.py", "test_led.py"):
         assert any(f"/{file}::" in name for name in whole - board)
+
+
+def test_the_level_that_a_trace_begins_with_is_no_edge():
+    first = FirstLevels()
+    assert first.drop([(0, "gio1", 0), (5, "gio1", 1)]) == [(5, "gio1", 1)]
+    assert first.drop([(9, "gio1", 0), (9, "m1", 1)]) == [(9, "gio1", 0), (9, "m1", 1)]
 
 
 def test_a_share():

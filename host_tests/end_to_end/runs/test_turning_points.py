@@ -148,6 +148,8 @@ def walks(rng, frames):
     }
 
 
+@pytest.mark.needs("120 frames/s", only=("120-True", "125-True", "150", "200"))
+@pytest.mark.needs("150 frames/s", only=("150-True", "200"))
 @pytest.mark.parametrize("smoothing", [True, False])
 @pytest.mark.parametrize("fps", sweep(RATES, 1, 12, 15.687, 16, 23.976, 24, 25, 60, 125, 200))
 def test_slow_random_walks(fps, smoothing):
