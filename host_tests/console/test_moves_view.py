@@ -105,7 +105,7 @@ def stand(page):
 
 
 def wait_stand(page, *positions):
-    """Wait until the page shows these positions: it tells of an end before it draws the last ones."""
+    """Wait until the page shows these positions: it tells an end before it draws them."""
     for motor, steps_there in enumerate(positions, 1):
         expect(position(page, motor)).to_have_text(str(steps_there))
 

@@ -267,6 +267,7 @@ def test_go_from_an_input_is_reported_once_the_host_listens():
     ]
 
 
+@pytest.mark.needs("inside")  # a board says it on the REPL
 def test_go_from_an_input_that_is_not_there():
     with pytest.raises(ValueError, match="go_input: found 9"):
         simulated({"go_input": 9})
