@@ -147,7 +147,8 @@ conform: setup ## the conformance kit against the simulator and against seeded f
 prove: setup node micropython ## the emulated board measures itself, like a real one with `framestep lab prove` (build/prove); ARGS="--chip B1" or --renew
 	@"$(PYTHON_VENV)" -m framestep_tools.prove $(ARGS)
 
-emulator-measure: setup node micropython ## measure the emulated board itself (40 s)
+emulator-measure: setup node micropython ## measure the emulated boards themselves (three minutes)
+	@tools/micropython/build.sh rp2350
 	@"$(PYTHON_VENV)" -m framestep_emulator.measure $(ARGS)
 
 clean: ## remove build/ and .cache, everything that can be made again

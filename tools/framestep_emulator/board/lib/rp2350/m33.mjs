@@ -32,9 +32,10 @@ export class M33 {
   #inRom;
   #emitter;
   #nowhere = Object.assign(() => this.#nowhere, { pc: 0, max: 1 }); // after a jump outside the memory
-  #single = new Map(); // pieces of one instruction
+  #stopping = new Map(); // pieces by their address that end at the limit
+  #stopped = new Map(); // where such pieces have ended, and go on
 
-  constructor(chip, { xipMiss = 0, onHalt = () => {}, longest = 48, exact = false } = {}) {
+  constructor(chip, { xipMiss = 0, onHalt = () => {} } = {}) {
     this.chip = this.rp2040 = chip;
     this.clock = chip.clock;
     this.onHalt = onHalt;
@@ -109,18 +110,18 @@ export class M33 {
     this.xipTags = new Int32Array(2 * XIP_SETS).fill(-1);
     this.xipOld = new Uint8Array(XIP_SETS);
     this.xp = new Uint8Array(chip.flash.length / 8); // 1, 2: the line is in that half
+    this.xipLast = -1; // line that was read last, and when that was done
+    this.xipEnd = 0;
     this.xipMisses = 0;
     this.xipAccesses = 0;
 
     this.#inFlash = new Array(chip.flash.length / 2).fill(null);
     this.#inRam = new Array(RAM_SIZE / 2).fill(null);
     this.#inRom = new Array(ROM_SIZE / 2).fill(null);
-    this.longest = longest;
-    this.exact = exact; // interrupts are taken between the right instructions; else between pieces, which is faster
     const names = ['core', 'r', 'st', 's', 'si', 'ram8', 'ram16', 'ram32', 'xp', 'xo'];
     const values = [this, this.r, this.st, this.s, this.si, this.ram8, this.ram16, this.ram32, this.xp, this.xipOld];
     this.make = (body, links) =>
-      new Function(...names, `${links ? `let ${Array.from({ length: links }, (_, i) => `n${i}=null`).join(',')};` : ''}const self=function(){${HEADER}${body}};return self`)(...values);
+      new Function(...names, `${links ? `let ${Array.from({ length: links }, (_, i) => `n${i}=null`).join(',')};` : ''}const self=function(e){${HEADER}${body}};return self`)(...values);
     const line = (pc) => {
       if (!this.xipMiss || pc >>> 24 !== 0x10) return '';
       const index = (pc & this.flashMask) >>> 3;
@@ -132,7 +133,7 @@ export class M33 {
       if (size === 32) return offset & 3 ? null : this.flash32[offset >> 2];
       return size === 16 ? this.flash16[offset >> 1] : this.flash8[offset];
     };
-    this.#emitter = new Emitter((pc) => this.fetch(pc), { line: this.xipMiss ? line : null, literal, exact });
+    this.#emitter = new Emitter((pc) => this.fetch(pc), { line: this.xipMiss ? line : null, literal });
   }
 
   // ------------------------------------------------------------------ code
@@ -144,7 +145,7 @@ export class M33 {
     return this.rom16[pc >> 1];
   }
 
-  compile(pc, longest = this.longest) {
+  compile(pc, stops = false) {
     const before = performance.now();
     const top = pc >>> 24;
     const inRam = top === 0x20 && (pc & 0xffffff) < RAM_SIZE;
@@ -153,25 +154,23 @@ export class M33 {
       this.halt('instruction fetch outside the memory');
       return null;
     }
-    const { text, end, links, max } = this.#emitter.piece(pc, longest);
+    const { text, end, links, max, places } = this.#emitter.piece(pc, stops);
     let head = '';
     if (inRam) {
       const first = (pc & 0xffffff) >> 2;
       const last = (end - 1 & 0xffffff) >> 2;
       const tests = [];
       for (let i = first; i <= last; i++) tests.push(`ram32[${i}]!==${this.ram32[i]}`);
-      head = `if(${tests.join('||')})return core.stale(${pc},self);`;
+      head = `if(${tests.join('||')})return core.stale(${stops ? `[${places.map((place) => place.pc)}][e]` : pc},self);`;
     }
+    if (stops) head += `st[0]-=[${places.map((place) => place.cycles)}][e];`;
     const code = this.make(head + text, links);
     code.pc = pc;
-    code.max = longest === 1 ? 1 : max;
+    code.max = max;
+    code.places = places;
     this.pieces++;
-    if (longest === 1) {
-      this.#single.set(pc, code);
-      this.compileMs += performance.now() - before;
-      return code;
-    }
-    if (inRam) this.#inRam[(pc & 0xffffff) >> 1] = code;
+    if (stops) this.#stopping.set(pc, code);
+    else if (inRam) this.#inRam[(pc & 0xffffff) >> 1] = code;
     else if (top) {
       this.#inFlash[(pc & this.flashMask) >> 1] = code;
       this.codeEnd = Math.max(this.codeEnd, (end & this.flashMask) + 8192);
@@ -184,7 +183,8 @@ export class M33 {
   stale(pc, code) {
     const at = (pc & 0xffffff) >> 1;
     if (this.#inRam[at] === code) this.#inRam[at] = null;
-    this.#single.delete(pc);
+    this.#stopping.clear();
+    this.#stopped.clear();
     return this.find(pc);
   }
 
@@ -199,7 +199,7 @@ export class M33 {
       else if (pc >>> 0 < ROM_SIZE) code = this.#inRom[pc >> 1];
       else if (pc >>> 24 === 0xff) {
         this.exceptionReturn(pc);
-        return this.find(this.r[15]);
+        return this.#stopped.get(this.r[15]) ?? this.find(this.r[15]);
       }
     }
     return code !== null ? code : this.compile(pc) ?? this.#nowhere;
@@ -209,7 +209,8 @@ export class M33 {
     this.#inFlash.fill(null);
     this.#inRam.fill(null);
     this.#inRom.fill(null);
-    this.#single.clear();
+    this.#stopping.clear();
+    this.#stopped.clear();
     this.codeEnd = 0;
   }
 
@@ -247,24 +248,27 @@ export class M33 {
     void r;
   }
 
+  /** Run pieces that end before the limit, and of the last one the instructions that begin before it. */
   execute() {
     const { st, r } = this;
-    let code = this.find(r[15]);
-    if (!this.exact) while (st[0] < st[1]) code = code();
-    else this.toTheLimit(code);
-    if (!this.exact) r[15] = code.pc;
-  }
-
-  /** Pieces as long as they end before the limit, then single instructions. */
-  toTheLimit(code) {
-    const { st, r } = this;
+    let code = this.#stopped.get(r[15]) ?? this.find(r[15]);
     for (;;) {
       while (st[0] + code.max <= st[1]) code = code();
       if (st[0] >= st[1]) break;
-      const { pc } = code;
-      code = (this.#single.get(pc) ?? this.compile(pc, 1) ?? this.#nowhere)();
+      code = code.goesOn ? code() : (this.#stopping.get(code.pc) ?? this.compile(code.pc, true) ?? this.#nowhere)(0);
     }
     r[15] = code.pc;
+  }
+
+  /** Return what goes on at a place of a piece that has ended at the limit. */
+  stopped(piece, place) {
+    const { pc, cycles } = piece.places[place];
+    let code = this.#stopped.get(pc);
+    if (!code) {
+      code = Object.assign(() => piece(place), { pc, max: piece.max - cycles, goesOn: true });
+      this.#stopped.set(pc, code);
+    }
+    return code;
   }
 
   leave() {
@@ -323,7 +327,11 @@ export class M33 {
   xipLine(line) {
     const { xipTags, xipOld, xp } = this;
     const set = line & (XIP_SETS - 1);
-    this.st[0] += this.xipMiss;
+    const { qmi } = this.chip;
+    const begin = this.cycles;
+    this.st[0] += line === this.xipLast + 1 && begin - this.xipEnd <= qmi.cooldown ? qmi.next : qmi.first;
+    this.xipLast = line;
+    this.xipEnd = this.cycles;
     this.xipMisses++;
     const half = xipOld[set] === 1 ? 2 : 1;
     const place = half === 2 ? set + XIP_SETS : set;
@@ -333,6 +341,7 @@ export class M33 {
     xipOld[set] = half;
   }
   xipFlush() {
+    this.xipLast = -1;
     this.xipTags.fill(-1);
     this.xp.fill(0);
   }
@@ -642,7 +651,14 @@ export class M33 {
       this.r[13] = this.otherSP;
       this.otherSP = sp;
       this.spsel = which;
+      this.limitStack();
     }
+  }
+  limitStack() {
+    this.st[9] = this.spsel ? this.psplim : this.msplim;
+  }
+  overflow() {
+    this.fault(`the stack pointer is below its limit ${(this.st[9] >>> 0).toString(16)}`);
   }
   get apsr() {
     const { st } = this;
@@ -677,6 +693,7 @@ export class M33 {
       put(0x60, this.fpscr);
     }
     r[13] = frame;
+    if (frame < st[9]) this.overflow();
     r[14] = (this.handlerMode ? 0xfffffff1 : this.spsel ? 0xfffffffd : 0xfffffff9) & (fp ? ~0x10 : ~0);
     this.handlerMode = true;
     this.IPSR = n;
@@ -797,8 +814,8 @@ export class M33 {
       case 0: case 1: case 2: case 3: this.apsr = value; break;
       case 8: if (this.spsel) this.otherSP = value & ~3; else this.r[13] = value & ~3; break;
       case 9: if (this.spsel) this.r[13] = value & ~3; else this.otherSP = value & ~3; break;
-      case 10: this.msplim = value; break;
-      case 11: this.psplim = value; break;
+      case 10: this.msplim = value; this.limitStack(); break;
+      case 11: this.psplim = value; this.limitStack(); break;
       case 16: this.mask(value & 1); this.check(); break;
       case 17: this.basepri = value & 0xf0; this.check(); break;
       case 18: if (value & 0xf0 && (!this.basepri || (value & 0xf0) < this.basepri)) this.basepri = value & 0xf0; break;
