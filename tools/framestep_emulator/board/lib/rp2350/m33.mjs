@@ -32,8 +32,8 @@ export class M33 {
   #inRom;
   #emitter;
   #nowhere = Object.assign(() => this.#nowhere, { pc: 0, max: 1 }); // after a jump outside the memory
-  #stopping = new Map(); // pieces by their address that end at the limit
-  #stopped = new Map(); // where such pieces have ended, and go on
+  #stopped = new Map(); // where pieces have ended at the limit, and go on
+  #next = null; // piece that is next
 
   constructor(chip, { xipMiss = 0, onHalt = () => {} } = {}) {
     this.chip = this.rp2040 = chip;
@@ -120,8 +120,8 @@ export class M33 {
     this.#inRom = new Array(ROM_SIZE / 2).fill(null);
     const names = ['core', 'r', 'st', 's', 'si', 'ram8', 'ram16', 'ram32', 'xp', 'xo'];
     const values = [this, this.r, this.st, this.s, this.si, this.ram8, this.ram16, this.ram32, this.xp, this.xipOld];
-    this.make = (body, links) =>
-      new Function(...names, `${links ? `let ${Array.from({ length: links }, (_, i) => `n${i}=null`).join(',')};` : ''}const self=function(e){${HEADER}${body}};return self`)(...values);
+    this.make = (body, links, before = '') =>
+      new Function(...names, `${before}${links ? `let ${Array.from({ length: links }, (_, i) => `n${i}=null`).join(',')};` : ''}const self=function(e){${HEADER}${body}};return self`)(...values);
     const line = (pc) => {
       if (!this.xipMiss || pc >>> 24 !== 0x10) return '';
       const index = (pc & this.flashMask) >>> 3;
@@ -161,16 +161,18 @@ export class M33 {
       const last = (end - 1 & 0xffffff) >> 2;
       const tests = [];
       for (let i = first; i <= last; i++) tests.push(`ram32[${i}]!==${this.ram32[i]}`);
-      head = `if(${tests.join('||')})return core.stale(${stops ? `[${places.map((place) => place.pc)}][e]` : pc},self);`;
+      head = `if(${tests.join('||')})return core.stale(${stops ? 'at[e]' : pc},self);`;
     }
-    if (stops) head += `st[0]-=[${places.map((place) => place.cycles)}][e];`;
-    const code = this.make(head + text, links);
+    const code = stops
+      ? this.make(`${head}st[0]-=cycles[e];${text}`, links, `const at=[${places.map((place) => place.pc)}],cycles=[${places.map((place) => place.cycles)}];`)
+      : this.make(head + text, links);
     code.pc = pc;
     code.max = max;
-    code.places = places;
     this.pieces++;
-    if (stops) this.#stopping.set(pc, code);
-    else if (inRam) this.#inRam[(pc & 0xffffff) >> 1] = code;
+    if (stops) {
+      code.places = places;
+      code.goesOn = new Array(places.length);
+    } else if (inRam) this.#inRam[(pc & 0xffffff) >> 1] = code;
     else if (top) {
       this.#inFlash[(pc & this.flashMask) >> 1] = code;
       this.codeEnd = Math.max(this.codeEnd, (end & this.flashMask) + 8192);
@@ -180,10 +182,11 @@ export class M33 {
     return code;
   }
 
+  /** Code in RAM that has changed: go on with what is there now. */
   stale(pc, code) {
-    const at = (pc & 0xffffff) >> 1;
-    if (this.#inRam[at] === code) this.#inRam[at] = null;
-    this.#stopping.clear();
+    const old = code.of ?? code;
+    const at = (old.pc & 0xffffff) >> 1;
+    if (this.#inRam[at] === old) this.#inRam[at] = null;
     this.#stopped.clear();
     return this.find(pc);
   }
@@ -209,8 +212,8 @@ export class M33 {
     this.#inFlash.fill(null);
     this.#inRam.fill(null);
     this.#inRom.fill(null);
-    this.#stopping.clear();
     this.#stopped.clear();
+    this.#next = null;
     this.codeEnd = 0;
   }
 
@@ -251,24 +254,30 @@ export class M33 {
   /** Run pieces that end before the limit, and of the last one the instructions that begin before it. */
   execute() {
     const { st, r } = this;
-    let code = this.#stopped.get(r[15]) ?? this.find(r[15]);
+    let code = this.#next;
+    if (code === null || code.pc !== r[15]) code = this.#stopped.get(r[15]) ?? this.find(r[15]);
     for (;;) {
       while (st[0] + code.max <= st[1]) code = code();
       if (st[0] >= st[1]) break;
-      code = code.goesOn ? code() : (this.#stopping.get(code.pc) ?? this.compile(code.pc, true) ?? this.#nowhere)(0);
+      if (!code.stops) {
+        code.stops = this.compile(code.pc, true) ?? this.#nowhere;
+        code.stops.of = code;
+      }
+      code = code.stops(0);
     }
     r[15] = code.pc;
+    this.#next = code;
   }
 
   /** Return what goes on at a place of a piece that has ended at the limit. */
   stopped(piece, place) {
     const { pc, cycles } = piece.places[place];
-    let code = this.#stopped.get(pc);
-    if (!code) {
-      code = Object.assign(() => piece(place), { pc, max: piece.max - cycles, goesOn: true });
-      this.#stopped.set(pc, code);
-    }
-    return code;
+    const known = piece.goesOn[place];
+    if (known) return known;
+    const code = Object.assign(() => piece(place), { pc, max: piece.max - cycles, stops: null });
+    code.stops = code;
+    this.#stopped.set(pc, code);
+    return (piece.goesOn[place] = code);
   }
 
   leave() {
