@@ -75,6 +75,14 @@ def test_the_simulated_board_is_a_pico():
             {"motors": [{"servo": {}, "home": {"limit": 1, "travel": 10}}]},
             "motors[1].servo: found an object, but the motor has `home`",
         ),
+        (
+            {"motors": [{}, {"servo": {}, "enable_ms": 200}]},
+            "motors[2].enable_ms: found 200, allowed is 0, as the motor is a servo",
+        ),
+        (
+            {"motors": [{"servo": {}, "off_after_s": 5}]},
+            "motors[1].off_after_s: found 5, allowed is 0, as the motor is a servo",
+        ),
         ({"home_input": 1}, "home_input: found 1, but no motor has `home`"),
         (
             {"home_input": 5, "motors": [{}]},
@@ -151,6 +159,14 @@ def test_the_simulated_board_is_a_pico():
         (
             {"shoot_input": 1, "go_input": 1},
             "shoot_input: found 1, which is go_input already; allowed is another input",
+        ),
+        (
+            {"go_input": 2, "home_input": 2},
+            "home_input: found 2, which is go_input already; allowed is another input",
+        ),
+        (
+            {"shoot_input": 1, "home_input": 1},
+            "home_input: found 1, which is shoot_input already; allowed is another input",
         ),
         (
             {"shutter_delay_ms": 5001},

@@ -146,10 +146,13 @@ def assign(settings, board, others=()):
             raise RigError(
                 "%s: found %d, but there are %d inputs" % (key, settings[key], len(lists[1]))
             )
-    for key in ("go_input", "home_input"):
-        if settings["shoot_input"] and settings["shoot_input"] == settings[key]:
+    used = {}
+    for key in ("go_input", "shoot_input", "home_input"):
+        if settings[key] in used:
             raise RigError(
-                "shoot_input: found %d, which is %s already; allowed is another input"
-                % (settings["shoot_input"], key)
+                "%s: found %d, which is %s already; allowed is another input"
+                % (key, settings[key], used[settings[key]])
             )
+        if settings[key]:
+            used[settings[key]] = key
     return limits, lists[0], lists[1]

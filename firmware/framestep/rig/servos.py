@@ -38,6 +38,12 @@ def read_servos(rig):
         for key in ("driver", "home"):
             if motor[key] is not None:
                 raise RigError("%s: found an object, but the motor has `%s`" % (where, key))
+        for key in ("enable_ms", "off_after_s"):  # of a driver's enable pin
+            if motor[key]:
+                raise RigError(
+                    "motors[%d].%s: found %d, allowed is 0, as the motor is a servo"
+                    % (i + 1, key, motor[key])
+                )
         motor["servo"] = servo = read(SERVO_SETTINGS, motor["servo"], where + ".")
         if servo["high_us"] - servo["low_us"] < 100:
             raise RigError(
