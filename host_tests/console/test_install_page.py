@@ -246,6 +246,16 @@ def set_up(page):
             "outputs[1].pin: not set → 22",
         ],
     )
+    page.get_by_label("motors[2].type").select_option('"tb6600"')
+    page.get_by_label("motors[2].pulse_us").fill("2.5")
+    press(page, "Check, and show the differences")
+    expect(page.get_by_role("list", name="Differences").get_by_role("listitem").last).to_have_text(
+        "Warning: motors[2].pulse_us: 2.5 µs is less than the 30 µs that a driver of type tb6600 "
+        "needs"
+    )
+    page.get_by_label("motors[2].type").select_option("")
+    page.get_by_label("motors[2].pulse_us").fill("")
+    press(page, "Check, and show the differences")
     press(page, "Put it onto the board")
     expect(said).to_have_text("after has restarted with it.")
     expect(page.locator("#who")).to_contain_text("after, firmware")

@@ -37,6 +37,7 @@ MISTAKE = """async (given) => {
     const schema = await (await fetch('/rig.schema.json')).json();
     return mistake(given, schema);
 }"""
+WARNINGS = """async (given) => (await import('/rig_text.js')).warnings(given)"""
 BARE = """async (text) => {
     const {bareRig} = await import('/rig_text.js');
     try { return bareRig(text); } catch (error) { return error.message; }
@@ -58,6 +59,21 @@ def test_a_right_rig_file_has_no_mistake(modules, example):
 @pytest.mark.parametrize(("settings", "said"), MISTAKES, ids=lambda value: str(value)[:30])
 def test_a_mistake_is_reported_with_its_key(modules, settings, said):
     assert said in modules.evaluate(MISTAKE, settings)
+
+
+@pytest.mark.parametrize(
+    "motors",
+    [
+        [{}, {"type": "tb6600", "pulse_us": 2, "hold_us": 20}],
+        [{"type": "cl57t", "enable_ms": 200}, {"type": "a4988", "setup_us": 0.1}],
+        [{"type": "tb6600", "enable_high": True}, {"pulse_us": 0.5}],
+    ],
+)
+def test_it_warns_of_what_the_tools_warn_of(modules, motors):
+    given = {"motors": motors}
+    found = modules.evaluate(WARNINGS, given)
+    assert found == rig_file.warnings(given, {"enable": list(range(8))})
+    assert len(found) == sum("type" in motor and "enable_high" not in motor for motor in motors)
 
 
 @pytest.mark.parametrize("text", COMMENTED)

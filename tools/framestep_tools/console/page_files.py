@@ -12,6 +12,7 @@ from typing import Any
 from framestep import texts
 from framestep.motors.positions import DRIVER, HOMED
 from framestep.protocol import messages
+from framestep.rig import drivers, settings
 
 from .. import paths, payloads
 from ..documents import rig_schema, rig_table
@@ -109,6 +110,14 @@ def protocol_js() -> str:
         "RIG_TASKS": {
             task: [key for key in keys if key.isidentifier()]
             for task, keys in rig_table.TASKS.items()
+        },
+        "DRIVER_NEEDS": {
+            name: {
+                key: [least, settings.MOTOR_SETTINGS[key][4]]
+                for key, least in drivers.needs(name).items()
+                if not isinstance(least, bool)
+            }
+            for name in drivers.TYPE_SETTINGS
         },
         "SECTION_POSITIONS": (messages.LARGEST_PAYLOAD - _bytes_before(RtUploadMoveAxis)) // 4,
     }

@@ -3,7 +3,7 @@
 
 import { h, setText } from "./dom.js";
 import { LoadCard } from "./load_card.js";
-import { allowed } from "./rig_text.js";
+import { allowed, bareRig, warnings } from "./rig_text.js";
 import { RigWork } from "./rig_work.js";
 import { TerminalCard } from "./terminal_card.js";
 
@@ -102,7 +102,8 @@ export class RigFileView {
   }
 
   async #check() {
-    setText(this.#said, await this.#work.check(this.#text.value));
+    const said = await this.#work.check(this.#text.value);
+    setText(this.#said, [said, ...warnings(JSON.parse(bareRig(this.#text.value))).map((line) => `Warning: ${line}`)].join("\n"));
   }
 
   async #write() {

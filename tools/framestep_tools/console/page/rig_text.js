@@ -1,6 +1,7 @@
 // A rig file's text for the board, and its check by the schema.
 
 import { LinkError } from "./client.js";
+import { DRIVER_NEEDS } from "./protocol.js";
 
 /** Return the text without // comments and byte order mark. Throws LinkError, with the mistake, if the rest is not a JSON
  * object. */
@@ -30,6 +31,13 @@ export function mistake(value, schema, where = "") {
   }
   if (type === "array") return inList(value, schema, where);
   return type === "object" ? inObject(value, schema, where) : null;
+}
+
+/** Return a sentence for each key of a rig file without mistakes that is less than what the motor's type of driver needs. */
+export function warnings({ motors = [] }) {
+  return motors.flatMap((motor, i) => Object.entries(DRIVER_NEEDS[motor.type] ?? {})
+    .filter(([key, [least]]) => motor[key] < least)
+    .map(([key, [least, unit]]) => `motors[${i + 1}].${key}: ${motor[key]} ${unit} is less than the ${least} ${unit} that a driver of type ${motor.type} needs`));
 }
 
 /** Return the allowed values of a setting as text. */

@@ -3,7 +3,7 @@
 import { download, h, setText } from "framestep-console/dom.js";
 import { RIG_TASKS } from "framestep-console/protocol.js";
 import { differences, RigForm } from "framestep-console/rig_form.js";
-import { mistake } from "framestep-console/rig_text.js";
+import { mistake, warnings } from "framestep-console/rig_text.js";
 import { RigWork } from "framestep-console/rig_work.js";
 
 const NAME = "rig.json";
@@ -151,7 +151,8 @@ export class RigStep {
     }
     // an ESP32 checks it as it gets it
     const verdict = foreground ? "What changes:" : `The board would accept it (${await this.#work.check(text)}). What changes:`;
-    this.#changes.replaceChildren(...found.map((line) => h("li", {}, line)));
+    const cautions = warnings(JSON.parse(text)).map((line) => h("li", { class: "lost" }, `Warning: ${line}`));
+    this.#changes.replaceChildren(...found.map((line) => h("li", {}, line)), ...cautions);
     setText(this.#said, verdict);
     this.#put.hidden = false;
   }
