@@ -220,7 +220,7 @@ def test_a_session_from_a_bare_board_to_a_move(installed, board_behind, tmp_path
     image.write_bytes(uf2_file())
     said = installed.run("install", "--drive", drive, "--image", image, "--device", port)
     assert f"framestep on {port}, firmware 0.1.0: 8 motors" in said
-    assert "motor 1: 0" in installed.run("status", port)
+    assert "motors 1 to 8: 0" in installed.run("status", port)
     assert "motor 1: -200" in installed.run(
         "move", port, "1", "-200", "--velocity", "9000", "--acceleration", "90000"
     )

@@ -173,6 +173,15 @@ def test_the_status_command_says_so(monkeypatch, capsys):
         "soft limits do not protect a motor whose position is lost; RESET_POSITION sets it "
         "(framestep zero)",
     ]
+    with Client.open("x") as client:
+        client.request(MotorResetPosition(2, -7))
+    assert cli.app.status(["status", "socket://x"]) == 0
+    assert capsys.readouterr().out.splitlines()[1:] == [
+        "motors 1 to 2: -7, known: set by the host",
+        "the E-stop is held",
+    ]
+    with Client.open("x") as client:
+        client.request(MotorResetPosition(2, 0))
     board._board.controller.handlers.pop(m.MSG_CONDITION)  # like another device
     assert cli.app.status(["status", "socket://x"]) == 0
     assert capsys.readouterr().out.splitlines()[1:] == [

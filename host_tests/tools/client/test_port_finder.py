@@ -217,8 +217,10 @@ def test_the_list(there, capsys):
     assert f'"use": "{REPL}"' in said
     assert "FT232R" in said
     there.clear()
-    assert cli.app.status(["ports"]) == 0
-    assert "no board" in capsys.readouterr().out
+    assert cli.app.status(["ports"]) == 3
+    assert "no board with MicroPython is on USB: put framestep on one" in capsys.readouterr().err
+    assert cli.app.status(["ports", "--json"]) == 3
+    assert capsys.readouterr().out == "[]\n"
 
 
 def test_the_repl_named_by_mistake_is_not_even_opened(there, capsys):

@@ -1,5 +1,7 @@
 """The state of a device, as lines, as a table, or for programs."""
 
+from collections.abc import Iterator
+from itertools import groupby
 from typing import Any, NamedTuple
 
 from framestep import texts
@@ -170,19 +172,28 @@ def _conditions(state: State) -> list[str]:
 
 
 def lines(state: State) -> list[str]:
-    """Return the state as lines of text."""
-    found = [_heading(state.info)]
-    for motor, (steps, trust) in enumerate(zip(state.positions, _trust(state), strict=True), 1):
-        found.append(
-            f"{_of(state.axes, motor)} {state.axes.position(motor, steps)}"
-            f"{', moving' if motor in state.moving else ''}{trust and f', {trust}'}"
-        )
+    """Return the state as lines of text. Neighbouring motors that are alike and have no name share
+    a line."""
+    found, motor = [_heading(state.info)], 1
+    for (name, rest), alike in groupby(_motors(state)):
+        last = motor + len(list(alike)) - 1
+        found.append(f"{name or _numbers(motor, last)} {rest}")
+        motor = last + 1
     return found + _conditions(state)
 
 
-def _of(axes: Axes, motor: int) -> str:
-    """Return the beginning of a motor's line: "pan", or "motor 3:"."""
-    return axes.name(motor) + ("" if axes.axis(motor) else ":")
+def _motors(state: State) -> Iterator[tuple[str, str]]:
+    """Yield each motor's name in axes.toml, "" without one, and what is said of it."""
+    for motor, (steps, trust) in enumerate(zip(state.positions, _trust(state), strict=True), 1):
+        yield (
+            state.axes.name(motor) if state.axes.axis(motor) else "",
+            f"{state.axes.position(motor, steps)}"
+            f"{', moving' if motor in state.moving else ''}{trust and f', {trust}'}",
+        )
+
+
+def _numbers(first: int, last: int) -> str:
+    return f"motor {first}:" if first == last else f"motors {first} to {last}:"
 
 
 def table(state: State) -> Any:

@@ -190,7 +190,7 @@ def ports(
     ] = False,
 ) -> None:
     """List the boards' ports and their purposes, without opening any."""
-    from ..client.port_finder import GET, OTHER, listed
+    from ..client.port_finder import GET, OTHER, PortError, listed
 
     found = [port for port in listed() if everything or port.use != OTHER]
     if json:
@@ -200,13 +200,13 @@ def ports(
                 for p in found
             ]
         )
-        return
+    else:
+        width = max((len(port.path) for port in found), default=0)
+        for port in found:
+            who = ", ".join(part for part in (port.product, port.serial) if part)
+            print(f"{port.path:<{width}}  {_USES[port.use]}{f' ({who})' if who else ''}")
     if not found:
-        print(f"no board with MicroPython is on USB: {GET}")
-    width = max((len(port.path) for port in found), default=0)
-    for port in found:
-        who = ", ".join(part for part in (port.product, port.serial) if part)
-        print(f"{port.path:<{width}}  {_USES[port.use]}{f' ({who})' if who else ''}")
+        raise PortError(f"no board with MicroPython is on USB: {GET}")
 
 
 def add(app: typer.Typer) -> None:
