@@ -7,12 +7,14 @@ if(NOT FRAMESTEP_VERSION)
     message(FATAL_ERROR "firmware/framestep/reports.py has no VERSION")
 endif()
 list(APPEND MICROPY_DEF_BOARD FRAMESTEP_VERSION=${FRAMESTEP_VERSION})
-# The SDK's own printf is for its panics; MicroPython has another one for numbers with fractions
-list(APPEND MICROPY_DEF_BOARD PICO_PRINTF_SUPPORT_FLOAT=0 PICO_PRINTF_SUPPORT_EXPONENTIAL=0)
+# A panic of the SDK has no port to print on: it stops at once, without the SDK's printf
+list(APPEND MICROPY_DEF_BOARD PICO_PANIC_FUNCTION=)
 # Parts of MicroPython that are left out (headers are searched for in MICROPY_BOARD_DIR)
+list(APPEND MICROPY_SOURCE_BOARD ${CMAKE_CURRENT_LIST_DIR}/help.c)
 if(PICO_PLATFORM STREQUAL "rp2040")
     list(APPEND MICROPY_DEF_BOARD MP_CONFIGFILE="../rp2040_port.h")
-    list(APPEND MICROPY_SOURCE_BOARD ${CMAKE_CURRENT_LIST_DIR}/help.c)
     # eight machine.Timers at once instead of sixteen leave more memory for uploaded moves
     list(APPEND MICROPY_DEF_BOARD PICO_TIME_DEFAULT_ALARM_POOL_MAX_TIMERS=8)
+else()
+    list(APPEND MICROPY_DEF_BOARD MP_CONFIGFILE="../rp2350_port.h")
 endif()

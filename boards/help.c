@@ -1,4 +1,4 @@
-// What help() says on the REPL of an RP2040 with framestep, instead of the port's own text, which is 2 kB longer.
+// What help() says on the REPL of a board with framestep, instead of the port's own text, which is 2 kB longer.
 const char framestep_help_text[] =
     "framestep runs on this board. For its commands:\n"
     "  import framestep.repl\n"

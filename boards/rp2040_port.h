@@ -1,6 +1,6 @@
 // MicroPython's settings for the rp2 port, without parts that a motion controller does not need: an RP2040's image must end
 // before the file system at 640 kB.
-#include <mpconfigport.h>
+#include "rp2350_port.h"
 
 #undef MICROPY_PY_CRYPTOLIB
 #define MICROPY_PY_CRYPTOLIB (0) // AES
@@ -21,8 +21,6 @@
 #define MICROPY_NO_NATIVE_COMPILER // @micropython.native gives bytecode, viper is refused; see patches/image
 #define MICROPY_PY_BUILTINS_COMPLEX (0) // complex numbers and cmath
 #define MICROPY_PY_CMATH (0)
-#undef MICROPY_PY_BUILTINS_HELP_TEXT
-#define MICROPY_PY_BUILTINS_HELP_TEXT framestep_help_text // help.c
 // The REPL's buffers are half as large as the port's, for more uploaded frames; USB holds back what does not fit
 #define MICROPY_HW_STDIN_BUFFER_LEN (256)
 #define CFG_TUD_CDC_RX_BUFSIZE (128)

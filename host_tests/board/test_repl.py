@@ -90,6 +90,26 @@ def test_bench_commands_beside_a_run(session):
     assert session.position(8) == 200
 
 
+def test_tracing_beside_a_run(session):
+    """It moves no edge, and takes little memory."""
+    repl = session.board.emulator.repl()
+    repl.exec("import framestep.repl, gc")
+    before = repl.eval("(gc.collect(), gc.mem_free())[1]")
+    assert "tracing begins now" in repl.exec("trace()")
+    assert 0 < before - repl.eval("(gc.collect(), gc.mem_free())[1]") < 3000, "bytes"
+    positions = move(session, frames=40)
+    stands = load(session, positions)
+    session.accept(RtGo())
+    assert session.client.wait_event(RtEnd, 10)
+    session.run(0.1)
+    assert_played(session, stands, positions)
+    lines = [line.split(maxsplit=1)[1] for line in repl.exec("trace()").splitlines()]
+    assert lines[-3:] == ["> RT_GO", "< RT_GO: ok", "< RT_END"]
+    assert any(line.startswith("> RT_RUN_MOVE 24000, 1, 40, 300, 300, ") for line in lines)
+    assert repl.exec("trace(0)") == ""
+    assert abs(before - repl.eval("(gc.collect(), gc.mem_free())[1]")) < 500, "bytes"
+
+
 CTRL_C = """
 struck = 0
 while struck < {count}:

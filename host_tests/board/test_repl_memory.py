@@ -38,6 +38,9 @@ COMMANDS = {
     "stop()": "",
     "why()": "",
     "help()": "positions, until a key is pressed",
+    "trace()": "tracing begins now",
+    "trace(20)": "",
+    "trace(0)": "",
 }
 # All memory is taken except for single pieces of 640 bytes; an open file takes 636
 FRAGMENTED = """

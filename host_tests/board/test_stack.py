@@ -56,10 +56,18 @@ def session():
         yield session
 
 
-@pytest.mark.parametrize("prompted, most", [(False, DEEPEST), (True, SHALLOW)])
-def test_what_the_largest_pass_takes(session, prompted, most):
+@pytest.mark.parametrize(
+    ("prompted", "most", "trace"),
+    [
+        (False, DEEPEST, ""),
+        (True, SHALLOW, ""),
+        pytest.param(True, SHALLOW, "import framestep.repl\ntrace()", marks=pytest.mark.repeats),
+    ],
+)
+def test_what_the_largest_pass_takes(session, prompted, most, trace):
     """From the prompt on, including everything on top of it."""
     repl = session.repl
+    repl.exec(trace)
     prompt = repl.eval("__import__('micropython').stack_use()")
     repl.exec(LOW)
     if not prompted:
@@ -74,6 +82,8 @@ def test_what_the_largest_pass_takes(session, prompted, most):
     session.run(0.1)
     session.accept(MotorStopAll(), MotorStopAll())
     session.wait_idle()
+    if trace:
+        assert "RT_GO" in repl.exec("trace()\ntrace(0)")
     low = repl.eval("low()")
     repl.exec("import framestep.boot as b\nb.hal.port.prompt = b.runner._pass_callback")
     # interrupts, which check no limit, may go beyond MicroPython's

@@ -4,22 +4,30 @@ refuse."""
 import io as text
 import json
 import re
+from itertools import takewhile
 
 import pytest
 
 from framestep import boot, repl
-from framestep.repl import reasons
+from framestep.protocol import messages as m
+from framestep.protocol.declared.payload import layout
+from framestep.repl import reasons, tracer
 from framestep.repl.figures import live
 from framestep.rig import Rig
 from framestep_tools.payloads import (
+    REQUESTS,
     Ack,
+    GetLoad,
     MotorMove,
+    MotorResetPosition,
     MotorSetLimits,
     MotorStop,
     RtEnd,
     RtGo,
     RtPositionFrame,
     RtRunMove,
+    RtUploadMoveAxis,
+    RtUploadMoveBegin,
 )
 from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.realtime import MOVE, loaded
@@ -248,7 +256,7 @@ def test_why_a_request_was_refused(bench):
     session.refuse(Ack.ERR_RANGE, MotorStop(9))
     session.accept(MotorMove(8, 20))
     session.wait_idle()
-    assert says(repl.why) == ["refused: message 0x0032, as there is no such motor or value"]
+    assert says(repl.why) == ["refused: MOTOR_STOP, as there is no such motor or value"]
     says(repl.move, 8, -11)
     assert says(repl.why) == [
         "refused: a command of the REPL, as that is past the lower soft limit"
@@ -293,6 +301,96 @@ def test_watch(bench, monkeypatch, capsys):
     assert shown[-1].endswith("\n")
 
 
+def traced(lines):
+    """Return [(direction, text)] of lines of trace(), after a look at their times."""
+    found = [re.fullmatch(r" *(\d+\.\d{3}) ([<>]) (.+)", line) for line in lines]
+    times = [float(line[1]) for line in found]
+    assert times == sorted(times)
+    return [(line[2], line[3]) for line in found]
+
+
+@pytest.fixture
+def tracing(bench):
+    """As bench, with trace() on; it is off again afterwards."""
+    session, says = bench
+    begun = says(repl.trace)
+    assert begun == [
+        "tracing begins now: trace() prints the last requests and answers, trace(0) ends it"
+    ]
+    yield session, says
+    repl.trace(0)
+    assert tracer.active is None
+
+
+def test_trace(tracing):
+    session, says = tracing
+    session.accept(MotorSetLimits(8, 1, -10, 1, 250))
+    session.refuse(Ack.ERR_SOFT_UP, MotorMove(8, 251))
+    session.accept(MotorMove(8, -5))
+    session.wait_idle()
+    session.ask(GetLoad())
+    lines = traced(says(repl.trace))
+    assert lines[:6] == [
+        (">", "MOTOR_SET_LIMITS 8, 1, -10, 1, 250, 0"),
+        ("<", "MOTOR_SET_LIMITS: ok"),
+        (">", "MOTOR_MOVE 8, 251"),
+        ("<", "MOTOR_MOVE: refused, as that is past the upper soft limit"),
+        (">", "MOTOR_MOVE 8, -5"),
+        ("<", "MOTOR_MOVE 1"),  # it moves
+    ]
+    # questions for status and positions, and reports of positions, are left out
+    assert lines[6] == (">", "LOAD")
+    assert lines[7][1].startswith("LOAD ")
+    assert len(lines) == 8
+    assert traced(says(repl.trace, 3)) == lines[-3:]
+
+
+def test_trace_shows_what_is_sent_unasked_and_the_length_of_uploads(tracing):
+    session, says = tracing
+    session.accept(RtUploadMoveBegin(1, 5), RtUploadMoveAxis(1, 0, range(5)))
+    session.accept(MotorMove(8, 20_000))
+    session.run(0.1)
+    session.board._board.set_input("estop", 0)
+    session.wait_idle()
+    lines = traced(says(repl.trace))
+    assert lines[2] == (">", "RT_UPLOAD_MOVE_AXIS 1, 0, and 20 bytes")
+    assert lines[-1] == ("<", "MOTOR_HARD_STOP 0")
+
+
+def test_trace_keeps_the_last_frames(tracing):
+    session, says = tracing
+    for step in range(50):
+        session.accept(MotorResetPosition(1, step))
+    lines = traced(says(repl.trace, 99))
+    assert lines[::2] == [
+        (">", f"MOTOR_RESET_POSITION 1, {step}") for step in range(50 - tracer.ENTRIES // 2, 50)
+    ]
+    assert len(traced(says(repl.trace))) == 20
+
+
+def test_trace_is_off_after_0_and_begins_afresh(bench):
+    session, says = bench
+    controller = session.board._board.controller
+    says(repl.trace)
+    session.accept(MotorResetPosition(1, 3))
+    assert says(repl.trace, 0) == []
+    assert not {"poll", "end", "ack"} & (vars(controller.reader) | vars(controller.writer)).keys()
+    says(repl.trace)
+    assert says(repl.trace) == []
+    says(repl.trace, 0)
+
+
+def test_messages_are_those_declared():
+    """Each message of a host or of the device has its name and the fields of a request."""
+    declared = {number: name for name, number in vars(m).items() if name.startswith("MSG_")}
+    del declared[m.MSG_FLAG_ACK]
+    for number, name in declared.items():
+        codes = [code for _, code, _ in layout(REQUESTS[number])]
+        single = "".join(takewhile(lambda code: isinstance(code, str) and code[0] != "*", codes))
+        assert list(reasons.message(number)) == [name.removeprefix("MSG_"), single]
+    assert reasons.MESSAGES.count(",") == len(declared)
+
+
 def test_without_a_controller(bench, monkeypatch):
     _, says = bench
     monkeypatch.setattr(boot.runner, "alive", False)
@@ -300,7 +398,16 @@ def test_without_a_controller(bench, monkeypatch):
     monkeypatch.setattr(boot.runner, "failure", ValueError())
     assert says(repl.status)[2] == "framestep was stopped by a fault in the firmware"
     monkeypatch.setattr(boot, "controller", None)
-    for command in (repl.status, repl.why, repl.watch, repl.io, repl.timing, repl.rig, repl.stop):
+    for command in (
+        repl.status,
+        repl.why,
+        repl.watch,
+        repl.trace,
+        repl.io,
+        repl.timing,
+        repl.rig,
+        repl.stop,
+    ):
         assert says(command) == ["framestep has not been started"]
     assert says(live) == ["framestep has not been started"]
     assert says(repl.move, 1, 5) == ["refused: framestep has not been started"]

@@ -32,7 +32,7 @@ ELSEWHERE=(
 
 # pico-sdk has these in RAM, but framestep rarely or never calls them
 FROM_FLASH=(
-    mutex_enter_blocking mutex_enter_block_until mutex_enter_timeout_ms mutex_try_enter mutex_try_enter_block_until
+    mutex_enter_blocking mutex_enter_block_until mutex_enter_timeout_ms mutex_try_enter
     mutex_exit recursive_mutex_try_enter spi_write_blocking spi_write_read_blocking
 )
 

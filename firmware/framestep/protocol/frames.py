@@ -37,7 +37,7 @@ _LENGTH = const(5)
 
 # The writer's state words
 _TAKE = const(0)  # first byte not yet taken
-_END = const(1)  # end of the last finished frame
+END = const(1)  # end of the last finished frame
 _PUT = const(2)  # index of the next byte
 _LIMIT = const(3)  # size of the buffer
 _FULL = const(4)  # 1 if there was no room for a byte of this frame
@@ -263,11 +263,11 @@ def _open(buffer: ptr8, state: ptr32, source: ptr8, head: int, kind: int):
 
     Bytes that wait to be taken move to the front if the largest frame would not fit after them.
     """
-    at = state[_END]
+    at = state[END]
     taken = state[_TAKE]
     if at == taken:
         at = 0
-        state[_END] = 0
+        state[END] = 0
         state[_TAKE] = 0
     elif taken > 0 and state[_LIMIT] - at < LARGEST_PAYLOAD + FRAME_OVERHEAD:
         at -= taken
@@ -275,7 +275,7 @@ def _open(buffer: ptr8, state: ptr32, source: ptr8, head: int, kind: int):
         while i < at:
             buffer[i] = buffer[i + taken]
             i += 1
-        state[_END] = at
+        state[END] = at
         state[_TAKE] = 0
     state[_PUT] = at
     if state[_LIMIT] - at < HEADER_BYTES:
@@ -319,7 +319,7 @@ def _finish(buffer, words) -> bool:
     """Write length and check bytes. If the frame does not fit, drop it and return False."""
     state = ptr32(words)
     to = ptr8(buffer)
-    start = state[_END]
+    start = state[END]
     at = state[_PUT]
     if state[_FULL] or state[_LIMIT] - at < 2:
         return False
@@ -329,7 +329,7 @@ def _finish(buffer, words) -> bool:
     check = int(check_bytes(fletcher16(buffer, start, size)))
     to[at] = check & 0xFF
     to[at + 1] = check >> 8
-    state[_END] = at + 2
+    state[END] = at + 2
     return True
 
 
@@ -372,7 +372,7 @@ class FrameWriter:
     @property
     def pending(self):
         """Bytes of finished frames that wait to be taken."""
-        return self._state[_END] - self._state[_TAKE]
+        return self._state[END] - self._state[_TAKE]
 
     @property
     def taken(self):
@@ -384,7 +384,7 @@ class FrameWriter:
         """Return the largest payload for a frame begun now, in bytes; negative if not even an empty
         frame fits."""
         state = ptr32(self._state)
-        room = state[_LIMIT] - state[_END] + state[_TAKE] - FRAME_OVERHEAD
+        room = state[_LIMIT] - state[END] + state[_TAKE] - FRAME_OVERHEAD
         return room if room < LARGEST_PAYLOAD else LARGEST_PAYLOAD
 
     @micropython.viper
@@ -453,7 +453,7 @@ class FrameWriter:
         """Move up to `limit` bytes of finished frames to the start of `to`. Return how many."""
         state = ptr32(self._state)
         at = state[_TAKE]
-        count = state[_END] - at
+        count = state[END] - at
         if count > limit:
             count = limit
         if count > 0:
@@ -465,5 +465,5 @@ class FrameWriter:
     def clear(self):
         """Drop all bytes not yet taken. A frame that has begun is dropped when it ends."""
         state = self._state
-        state[_TAKE] = state[_END]
+        state[_TAKE] = state[END]
         state[_FULL] = 1

@@ -16,7 +16,9 @@ _NO_MEMORY = (
     "() needs more memory than is free: delete what your program holds, or set a smaller "
     "motor_count or virtuals in rig.json"
 )
-_COMMANDS = "status() why() watch() move(1, 200) home(1) jog() stop() io() timing() rig() help()"
+_COMMANDS = (
+    "status() why() watch() trace() move(1, 200) home(1) jog() stop() io() timing() rig() help()"
+)
 
 
 def _call(module, name, *arguments):
@@ -29,6 +31,7 @@ def _call(module, name, *arguments):
         if not CPYTHON:
             forget(
                 "framestep.repl.guide",
+                "framestep.repl.tracing",
                 "framestep.repl.reasons",
                 "framestep.repl.state",
                 "framestep.repl.motion",
@@ -52,6 +55,15 @@ def why():
 def watch():
     """Print the motors' positions until a key is pressed."""
     _call("reasons", "watch")
+
+
+def trace(count=20):
+    """Print the last requests and answers, with their times since power-up in seconds.
+
+    Tracing begins with the first call; trace(0) ends it. Questions for status and positions are
+    left out.
+    """
+    _call("tracing", "trace", count)
 
 
 def move(motor, step):
@@ -111,6 +123,6 @@ def help(*things):
 if not CPYTHON:
     import __main__
 
-    for _command in (status, why, watch, move, home, jog, stop, io, timing, rig, help):
+    for _command in (status, why, watch, trace, move, home, jog, stop, io, timing, rig, help):
         setattr(__main__, _command.__name__, _command)
     print(_COMMANDS)

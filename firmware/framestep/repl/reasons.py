@@ -9,20 +9,21 @@ from framestep.protocol import messages as m
 from framestep.repl.commands import REFUSALS, between, dead
 
 _LOOK_MS = const(200)
-_NAMES = {
-    m.MSG_MOTOR_MOVE: "MOTOR_MOVE",
-    m.MSG_MOTOR_JOG: "MOTOR_JOG",
-    m.MSG_MOTOR_SET_SPEED: "MOTOR_SET_SPEED",
-    m.MSG_MOTOR_SET_LIMITS: "MOTOR_SET_LIMITS",
-    m.MSG_RT_UPLOAD_MOVE_END: "the upload of a move",
-    m.MSG_RT_POSITION_FRAME: "RT_POSITION_FRAME",
-    m.MSG_RT_RUN_MOVE: "RT_RUN_MOVE",
-    m.MSG_RT_GO: "RT_GO",
-    m.MSG_RT_JOG_ALL: "RT_JOG_ALL",
-    m.MSG_RT_SHOOT_FRAME2: "RT_SHOOT_FRAME2",
-    m.MSG_VIRT_MOVE: "VIRT_MOVE",
-    m.MSG_VIRT_JOG: "VIRT_JOG",
-}
+# Number and name of each message, and the fields of a request up to one that repeats, as in struct.
+# One text, as a dictionary would take twice the flash.
+MESSAGES = (
+    "0001HI ,0020DMX BH,0021GIO_OUT I,0022GIO_IN ,0023GIO_CAM I,0030MOTOR_STATUS ,"
+    "0031MOTOR_MOVE Bi,0032MOTOR_STOP B,0033MOTOR_STOP_ALL I,0034MOTOR_GET_POSITION ,"
+    "0035MOTOR_RESET_POSITION Bi,0036MOTOR_JOG BHi,0037MOTOR_CONFIGURE BB,"
+    "0038MOTOR_SET_SPEED BII,0039MOTOR_SET_LIMITS BBiBiB,003AMOTOR_HARD_STOP ,"
+    "0100RT_UPLOAD_MOVE_BEGIN ii,0101RT_UPLOAD_MOVE_AXIS BI,"
+    "0102RT_UPLOAD_MOVE_DMX HI,0103RT_UPLOAD_MOVE_END ,0104RT_UPLOAD_MOVE_TRIGGERS I,"
+    "0110RT_POSITION_FRAME i,0111RT_RUN_MOVE IiiIIBIHHHHH,0112RT_SHOOT_FRAME iBIH,0113RT_GO ,"
+    "0114RT_END ,0115RT_SHOOT_FRAME2 iIhh,0116RT_STOP_LOOP ,0120RT_JOG_ALL Ii,0200VIRT_CONFIG B,"
+    "0201VIRT_MOVE Bi,0202VIRT_STOP B,0203VIRT_JOG BHi,0205VIRT_GET_POSITION ,"
+    "0206VIRT_JOG_ON_LINE Bh,0207VIRT_AIM_POINT Biii,4600CONDITION ,4601EXCEEDED B,4602HOME ,"
+    "4603LOAD ,"
+)
 _OF_HOSTS = {  # besides the reasons that a command of the REPL can have
     m.ERR_CHECKSUM: "it arrived damaged",
     m.ERR_UNSUPPORTED: "framestep does not know it",
@@ -33,7 +34,16 @@ _OF_HOSTS = {  # besides the reasons that a command of the REPL can have
 }
 
 
-def _reason(code):
+def message(kind):
+    """Return a message's name, and the fields of a request as in struct."""
+    at = MESSAGES.find("%04X" % kind)
+    if at < 0:
+        return "message 0x%04X" % kind, ""
+    return MESSAGES[at + 4 : MESSAGES.find(",", at)].split(" ")
+
+
+def reason(code):
+    """Return why a request was refused with this code, as text."""
     return REFUSALS.get(code) or _OF_HOSTS.get(code, "0x%04X" % code)
 
 
@@ -53,9 +63,8 @@ def _reasons():
     if isinstance(refused, str):
         lines.append("refused: a command of the REPL, as " + refused)
     elif refused:
-        kind = refused >> 8
-        name = _NAMES.get(kind, "message 0x%04X" % kind)
-        lines.append("refused: %s, as %s" % (name, _reason(refused & 0xFF)))
+        name = message(refused >> 8)[0]
+        lines.append("refused: %s, as %s" % (name, reason(refused & 0xFF)))
     return lines + _exceeded(controller)
 
 
