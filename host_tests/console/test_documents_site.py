@@ -36,11 +36,15 @@ def test_pages_load_from_their_own_host_and_the_search_finds(stage, url):
     assert [each for each in page.asked if not each.startswith((url, "data:", "blob:"))] == []
 
 
-def test_the_front_page_leads_to_both_pages(stage, url):
-    for link, title in (
-        ("Try it in your browser", "try"),
-        ("Install it from your browser", "install"),
-    ):
-        page = stage.page(url)
-        page.get_by_role("link", name=link).first.click()
-        expect(page).to_have_title(title)
+@pytest.mark.parametrize(
+    ("start", "link", "title"),
+    [
+        ("", "Try it in your browser", "try"),
+        ("", "Install it from your browser", "install"),
+        ("docs/start/by-the-page.html", "Install it from your browser", "install"),
+    ],
+)
+def test_links_lead_to_both_pages(stage, url, start, link, title):
+    page = stage.page(f"{url}{start}")
+    page.get_by_role("link", name=link).first.click()
+    expect(page).to_have_title(title)

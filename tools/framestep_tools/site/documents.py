@@ -20,8 +20,8 @@ PAGES = ROOT / "build" / "pages"
 _CONFIG = Path(__file__).with_name("mkdocs.yml")
 # These links lead to the latest release on GitHub, and to the pages themselves on the site.
 _PAGES = {
-    "[**Try it in your browser**]": "try/index.html",
-    "[**Install it from your browser**]": "install/index.html",
+    "Try it in your browser": "try/index.html",
+    "Install it from your browser": "install/index.html",
 }
 _RELEASES = re.compile(r"(\[[^\]]*\])\((?:\.\./)+(releases(?:/latest)?)\)")
 
@@ -63,8 +63,8 @@ def _on_the_site(page: Path, link: re.Match[str]) -> str:
     """Return a link to a release as the site has it: a page of the site, the repository's releases,
     or only its text if the repository is not on the web."""
     text, target = link[1], link[2]
-    if text in _PAGES:
-        return f"{text}({os.path.relpath(_PAGES[text], page.parent)})"
+    if (own := _PAGES.get(text.strip("[*]"))) is not None:
+        return f"{text}({os.path.relpath(own, page.parent)})"
     url = paths.repository()
     return f"{text}({url}/{target})" if url else text[1:-1]
 
