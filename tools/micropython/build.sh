@@ -2,7 +2,7 @@
 # Fetch and build the MicroPython that tests and the emulated board run:
 #   rp2       the RP2040 firmware (board RPI_PICO)
 #   rp2350    the same for the RP2350 (board RPI_PICO2)         (not part of "all")
-#   image     the firmware of a board with framestep frozen in (BOARD_DIR, FRAMESTEP, IMAGE, UF2_FAMILY: see image())
+#   image     the firmware of a board with framestep frozen in (BOARD_DIR, FRAMESTEP, IMAGE: see image())
 #   unix32f   the unix port with 32-bit words and single-precision floats, as on the board
 #   rv32      the same for RISC-V (ESP32-C3 and C6, RP2350), which QEMU runs
 #   xtensa    the same for ESP32, ESP32-S2 and S3, which QEMU runs
@@ -299,7 +299,7 @@ changed() {
 }
 
 # Build an image: BOARD_DIR is a folder of boards/, FRAMESTEP a folder of files to freeze; IN_RAM names functions that
-# run from RAM, UF2_FAMILY the chip, IMAGE the result. It is built from MICROPYTHON, a checkout of MicroPython, or else
+# run from RAM, IMAGE the result. It is built from MICROPYTHON, a checkout of MicroPython, or else
 # from Debian's sources.
 image() {
     local from=$MP tree recipe
@@ -314,8 +314,6 @@ image() {
         -DMICROPY_BOARD_DIR="$BOARD_DIR" -DMICROPY_MANIFEST_FRAMESTEP="$FRAMESTEP" \
         -DCMAKE_C_COMPILER_LAUNCHER="$ROOT/tools/micropython/in_ram.sh"
     "$ROOT/tools/micropython/in_ram.sh" --check arm-none-eabi-nm "$IMAGE" "$tree"
-    "$CACHE/venv/bin/python" "$tree/tools/uf2conv.py" -c -b 0x10000000 -f "$UF2_FAMILY" -o "$IMAGE/firmware.uf2" \
-        "$IMAGE/firmware.bin" >/dev/null
 }
 
 # ---------------------------------------------------------------- unix port

@@ -49,12 +49,23 @@ def test_the_firmware_says_what_it_is():
     assert uf2.from_flash(firmware(name=b"ROMFS"), uf2.RP2040).file_system() is None
 
 
-def test_a_block_for_another_family_stays_first():
-    """An RP2350's files begin with a block that works round erratum E10."""
-    absolute = uf2.from_flash(b"\xef" * 256, 0xE48BFF57).packed()
-    file = absolute + uf2_file(family=uf2.RP2350)
+def test_a_file_for_an_rp2350_begins_with_the_block_of_its_erratum():
+    file = uf2_file(family=uf2.RP2350)
+    assert len(file) == 512 * 13
+    words = struct.unpack("<8I", file[:32])
+    assert [hex(word) for word in words[2:]] == [
+        "0xa000",  # with a family and an extension
+        "0x10ffff00",
+        "0x100",
+        "0x0",
+        "0x2",
+        "0xe48bff57",
+    ]
+    assert file[32 : 32 + 256] == b"\xef" * 256
+    assert file[32 + 256 : 32 + 260] == struct.pack("<I", 0x9957E304)
     image = uf2.parse(file, "x.uf2")
     assert image.chip == "rp2350"
+    assert image.flash()[: len(firmware())] == firmware()
     assert image.packed() == file
 
 

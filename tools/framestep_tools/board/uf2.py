@@ -13,6 +13,7 @@ from ..errors import ToolError
 
 # Families; the second is ARM, secure (RP2350 datasheet, 5.5.3)
 RP2040, RP2350 = 0xE48BFF56, 0xE48BFF59
+_ABSOLUTE = 0xE48BFF57  # any of them, by the addresses of the flash
 CHIPS = {RP2040: "rp2040", RP2350: "rp2350"}
 FLASH = 0x1000_0000
 PAGE = 256
@@ -20,7 +21,9 @@ PAGE = 256
 _BLOCK = struct.Struct("<8I476sI")
 _MAGIC = (0x0A324655, 0x9E5D5157, 0x0AB16F30)
 _HAS_FAMILY = 0x2000
+_HAS_EXTENSION = 0x8000
 _NOT_FOR_FLASH = 0x0001
+_TO_BE_IGNORED = 0x9957E304  # an extension: the boot ROM writes nothing
 _INFO_START, _INFO_END = 0x7188EBF2, 0xE71AA390  # markers around the addresses of the binary info
 _INFO_WITHIN = 0x1000  # distance from the start of the flash
 _DEVICE = 7  # kind of binary info: a block device
@@ -139,7 +142,6 @@ def parse(content: bytes, name: str) -> Image:
         raise Uf2Error(
             f"{name} is cut short: it has {there} of {wanted} blocks; download or copy it again"
         )
-    # the block for an RP2350's erratum
     image.others = [block for family, block in raw if family != image.family]
     return image
 
@@ -149,4 +151,15 @@ def from_flash(data: bytes, family: int) -> Image:
     return Image(
         family,
         {FLASH + at: data[at : at + PAGE].ljust(PAGE, b"\0") for at in range(0, len(data), PAGE)},
+        [_before_rp2350()] if family == RP2350 else [],
     )
+
+
+def _before_rp2350() -> bytes:
+    """Return the block that files for an RP2350 begin with, as picotool makes it: without one, the
+    first versions of the chip may take no file (erratum RP2350-E10). It is for any flash, at the
+    end of the first 16 MB, and says itself that it is to be ignored."""
+    data = b"\xef" * PAGE + struct.pack("<I", _TO_BE_IGNORED)
+    flags = _HAS_FAMILY | _HAS_EXTENSION
+    at = FLASH + (1 << 24) - PAGE
+    return _BLOCK.pack(*_MAGIC[:2], flags, at, PAGE, 0, 2, _ABSOLUTE, data, _MAGIC[2])

@@ -215,11 +215,12 @@ def frozen(board: str = "pico", checkout: str | None = None, show: bool = False)
             BOARD_DIR=str(folder),
             FRAMESTEP=str(modules),
             IMAGE=str(build),
-            UF2_FAMILY=family,
             IN_RAM=" ".join(symbols(board_sources(board))),
             MICROPYTHON=os.path.abspath(checkout) if checkout else "",
         )
         flash_left(product.read_bytes())
+        image = from_flash(product.read_bytes(), int(family, 16))
+        product.with_suffix(".uf2").write_bytes(image.packed())
         stamp.write_text(digest)
     return product
 
