@@ -154,7 +154,7 @@ class Recorder:
 
     def _listen(self):
         board, hal, controller = self.board, self.hal, self.board.controller
-        tick, poll, answer = hal.tick, controller.poll, controller.answer
+        tick, poll, ask = hal.tick, controller.poll, hal.port.ask
         receive, open_port, set_level = board.receive, board.open_port, hal.set_level
         drive, enable, led, trouble = hal.drive, hal.enable, hal.led, hal.take_lost_commands
         wire_send, wire_receive, choose = (
@@ -219,11 +219,14 @@ class Recorder:
                 self.recording.did.append(f"{now} {' '.join(self._noted(hal.said[said:]))}")
             return found
 
-        def on_answer(now):
+        def on_ask():
+            now = hal.ticks_ms()
             self._line(f"A {now}")
             if self.notes or self.wire or self.lights or self.sent:
                 self._noted(())  # not in a pass
-            answer(now)
+            before = len(hal.port.outgoing)
+            ask()
+            self.sent += hal.port.outgoing[before:]
             if self.notes or self.sent:
                 self.recording.did.append(f"{now} {' '.join(self._noted(()))}")
 
@@ -312,7 +315,7 @@ class Recorder:
         replaced = (
             (hal, "tick", on_tick, tick),
             (controller, "poll", on_poll, poll),
-            (controller, "answer", on_answer, answer),
+            (hal.port, "ask", on_ask, ask),
             (board, "receive", on_receive, receive),
             (board, "open_port", on_open, open_port),
             (hal, "set_level", on_level, set_level),

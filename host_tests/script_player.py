@@ -89,8 +89,8 @@ class Player:
         elif verb == "skip":
             self._off = argument
         elif verb == "prompt":
-            if not self._held and not self._off:
-                board.controller.answer(board.hal.ticks_ms())
+            if not self._held and not self._off and not self.full:
+                board.hal.port.ask()
         elif verb in ("full", "drain"):
             self.full = verb == "full"
             if self.recorder:

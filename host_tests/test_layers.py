@@ -26,6 +26,7 @@ LAYERS = (
     ("rig.pins",),
     ("rig",),
     ("reports", "gate"),
+    ("answers",),
     ("stops",),
     ("homing", "hand_wheel"),
     ("controller",),
@@ -186,8 +187,9 @@ PARTS = {
     "stops",
     "virtuals",
 }
-# Modules that put the parts together, or run or show the whole
-WHOLE = ("controller", "runner", "boot", "texts", "hal.host_board", "repl")
+# Modules that put the parts together, or run or show the whole; answers is a method of the
+# controller in a file of its own
+WHOLE = ("controller", "answers", "runner", "boot", "texts", "hal.host_board", "repl")
 
 
 def _part(node: ast.expr) -> str:

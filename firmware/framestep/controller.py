@@ -3,6 +3,7 @@
 One pass is poll(). Nothing in it allocates.
 """
 
+from framestep.answers import answer, keep_hi, make_answers
 from framestep.base.clock import WRAP, elapsed
 from framestep.base.native import const
 from framestep.base.results import WHAT
@@ -203,6 +204,7 @@ class Controller:
         self.gate.join(self.stops, self.operations, self.virtuals)
         self.reports.join(self.moves, self.virtuals)
         self.handlers[m.MSG_MOTOR_STOP_ALL] = self.stops.stop_all
+        self.answers = make_answers(self)
 
     def _merge(self, part):
         """Take over a part's handlers. Soon after it is made, so that the next parts fill the
@@ -224,6 +226,14 @@ class Controller:
             if self.rig.ports == 2:  # otherwise the REPL's port is the protocol's
                 print("framestep: positions cannot be saved:", error)
             return None
+
+    answer = answer  # for the port
+
+    def answer_hi_at_once(self):
+        """Let answer() answer HI as well. At the end of boot, as the answer has to be known."""
+        self.reports.send_hi(None)
+        keep_hi(self.answers, self.writer._buffer)
+        self.writer.clear()
 
     # ---------------------------------------------------------------- the main loop
 
@@ -277,46 +287,6 @@ class Controller:
         else:
             self.reported = False
         return busy
-
-    def answer(self, now):
-        """Answer questions for status, positions or HI that have just come, between two passes.
-
-        now: as for poll(). All other requests wait for the next pass, which begins at a known time
-        after a tick.
-        """
-        port = self.port
-        reader = self.reader
-        state = self.operations.state
-        if (
-            not self.was_open
-            or not port.open
-            or port.openings != self.openings
-            or reader.waiting
-            or self.unsent
-            or state == POSITIONING
-            or state == ENDING
-        ):
-            return
-        now &= WRAP
-        self.now = reader.now = now
-        if port.poll(reader):
-            self.heard_at = self.begun_at = now
-        writer = self.writer
-        while True:
-            kind = reader.upcoming()
-            if (
-                kind != m.MSG_MOTOR_STATUS
-                and kind != m.MSG_MOTOR_GET_POSITION
-                and kind != m.MSG_HI
-                or writer.room() < _REPLY_ROOM
-            ):
-                break
-            sample(self.header, self.axes.samples)
-            code = m.ERR_CHECKSUM if reader.poll() == DAMAGED else self._handle(reader)
-            if code:
-                writer.ack(reader, code, self.rig.dword_acks)
-        if writer.pending:
-            self.unsent = port.send(writer)
 
     def _housekeep(self, now, whole, news):
         """Look after queues, faults and reports, every few milliseconds.

@@ -22,7 +22,7 @@ from framestep.base.native import const, micropython
 from framestep.base.results import BY, EXCEEDED_MEMORY, EXCEEDED_RATE, FRAME, MOTOR, ROOM, WHAT
 from framestep.controller import LED_FAULT, glow
 from framestep.faults import ALL, FAULTS, outcome
-from framestep.hal import DEEPEST, PASS, SHALLOW
+from framestep.hal import DEEPEST, PASS
 from framestep.moves.path.move_check import UNREPORTED
 from framestep.protocol.messages import CONDITION_POSITIONS_UNSAVABLE, CONDITION_WATCHDOG_RESET
 from framestep.pulse.stepper import TICKS
@@ -81,7 +81,7 @@ class Runner:
         self._controller = None
         self.failure = None  # the exception that ended the passes
         self.alive = False  # passes go on
-        self._timer = None  # that calls for a pass
+        self._answer = False  # the controller's, for the port
         self._begun_at = 0  # time of the last pass, ticks_us
         self.task = None  # a function of framestep.repl to call between two passes
         self._traceback_task = self._traceback
@@ -119,7 +119,8 @@ class Runner:
                 pass
             sleep_us(_BEHIND_TICK_US)
             self.alive = True
-            self._hal.port.prompt = self._pass_callback
+            controller.answer_hi_at_once()
+            self._hal.port.answer = self._answer = controller.answer
             self._hal.passes.init(
                 period=_PASS_MS, mode=Timer.PERIODIC, callback=self._pass_callback
             )
@@ -154,7 +155,6 @@ class Runner:
     # which expects it, nor after the last line, which passes it on.
     def _pass(self, timer):
         heap_lock()
-        self._timer = timer
         try:
             self._turn()
         finally:
@@ -167,38 +167,31 @@ class Runner:
             _interrupt(dupterm, dupterm_notify, self._ctrl_c)
 
     def _turn(self):
-        """Do one pass in the background, or answer questions between two if no timer calls; catch
-        anything that it raises.
+        """Do one pass in the background; catch anything that it raises.
 
         A Ctrl-C is meant for a program on the REPL.
         """
         controller = self._controller
         try:
-            deepest = DEEPEST
-            if self._timer is None:
-                self._hal.port.prompt = self._pass_callback
-                deepest = SHALLOW
-            if not self.alive or stack_use() > deepest:
+            if not self.alive or stack_use() > DEEPEST:
                 # The passes ended while this one waited in the scheduler. Or a program is deep in
                 # calls, so that the stack may be too small for a pass; the next one comes in 1 ms.
                 return
         except KeyboardInterrupt:
             self._struck = True  # at a point where nothing is half done
-            self._hal.port.prompt = self._pass_callback
         try:
             if self._failing:
                 self._failed = _BROKEN_IN_MOTION if controller.axes.moving_bits() else _BROKEN
                 controller.stops.fault_stop()
                 self._failing = False
+                self._hal.port.answer = self._answer
                 self._news = True
-            if self._timer is None:
-                controller.answer(ticks_ms())
-            elif not 0 <= ticks_diff(ticks_us(), self._begun_at) < _APART_US:
+            if not 0 <= ticks_diff(ticks_us(), self._begun_at) < _APART_US:
                 # else it has been held up
                 self._begun_at = ticks_us()
                 controller.poll(ticks_ms())
         except KeyboardInterrupt:
-            self._struck = self._failing = True
+            self._fail()
             return
         except Exception as error:
             self.failure = error
@@ -216,6 +209,12 @@ class Runner:
         except KeyboardInterrupt:
             self._struck = True  # the REPL's port was full, and the report is cut short
 
+    def _fail(self):
+        """A Ctrl-C has left a pass half done: nothing is answered before the next one has stopped
+        the motors."""
+        self._struck = self._failing = True
+        self._hal.port.answer = False
+
     def _after(self):
         """Do what allocates, and so cannot be done in a pass."""
         if self._failing and self.alive:
@@ -225,7 +224,7 @@ class Runner:
         try:
             task()
         except KeyboardInterrupt:
-            self._struck = self._failing = True
+            self._fail()
         except Exception as error:
             try:
                 sys.print_exception(error)  # type: ignore[attr-defined]
@@ -331,6 +330,8 @@ class Runner:
     def stop(self):
         """End the passes: ramp the motors down, switch the watchdog off; the REPL goes on."""
         self.alive = False
+        if self.background:
+            self._hal.port.answer = False
         self._hal.passes.deinit()
         heap_lock()
         try:

@@ -110,6 +110,7 @@ def test_in_motion(image):
     emu.advance(20)
     emu.trace_start([*STEP, ENABLE])
     assert client.request(MotorStatus()).moving == [1, 2]
+    emu.advance(5)
     struck = emu.ns
     repl.write(b"\x04")
     emu.advance(AGAIN_MS)

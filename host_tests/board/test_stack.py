@@ -4,7 +4,7 @@ nothing is written below the stack, where the heap ends.
 
 import pytest
 
-from framestep.hal import DEEPEST, REPL_STACK, SHALLOW, STACK
+from framestep.hal import DEEPEST, REPL_STACK, STACK
 from framestep_tools.payloads import (
     HardStop,
     MotorMove,
@@ -57,21 +57,22 @@ def session():
 
 
 @pytest.mark.parametrize(
-    ("prompted", "most", "trace"),
+    ("at_once", "trace"),
     [
-        (False, DEEPEST, ""),
-        (True, SHALLOW, ""),
-        pytest.param(True, SHALLOW, "import framestep.repl\ntrace()", marks=pytest.mark.repeats),
+        (False, ""),
+        (True, ""),
+        pytest.param(True, "import framestep.repl\ntrace()", marks=pytest.mark.repeats),
     ],
 )
-def test_what_the_largest_pass_takes(session, prompted, most, trace):
-    """From the prompt on, including everything on top of it."""
+def test_what_the_largest_pass_takes(session, at_once, trace):
+    """From the prompt on, including everything on top of it; also with questions answered at
+    once."""
     repl = session.repl
     repl.exec(trace)
     prompt = repl.eval("__import__('micropython').stack_use()")
     repl.exec(LOW)
-    if not prompted:
-        repl.exec("import framestep.boot\nframestep.boot.hal.port.prompt = False")
+    if not at_once:
+        repl.exec("import framestep.boot\nframestep.boot.hal.port.answer = False")
     positions = move(session, frames=40)
     stands = load(session, positions)
     session.accept(RtGo())
@@ -85,9 +86,9 @@ def test_what_the_largest_pass_takes(session, prompted, most, trace):
     if trace:
         assert "RT_GO" in repl.exec("trace()\ntrace(0)")
     low = repl.eval("low()")
-    repl.exec("import framestep.boot as b\nb.hal.port.prompt = b.runner._pass_callback")
+    repl.exec("import framestep.boot as b\nb.hal.port.answer = b.controller.answer")
     # interrupts, which check no limit, may go beyond MicroPython's
-    assert 3500 < low <= prompt + TOP - BOTTOM - SPARE - most
+    assert 3500 < low <= prompt + TOP - BOTTOM - SPARE - DEEPEST
 
 
 def test_a_runaway_recursion_while_a_motor_moves(session):

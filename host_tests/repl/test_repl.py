@@ -14,10 +14,12 @@ from framestep.protocol.declared.payload import layout
 from framestep.repl import reasons, tracer
 from framestep.repl.figures import live
 from framestep.rig import Rig
+from framestep_tools.client.wire import encode
 from framestep_tools.payloads import (
     REQUESTS,
     Ack,
     GetLoad,
+    Hi,
     MotorMove,
     MotorResetPosition,
     MotorSetLimits,
@@ -343,6 +345,19 @@ def test_trace(tracing):
     assert lines[7][1].startswith("LOAD ")
     assert len(lines) == 8
     assert traced(says(repl.trace, 3)) == lines[-3:]
+
+
+def test_trace_shows_questions_that_are_else_answered_at_once(tracing):
+    session, says = tracing
+    board = session.board._board
+    board.receive(encode(Hi.TYPE, b"", 7))
+    board.hal.port.ask()
+    session.run(0.1)
+    assert [text.split(" ")[0] for _, text in traced(says(repl.trace))] == ["HI", "HI"]
+    repl.trace(0)
+    board.receive(encode(Hi.TYPE, b"", 8))
+    board.hal.port.ask()
+    assert board.pending == 0
 
 
 def test_trace_shows_what_is_sent_unasked_and_the_length_of_uploads(tracing):

@@ -21,7 +21,7 @@ from framestep.base.clock import WRAP
 from framestep.base.copying import copy_bytes
 from framestep.base.native import addressof
 from framestep.controller import Controller
-from framestep.hal import CHANGED
+from framestep.hal import CHANGED, QUESTION
 from framestep.hal.absent import NoDmx
 from framestep.pulse import stepper
 from framestep.pulse.kernel import StepKernel
@@ -83,6 +83,7 @@ class Port:
         self.notes = notes
         self.open = False
         self.openings = 0
+        self.answer = None
         self.incoming = bytearray(INCOMING)
         self.begin = self.end = 0
         self.buffer = bytearray(512)
@@ -94,6 +95,19 @@ class Port:
         self.begin = 0
         self.incoming[self.end : self.end + len(data)] = data
         self.end += len(data)
+
+    def ask(self):
+        size = 1
+        while size and self.open and self.end - self.begin >= QUESTION:
+            size = self.answer(self.incoming, self.begin, self.buffer)
+            if size:
+                self.begin += QUESTION
+                self._note(size)
+
+    def _note(self, count):
+        notes = self.notes
+        copy_bytes(notes.sent, notes.sent_count, self.buffer, 0, count)
+        notes.sent_count += count
 
     def poll(self, reader):
         before = self.begin
@@ -110,9 +124,7 @@ class Port:
             if not count:
                 return
             if self.open:
-                notes = self.notes
-                copy_bytes(notes.sent, notes.sent_count, self.buffer, 0, count)
-                notes.sent_count += count
+                self._note(count)
 
 
 class Dmx:
@@ -400,6 +412,8 @@ class Replay:
             self.controller.moves.take_memory()
         except ValueError:
             pass
+        self.controller.answer_hi_at_once()
+        hal.port.answer = self.controller.answer
         hal.notes.reported()
         # The controller begins with the clock at 0
         controller = self.controller
@@ -426,7 +440,7 @@ class Replay:
         micropython.heap_lock()
         try:
             if between:
-                self.controller.answer(now)
+                hal.port.ask()
             else:
                 self.controller.poll(now)
         finally:

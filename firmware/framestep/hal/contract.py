@@ -171,9 +171,10 @@ class Port:
 
     open        whether the host has it open (DTR); True if that cannot be seen
     openings    how often it has been opened: a change means a new host
-    prompt      set from outside if the port is not the REPL's: what the scheduler is to call with
-                None when a question for status, positions or HI has come. The port sets it to False
-                then, and the call sets it again. Without such calls passes answer all questions.
+    answer      answer(buffer, at, to) -> size: a kernel that the port calls, if it is not the
+                REPL's, as soon as a question for status, positions or HI has come to buffer[at:]
+                and nothing else is to be sent; it puts the answer into `to`. Set from outside;
+                False: passes answer all questions.
     """
 
     def start(self):

@@ -9,7 +9,7 @@ from array import array
 from framestep.base.clock import WIDE_WRAP
 from framestep.base.native import addressof
 from framestep.base.native_cpython import map_device
-from framestep.hal import CHANGED
+from framestep.hal import CHANGED, QUESTION
 from framestep.hal.absent import NoDmx, NoWatchdog
 from framestep.hal.servos import make_servos
 from framestep.pulse import engine
@@ -100,10 +100,9 @@ class PulseModel:
 class HostPort:
     """The protocol port; whoever drives the board is at its far end."""
 
-    prompt = False
-
     def __init__(self):
         self.open = False
+        self.answer = False
         self.openings = 0
         self.incoming = bytearray()
         self.outgoing = bytearray()
@@ -111,6 +110,15 @@ class HostPort:
 
     def start(self):
         pass
+
+    def ask(self):
+        """Let the questions that have come be answered at once, as by a USB port."""
+        size = 1
+        while size and self.answer and self.open and len(self.incoming) >= QUESTION:
+            size = self.answer(self.incoming, 0, self._buffer)  # type: ignore[operator]
+            if size:
+                del self.incoming[:QUESTION]
+                self.outgoing += self._buffer[:size]
 
     def poll(self, reader):
         moved = 0

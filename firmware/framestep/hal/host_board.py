@@ -42,6 +42,8 @@ class HostBoard:
             self.controller.moves.take_memory()
         except ValueError:
             pass  # too little memory: as in boot.py, HI reports room for no frame
+        self.controller.answer_hi_at_once()
+        self.hal.port.answer = self.controller.answer
         self.next_tick = TICK_DELAY_NS
 
     @property

@@ -90,6 +90,7 @@ class JogAll(Operation):
     """A JOG_ALL; see operation.Operation."""
 
     sends_rt_end = False
+    at_once = False
 
     def __init__(self, operations):
         Operation.__init__(self, operations)

@@ -1,5 +1,6 @@
 """Base class of a run, an exposure and a jog of all motors, for state_machine.py."""
 
+from framestep.base.native import micropython
 from framestep.base.results import OK
 
 
@@ -10,6 +11,7 @@ class Operation:
     """
 
     sends_rt_end = True  # its end is reported to the host by RT_END
+    at_once = True  # play_head() is a kernel, which answers.py calls
 
     def __init__(self, operations):
         self.operations = operations
@@ -41,13 +43,14 @@ class Operation:
         """
         return False
 
-    def play_head(self, tick, frame):
+    @micropython.viper
+    def play_head(self, tick: int, frame: int) -> int:
         """Return MOVE TIME, in thousandths of a scene frame, once the pulses of `tick` are made.
 
         frame: take the frame reached last instead. If the result is exactly a frame, set
         `operations.reported_frame` to its index.
         """
-        return self.operations.move_time
+        return int(self.operations.move_time)
 
     def finished(self):
         """Return whether everything is queued and reported; the motors may still be moving."""

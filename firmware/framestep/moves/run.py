@@ -18,7 +18,7 @@ the end frame as in POSITION_FRAME.
 """
 
 from framestep.base.clock import HALF, after, elapsed, reached
-from framestep.base.native import const
+from framestep.base.native import const, micropython, ptr32
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
@@ -228,37 +228,40 @@ class RunMove(PreparedRun):
         reals.fetch(r, _GENTLE_RAMP.acceleration, numbers, MAX_ACCELERATION)
         return beyond if compute(r, _GENTLE_RAMP) else 0
 
-    def play_head(self, tick, frame):
-        reported = self.reported
-        here = self.store.start + self.first + self.step * (reported - 1)  # last frame reported
+    @micropython.viper
+    def play_head(self, tick: int, frame: int) -> int:
+        reported = int(self.reported)
+        step = int(self.step)
+        begin = int(self.store.start)
+        here = begin + int(self.first) + step * (reported - 1)  # last frame reported
         if reported == 0:
-            return (here + self.step) * 1000  # in the pre-roll
+            return (here + step) * 1000  # in the pre-roll
+        operations = self.operations
         clock = self.report_clock
-        kernel = self.operations.axes.kernel.state
+        us = int(clock.us)
+        quotient = int(clock.quotient)
+        kernel = ptr32(operations.axes.kernel.state)
         # ticks to the next frame to be reported
-        ahead = elapsed(clock.tick, tick + 1 + kernel[stepper.LEAD])
-        last = reported > self.plan.frames
-        if ahead >= HALF or ahead == 0 and clock.us == 0:
+        ahead = elapsed(int(clock.tick), tick + 1 + kernel[stepper.LEAD])
+        last = reported > int(self.plan.frames)
+        left = ahead * 1000 + us if ahead < HALF else 0
+        if left == 0:
             if not last:
                 # it is reached, but not yet reported: do not count beyond it
-                here += self.step
-                left = clock.quotient
-            elif frame:
-                left = 0
-            else:
+                here += step
+                left = quotient
+            elif not frame:
                 return here * 1000
-        else:
-            left = ahead * 1000 + clock.us
-            if last and left < clock.quotient and not frame:
-                return here * 1000
-        if frame or left >= clock.quotient:
-            self.operations.reported_frame = here - self.store.start
+        elif last and left < quotient and not frame:
+            return here * 1000
+        if frame or left >= quotient:
+            operations.reported_frame = here - begin
             return here * 1000
         if left < 0x100000:
-            part = left * 1000 // clock.quotient
+            part = left * 1000 // quotient
         else:
-            part = left // (clock.quotient // 1000)
-        return here * 1000 + self.step * (1000 - part)
+            part = left // (quotient // 1000)
+        return here * 1000 + step * (1000 - part)
 
     def frame_reached(self, ticks):
         clock = self.report_clock

@@ -28,15 +28,15 @@ DAMAGED = const(2)
 NOT_SMALL = const(-0x4000_0000)  # result of i32() for a value outside of ±(2^30 - 1)
 
 # The reader's state words
-_NEXT = const(0)  # where the search goes on
-_FILL = const(1)  # end of the bytes in the buffer
+NEXT = const(0)  # where the search goes on
+FILL = const(1)  # end of the bytes in the buffer
 _SIZE = const(2)
 _HEAD = const(3)  # start of the frame found
 _TYPE = const(4)
 _LENGTH = const(5)
 
 # The writer's state words
-_TAKE = const(0)  # first byte not yet taken
+TAKE = const(0)  # first byte not yet taken
 END = const(1)  # end of the last finished frame
 _PUT = const(2)  # index of the next byte
 _LIMIT = const(3)  # size of the buffer
@@ -53,8 +53,8 @@ def _search(buffer: ptr8, state: ptr32) -> int:
 
     NEXT skips bytes that cannot be the beginning of a frame.
     """
-    at = state[_NEXT]
-    fill = state[_FILL]
+    at = state[NEXT]
+    fill = state[FILL]
     while at < fill:
         if buffer[at] != _D:
             at += 1
@@ -72,12 +72,12 @@ def _search(buffer: ptr8, state: ptr32) -> int:
             continue
         if fill - at < length + FRAME_OVERHEAD:
             break
-        state[_NEXT] = at
+        state[NEXT] = at
         state[_HEAD] = at
         state[_TYPE] = buffer[at + 6] | (buffer[at + 7] << 8)
         state[_LENGTH] = length
         return length + FRAME_OVERHEAD
-    state[_NEXT] = at
+    state[NEXT] = at
     return 0
 
 
@@ -122,21 +122,21 @@ class FrameReader:
         """
         state = ptr32(self._state)
         buffer = self.buffer
-        at = state[_NEXT]
-        fill = state[_FILL]
+        at = state[NEXT]
+        fill = state[FILL]
         if at == fill:
             # Nothing held: begin at the same alignment as the source, which copies fastest.
             fill = start & 3
-            state[_NEXT] = fill
+            state[NEXT] = fill
         elif at > 0 and state[_SIZE] - fill < count:
             fill -= at
             copy_bytes(buffer, 0, buffer, at, fill)
-            state[_NEXT] = 0
+            state[NEXT] = 0
         room = state[_SIZE] - fill
         if room < count:
             count = room
         copy_bytes(buffer, fill, source, start, count)
-        state[_FILL] = fill + count
+        state[FILL] = fill + count
         return count
 
     @micropython.viper
@@ -146,7 +146,7 @@ class FrameReader:
         words = self._state
         size = int(_search(self.buffer, words))
         state = ptr32(words)
-        self.waiting = state[_FILL] - state[_NEXT]
+        self.waiting = state[FILL] - state[NEXT]
         return state[_TYPE] if size else -1
 
     @micropython.viper
@@ -159,7 +159,7 @@ class FrameReader:
         words = self._state
         size = int(_search(buffer, words))
         state = ptr32(words)
-        at = state[_NEXT]
+        at = state[NEXT]
         found = NOTHING
         if size:
             self.head = at
@@ -172,21 +172,21 @@ class FrameReader:
             else:
                 at += size
                 found = FRAME
-            state[_NEXT] = at
-        self.waiting = state[_FILL] - at
+            state[NEXT] = at
+        self.waiting = state[FILL] - at
         return found
 
     def drop_partial(self):
         """Drop the incomplete frame: skip its marker. poll() goes on with the bytes after it."""
         state = self._state
-        skipped = state[_FILL] - state[_NEXT]
-        state[_NEXT] += 2 if skipped > 2 else skipped
+        skipped = state[FILL] - state[NEXT]
+        state[NEXT] += 2 if skipped > 2 else skipped
         self.waiting = 0
 
     def clear(self):
         """Drop all bytes, for example after the port has been closed."""
-        self._state[_NEXT] = 0
-        self._state[_FILL] = 0
+        self._state[NEXT] = 0
+        self._state[FILL] = 0
         self.waiting = 0
         self.now = 0
 
@@ -264,11 +264,11 @@ def _open(buffer: ptr8, state: ptr32, source: ptr8, head: int, kind: int):
     Bytes that wait to be taken move to the front if the largest frame would not fit after them.
     """
     at = state[END]
-    taken = state[_TAKE]
+    taken = state[TAKE]
     if at == taken:
         at = 0
         state[END] = 0
-        state[_TAKE] = 0
+        state[TAKE] = 0
     elif taken > 0 and state[_LIMIT] - at < LARGEST_PAYLOAD + FRAME_OVERHEAD:
         at -= taken
         i = 0
@@ -276,7 +276,7 @@ def _open(buffer: ptr8, state: ptr32, source: ptr8, head: int, kind: int):
             buffer[i] = buffer[i + taken]
             i += 1
         state[END] = at
-        state[_TAKE] = 0
+        state[TAKE] = 0
     state[_PUT] = at
     if state[_LIMIT] - at < HEADER_BYTES:
         state[_FULL] = 1
@@ -370,9 +370,11 @@ class FrameWriter:
         self._state = array("i", (0, 0, 0, size, 1, 0))
 
     @property
-    def pending(self):
+    @micropython.viper
+    def pending(self) -> int:
         """Bytes of finished frames that wait to be taken."""
-        return self._state[END] - self._state[_TAKE]
+        state = ptr32(self._state)
+        return state[END] - state[TAKE]
 
     @property
     def taken(self):
@@ -384,7 +386,7 @@ class FrameWriter:
         """Return the largest payload for a frame begun now, in bytes; negative if not even an empty
         frame fits."""
         state = ptr32(self._state)
-        room = state[_LIMIT] - state[END] + state[_TAKE] - FRAME_OVERHEAD
+        room = state[_LIMIT] - state[END] + state[TAKE] - FRAME_OVERHEAD
         return room if room < LARGEST_PAYLOAD else LARGEST_PAYLOAD
 
     @micropython.viper
@@ -397,15 +399,18 @@ class FrameWriter:
         else:
             _open(buffer, self._state, buffer, -1, kind)
 
-    def u8(self, value):
+    @micropython.viper
+    def u8(self, value: int):
         """Append the low BYTE of `value`, a small integer; negative ones as two's complement."""
         _put(self._buffer, self._state, value, 1)
 
-    def u16(self, value):
+    @micropython.viper
+    def u16(self, value: int):
         """Append the low WORD of `value`; otherwise like u8()."""
         _put(self._buffer, self._state, value, 2)
 
-    def u32(self, value):
+    @micropython.viper
+    def u32(self, value: int):
         """Append `value` as a DWORD; otherwise like u8()."""
         _put(self._buffer, self._state, value, 4)
 
@@ -427,7 +432,8 @@ class FrameWriter:
             at += 1
             index += 1
 
-    def text(self, text, width):
+    @micropython.viper
+    def text(self, text, width: int):
         """Append bytes cut or filled with zeros to `width`."""
         _text(self._buffer, self._state, text, len(text), width)
 
@@ -452,18 +458,18 @@ class FrameWriter:
     def take(self, to, limit: int) -> int:
         """Move up to `limit` bytes of finished frames to the start of `to`. Return how many."""
         state = ptr32(self._state)
-        at = state[_TAKE]
+        at = state[TAKE]
         count = state[END] - at
         if count > limit:
             count = limit
         if count > 0:
             copy_bytes(to, 0, self._buffer, at, count)
-            state[_TAKE] = at + count
+            state[TAKE] = at + count
             state[_TAKEN] = (state[_TAKEN] + count) & 0x3FFFFFFF
         return count
 
     def clear(self):
         """Drop all bytes not yet taken. A frame that has begun is dropped when it ends."""
         state = self._state
-        state[_TAKE] = state[END]
+        state[TAKE] = state[END]
         state[_FULL] = 1

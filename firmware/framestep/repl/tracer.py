@@ -1,11 +1,13 @@
 """Keeps the last frames that came and went, for trace().
 
 A Tracer puts itself between the controller and its reader and writer, so a board without one spends
-nothing on tracing. It makes all that it needs at once: in a pass it allocates nothing.
+nothing on tracing. It makes all that it needs at once: in a pass it allocates nothing. While it is
+on, passes answer HI, so that it sees that as well.
 """
 
 from array import array
 
+from framestep.answers import HI_SIZE
 from framestep.base.copying import copy_bytes
 from framestep.base.native import const
 from framestep.protocol import messages as m
@@ -26,6 +28,9 @@ class Tracer:
         self.count = 0  # frames so far
         self.times = array("i", bytes(4 * ENTRIES))
         self.frames = bytearray(BYTES * ENTRIES)
+        self._answers = controller.answers
+        self._hi_size = self._answers[HI_SIZE]
+        self._answers[HI_SIZE] = 0
         self._reader = reader = controller.reader
         self._writer = writer = controller.writer
         self._poll = reader.poll
@@ -37,6 +42,7 @@ class Tracer:
 
     def remove(self):
         """End tracing."""
+        self._answers[HI_SIZE] = self._hi_size
         reader = self._reader
         writer = self._writer
         reader.poll = writer.end = writer.ack = None  # a deleted entry would keep its value alive

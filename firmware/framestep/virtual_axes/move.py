@@ -13,7 +13,7 @@ Time in ticks, positions of motors in steps. Nothing allocates after constructio
 from array import array
 
 from framestep.base.clock import HALF, WRAP, after, elapsed
-from framestep.base.native import const
+from framestep.base.native import const, micropython
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
@@ -94,9 +94,10 @@ class LinearMove:
         self.stopping = 0  # or one of the two below
 
     @property
-    def engaged(self):
+    @micropython.viper
+    def engaged(self) -> int:
         """Bits of the motors in a virtual motion, from its acknowledgement to its end."""
-        return self.line.bits if self.state else 0
+        return int(self.line.bits) if int(self.state) else 0
 
     # ---------------------------------------------------------------- start and end
 

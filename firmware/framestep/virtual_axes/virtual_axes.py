@@ -5,7 +5,7 @@ requests.py adds the messages. Nothing allocates after construction.
 
 from array import array
 
-from framestep.base.native import const
+from framestep.base.native import const, micropython
 from framestep.base.results import ERR_GENERAL, ERR_MOVING, OK
 from framestep.motion import reals
 from framestep.virtual_axes.jogs import Jogs
@@ -41,9 +41,10 @@ class VirtualAxes:
         return self.line.rig is not None
 
     @property
-    def engaged(self):
+    @micropython.viper
+    def engaged(self) -> int:
         """Bits of the motors in a virtual motion, from its acknowledgement to its end."""
-        return self.move.engaged
+        return int(self.move.engaged)
 
     def poll(self, now):
         """Do one pass of the main loop. now: ms, as in clock.py. Return whether there may be more

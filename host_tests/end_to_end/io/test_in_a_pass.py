@@ -130,7 +130,7 @@ def test_the_answer_that_ends_a_run_of_lights():
         board = session.board._board
         board.run_until(board.now_ns + ms * 1_000_000)
         board.receive(frame(Hi(), 3))
-        board.controller.answer(board.hal.ticks_ms())
+        board.hal.port.ask()
         board.controller.poll(board.hal.ticks_ms())
         board.receive(frame(MotorStatus(), 4) + frame(run, 5))
         board.controller.poll(board.hal.ticks_ms())

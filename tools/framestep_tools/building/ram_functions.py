@@ -15,6 +15,7 @@ RAM_FUNCTIONS = (
     ("framestep/hal/rp2/stack.py", "WholeStack", "call"),
     ("framestep/hal/rp2/pulses.py", "", "lost_commands"),
     ("framestep/hal/ports/usb_transfers.py", "", "arrived"),
+    ("framestep/hal/ports/usb_port.py", "UsbPort", "_transferred"),
     ("framestep/hal/ports/usb_port.py", "UsbPort", "send"),
     ("framestep/pulse/tick.py", "Header", "tick"),
     ("framestep/pulse/stepper.py", "", "poll_flags"),

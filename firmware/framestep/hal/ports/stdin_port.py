@@ -132,7 +132,7 @@ class StdinPort:
     bytes of an incomplete frame it holds.
     """
 
-    prompt = False
+    answer = False
 
     def __init__(self):
         self._buffer = bytearray(_SIZE)

@@ -13,6 +13,7 @@ import time
 from array import array
 
 from framestep.base.native import addressof, as_word, const, micropython, ptr8, ptr32
+from framestep.hal import DEEPEST, QUESTION
 from framestep.hal.ports.usb_descriptor import Strings, descriptor
 from framestep.hal.ports.usb_transfers import (
     ADDRESS_REGISTER,
@@ -27,6 +28,7 @@ from framestep.hal.ports.usb_transfers import (
     EP_OUT,
     FILL,
     FLAG,
+    HELD,
     KEPT,
     KEPT_AT,
     KEPT_DTR,
@@ -55,6 +57,7 @@ from framestep.hal.ports.usb_transfers import (
     UNCHANGED,
     UNHEARD,
     USED,
+    VIEW,
     WORDS,
     YES,
     activate,
@@ -80,7 +83,7 @@ _SET_CONTROL_LINE_STATE = const(0x22)
 _SEND_BREAK = const(0x23)
 _STAGE_SETUP = const(1)
 
-# Types of frames that prompt (protocol.messages)
+# Types of questions (protocol.messages)
 _HI = const(0x01)
 _STATUS = const(0x30)
 _GET_POSITION = const(0x34)
@@ -99,8 +102,8 @@ class UsbPort:
     counts how often it was opened: a change means a new client, even if `open` is True before and
     after.
 
-    `prompt`: what the scheduler is to call with None when a question for status, positions or HI
-    has come; False by default, and from then on. So the callback has to be set again by its call.
+    `answer`: answer(buffer, at, to) -> size, a kernel that answers a question for status, positions
+    or HI as soon as it has come, if nothing else is to be sent; False by default.
 
     Nothing allocates after `start()`. One main loop calls `poll()` and `send()`. If it is a
     scheduled function, it calls `poll()` only once each time, since callbacks must come between two
@@ -117,8 +120,7 @@ class UsbPort:
         at = 2 * PLACE
         self._tx = memory[at : at + OUTGOING]
         at += OUTGOING
-        packet = memory[at : at + PACKET]
-        self._packets = [packet[:n] for n in range(PACKET + 1)]
+        packet = self._packet = memory[at : at + PACKET]
         at += PACKET
         self._coding = memory[at : at + 7]  # only stored for the host
         self._coding[:] = struct.pack("<IBBB", 115200, 0, 0, 8)
@@ -129,6 +131,7 @@ class UsbPort:
         s[TX] = as_word(addressof(self._tx))
         s[BUS] = as_word(ADDRESS_REGISTER)
         s[PACKET_AT] = as_word(addressof(packet))
+        s[VIEW] = as_word(id(packet))
         s[NO_FLAG] = UNCHANGED
         s[FLAG] = as_word(addressof(s)) + 4 * NO_FLAG
         s[KEPT] = as_word(addressof(memory)) + KEPT_AT
@@ -139,7 +142,8 @@ class UsbPort:
         self._bus = chip.BusWatch() if chip else None
         self.open = False
         self.openings = 0
-        self.prompt = False
+        self.answer = False
+        self._writer = None
 
     def start(self):
         """Add the port to the built-in one; returns at once.
@@ -155,7 +159,7 @@ class UsbPort:
                 arm,
                 mark_stale,
                 send_packet,
-                _prompt,
+                _at_once,
                 port._configured,
                 port._reset,
                 port._control,
@@ -305,15 +309,21 @@ class UsbPort:
             s[ARMED] = 0
             if (s[FILL] - s[TAKE]) & 3 < 2:
                 arm(self)
-            frame = ptr8(s[RX] + place * PLACE)
-            kind = frame[6] | (frame[7] << 8)
-            if (kind == _STATUS or kind == _GET_POSITION or kind == _HI) and self.prompt:
-                _prompt(self)
         elif endpoint == s[EP_IN]:
             if s[LEFT] or s[LAST] == PACKET:
                 send_packet(self)
             else:
                 s[SENDING] = 0
+        if s[SENDING] == 0:
+            kind = s[HELD]
+            if s[TAKE] != s[FILL]:
+                frame = ptr8(s[RX] + (s[TAKE] & 1) * PLACE + s[AT])
+                if frame[7] == 0 and (
+                    frame[6] == _STATUS or frame[6] == _GET_POSITION or frame[6] == _HI
+                ):
+                    kind = 1
+            if kind and self.answer:
+                _at_once(self)
         return True
 
     # ------------------------------------------------------------ for the main loop
@@ -383,6 +393,8 @@ class UsbPort:
         s = ptr32(self._state)
         if self.open:
             if s[SENDING]:
+                s[HELD] = 1
+                self._writer = writer
                 return 1
             count = int(writer.take(self._tx, OUTGOING))
             if count:
@@ -413,6 +425,7 @@ class UsbPort:
         state = self._state
         state[LEFT] = 0
         state[LAST] = 0
+        state[HELD] = 0
         chip.empty_packet(state[EP_OUT])
         self.open = False
         self._closed_at = time.ticks_ms()
@@ -447,16 +460,33 @@ class UsbPort:
 
 
 @micropython.viper
-def _prompt(port):
-    """Let the scheduler call for a question to be answered.
+def _at_once(port):
+    """Send what could not be sent before, or answer the question that has come.
 
-    If its queue is full, the next pass sees to it. With the heap locked, not even that exception
-    allocates.
+    A program on the REPL may have taken so much of the stack that there is no room for that; then
+    the next pass sees to it, as it does to everything else.
     """
-    runtime.heap_lock()
-    try:
-        runtime.schedule(port.prompt, None)
-        port.prompt = NO
-    except:  # noqa: E722
-        pass
-    runtime.heap_unlock()
+    s = ptr32(port._state)
+    if s[STALE] or int(runtime.stack_use()) > DEEPEST:
+        return
+    if s[HELD]:
+        s[HELD] = 0
+        port.send(port._writer)
+    if s[SENDING] or s[TAKE] == s[FILL] or not port.open:
+        return
+    place = s[TAKE] & 1
+    at = place * PLACE + s[AT]
+    end = place * PLACE + s[END + place]
+    if end - at < QUESTION:
+        return
+    count = int(port.answer(port._rx, at, port._tx))
+    if count:
+        s[AT] = s[AT] + QUESTION
+        if at + QUESTION == end:
+            s[AT] = 0
+            s[TAKE] = (s[TAKE] + 1) & 3
+            if not s[ARMED] and s[LIVE]:
+                arm(port)
+        s[LEFT] = count
+        s[NEXT] = s[TX]
+        send_packet(port)

@@ -111,7 +111,11 @@ NO_FLAG = const(30)  # used in place of the flags if they have not been found
 # DTR dates from before a soft reset, and may have been cleared unnoticed. 2: it is not known yet
 # whether a host collects packets; 1: it does
 UNHEARD = const(31)
-WORDS = const(32)
+VIEW = const(32)  # address of the memoryview of the packet's buffer
+HELD = const(33)  # 1: bytes could not be sent, because a packet had not gone yet
+WORDS = const(34)
+
+_LENGTH = const(2)  # word of a memoryview (py/objarray.h, MicroPython 1.20 to 1.28)
 
 # Words that survive a soft reset
 KEPT_MARK = const(0)  # ALIVE: the device is live, and stays so across a soft reset
@@ -250,7 +254,8 @@ def send_packet(port):
     flag[0] = 1
     try:
         if ptr32(s[BUS])[0] & _ADDRESS:
-            port._submit(s[EP_IN], port._packets[count])
+            ptr32(s[VIEW])[_LENGTH] = count  # instead of one memoryview for each length
+            port._submit(s[EP_IN], port._packet)
     finally:
         flag[0] = was
         enable_irq(irq)

@@ -1,0 +1,170 @@
+"""Answers to questions for status, positions and HI as soon as they have come, between two passes.
+
+The port calls answer() from within MicroPython's USB task. So this is a kernel: nothing can end it,
+and it allocates nothing. It is one piece, because each call and each name takes as long as a good
+part of it. It reads the same state as the handlers of controller.py, so it gives the same answers
+(host_tests/end_to_end/hosts/test_at_once.py). What it could not answer without a change of that
+state, and whatever comes after a request that waits, is left to the next pass.
+"""
+
+from array import array
+
+from framestep.base.native import addressof, as_word, const, micropython, ptr8, ptr32
+from framestep.hal import QUESTION
+from framestep.io.lights import RAMPING
+from framestep.motors.samples import pick, tick_of
+from framestep.moves.state_machine import ENDING, LEAVING, POSITIONING, RUNNING
+from framestep.protocol import messages as m
+from framestep.protocol.frames import END, FILL, NEXT, TAKE
+from framestep.pulse import stepper
+
+_READER = const(0)  # addresses of the states of reader and writer
+_WRITER = const(1)
+_HEADER = const(2)  # of the tick
+_LIGHTS = const(3)
+HI_SIZE = const(4)  # bytes of the answer to HI that follows, without checksum; 0: not known yet
+_HI = const(5)
+_WORDS = const(5 + 16)
+_LARGEST = const(4 * 16)
+
+
+def make_answers(controller):
+    """Make the words of answer()."""
+    words = array("i", [0] * _WORDS)
+    words[_READER] = as_word(addressof(controller.reader._state))
+    words[_WRITER] = as_word(addressof(controller.writer._state))
+    words[_HEADER] = as_word(addressof(controller.header))
+    words[_LIGHTS] = as_word(addressof(controller.io.lights.words))
+    return words
+
+
+@micropython.viper
+def keep_hi(words, frame):
+    """Keep the answer to HI, once it cannot change any more. frame: one without an ID."""
+    size = ptr8(frame)[8] + 10
+    if size <= _LARGEST:
+        ptr32(words)[HI_SIZE] = size
+        to = ptr8(words)
+        i = 0
+        while i < size:
+            to[4 * _HI + i] = ptr8(frame)[i + 0]
+            i += 1
+
+
+@micropython.viper
+def answer(controller, questions, at: int, to: ptr8) -> int:
+    """Write the answer to the question at questions[at], if it can be given at once. Return its
+    size in bytes, or 0.
+
+    controller: the Controller. There are QUESTION bytes at least.
+    """
+    f = ptr8(questions)
+    if f[at + 0] != 0x44 or f[at + 1] != 0x46 or f[at + 7] | f[at + 8] | f[at + 9]:
+        return 0
+    words = controller.answers
+    w = ptr32(words)
+    x = ptr32(w[_READER])
+    if x[NEXT] != x[FILL]:
+        return 0
+    x = ptr32(w[_WRITER])
+    if x[TAKE] != x[END]:
+        return 0
+    operations = controller.operations
+    state = int(operations.state)
+    if (
+        state == POSITIONING
+        or state == ENDING
+        or int(controller.openings) != int(controller.port.openings)
+    ):
+        return 0
+    first = 0
+    second = 0
+    i = at + QUESTION
+    while at < i:
+        first += f[at + 0]
+        second += first
+        at += 1
+    at -= QUESTION
+    if first % 255 | second % 255:
+        return 0
+    moving = 0
+    bit = 1
+    a = ptr32(w[_HEADER])[stepper.FIRST]
+    while a:
+        x = ptr32(a)
+        a = x[stepper.NEXT]
+        if x[stepper.MODE] | x[stepper.PLANNED] | x[stepper.PENDING]:
+            moving |= bit
+        bit <<= 1
+    kind = f[at + 6]
+    if kind == m.MSG_MOTOR_STATUS:
+        moving |= int(controller.gate.homing) | int(controller.virtuals.engaged)
+        if state >= RUNNING or state == LEAVING or operations.starts_by_itself:
+            moving |= int(operations.operation.bits)
+        x = ptr32(w[_LIGHTS])
+        to[10] = moving & 0xFF
+        to[11] = moving >> 8
+        to[12] = 0
+        to[13] = 0
+        to[14] = 1 if x[RAMPING] else 0
+        size = 15
+    elif kind == m.MSG_MOTOR_GET_POSITION:
+        axes = controller.axes
+        samples = axes.samples
+        row = int(pick(axes.kernel.state, samples))
+        if state == RUNNING:
+            operation = operations.operation
+            if not operation.at_once:
+                return 0
+            operations.reported_frame = -1
+            time = int(operation.play_head(int(tick_of(axes.kernel.state, samples, row)), 0))
+            if int(operations.reported_frame) >= 0:
+                return 0  # with the positions uploaded for it
+        else:
+            sent = int(operations.sent)
+            if sent and moving & sent == 0:
+                return 0  # they have come to rest on a frame
+            time = int(operations.move_time)
+        if row < 0:
+            row = 0 - row
+        out = ptr32(samples)
+        to[10] = time & 0xFF
+        to[11] = (time >> 8) & 0xFF
+        to[12] = (time >> 16) & 0xFF
+        to[13] = (time >> 24) & 0xFF
+        size = 14
+        while bit > 1:
+            bit >>= 1
+            row += 1
+            load = out[row + 0]
+            to[size + 0] = load & 0xFF
+            to[size + 1] = (load >> 8) & 0xFF
+            to[size + 2] = (load >> 16) & 0xFF
+            to[size + 3] = (load >> 24) & 0xFF
+            size += 4
+    elif kind == m.MSG_HI and w[HI_SIZE]:
+        size = w[HI_SIZE]
+        hi = ptr8(words)
+        i = 10
+        while i < size:
+            to[i + 0] = hi[4 * _HI + i]
+            i += 1
+    else:
+        return 0
+    i = 0
+    while i < 8:
+        to[i + 0] = f[at + i]
+        i += 1
+    to[8] = size - 10
+    to[9] = 0
+    first = 0
+    second = 0
+    i = 0
+    while i < size:
+        first += to[i + 0]
+        second += first
+        i += 1
+    second = 255 - (first + second) % 255
+    to[size + 0] = second
+    to[size + 1] = 255 - (first + second) % 255
+    return size + 2

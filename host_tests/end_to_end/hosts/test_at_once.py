@@ -1,0 +1,132 @@
+"""Answers at once (framestep/answers.py) are those that the handlers give, byte for byte."""
+
+import numpy as np
+import pytest
+
+from framestep.moves.state_machine import ENDING, POSITIONING
+from framestep.protocol.frames import FrameReader
+from framestep_tools import payloads as p
+from framestep_tools.client.wire import encode
+from framestep_tools.payloads import Hi, MotorGetPosition, MotorStatus
+from host_tests.end_to_end import realtime_answers
+from host_tests.end_to_end.realtime import loaded
+from host_tests.end_to_end.runs.test_realtime_states import enter
+from host_tests.end_to_end.session import run_request, simulated
+
+pytestmark = pytest.mark.inside
+
+QUESTIONS = (MotorStatus(), MotorGetPosition(), Hi())
+BUFFER = 128
+
+
+def at_once(session, request, number):
+    """Return the answer at once, b"" if it is left to a pass."""
+    controller = session.board._board.controller
+    to = bytearray(BUFFER)
+    question = bytearray(b"DF" + encode(request.TYPE, request.pack(), number))
+    return bytes(to[: controller.answer(question, 2, to)])
+
+
+def handled(session, request, number):
+    """Return the answer of the handler, as a pass gives it, with the operation as it is now."""
+    controller = session.board._board.controller
+    if controller.operations.state in (POSITIONING, ENDING):
+        controller.operations.poll()
+    reader, writer = FrameReader(), controller.writer
+    data = encode(request.TYPE, request.pack(), number)
+    reader.feed(data, 0, len(data))
+    reader.poll()
+    kept, controller.reader = controller.reader, reader
+    before = writer.pending
+    assert controller._handle(reader) == 0
+    controller.reader = kept
+    to = bytearray(BUFFER)
+    count = writer.take(to, BUFFER)
+    assert before == 0
+    return bytes(to[:count])
+
+
+def same_answers(session):
+    """Assert it for each question; return which were answered at once."""
+    found = set()
+    for number, request in enumerate(QUESTIONS, 0x12345678):
+        now = at_once(session, request, number)
+        then = handled(session, request, number)
+        assert now in (b"", then), (request, now.hex(), then.hex())
+        if now:
+            found.add(request.TYPE)
+    return found
+
+
+@pytest.mark.parametrize("state", realtime_answers.STATES)
+def test_in_each_state(state):
+    """Tick by tick from there on, with and without samples in between."""
+    session = enter(state)
+    board = session.board._board
+    found = []
+    for step in range(400):
+        board.run_until(board.now_ns + (1 if step % 7 else 9) * 1_000_000)
+        board.transmit()
+        found.append(same_answers(session))
+    times = [sum(request.TYPE in each for each in found) for request in QUESTIONS]
+    if state in ("way", "back", "stop"):  # a pass looks first whether the motors have arrived
+        assert min(times) > 20, times
+    elif state == "jog":
+        assert min(times[0], times[2]) > 300, times
+    else:
+        assert min(times) > 300, times
+
+
+@pytest.mark.parametrize("fps", [1, 23.976, 25, 60])
+def test_move_time_in_a_run(fps):
+    """Also at frames and between them, at the end, and on the way back."""
+    session = loaded()
+    session.speed(1, 20_000, 50_000)
+    session.ready(run_request(fps, 1, 4 if fps == 1 else 20, pre=200, post=200))
+    session.accept(p.RtGo())
+    board = session.board._board
+    positions = 0
+    for _ in range(6000 if fps == 1 else 1800):
+        board.run_until(board.now_ns + 1_000_000)
+        board.transmit()
+        positions += MotorGetPosition.TYPE in same_answers(session)
+    assert positions > 1400
+
+
+def test_backlash_and_lights():
+    """Loads that motors drag, and lights that ramp."""
+    session = loaded(motors=[{"backlash": 40}] * 2, dmx_ramp_ms=300)
+    board = session.board._board
+    lit = 0
+    for turn in range(6):
+        session.accept(p.MotorMove(1, (-1) ** turn * 300), p.Dmx(1, 5, [turn * 40]))
+        for _ in range(60):
+            board.run_until(board.now_ns + 1_000_000)
+            board.transmit()
+            same_answers(session)
+            lit += at_once(session, MotorStatus(), 1)[14]
+    assert lit > 100
+
+
+def test_whatever_else_comes_is_left_to_the_passes(rig):
+    controller = rig.board._board.controller
+    to = bytearray(BUFFER)
+    status = encode(MotorStatus.TYPE, b"", 7)
+    assert controller.answer(bytearray(status), 0, to) == 17
+    for i in range(len(status)):
+        for flip in (1, 0x80):
+            damaged = bytearray(status)
+            damaged[i] ^= flip
+            assert controller.answer(damaged, 0, to) == 0
+    for _, request, _ in realtime_answers.ANSWERS:
+        if request.TYPE not in [each.TYPE for each in QUESTIONS]:
+            data = bytearray(encode(request.TYPE, request.pack(), 7)) + bytes(12)
+            assert controller.answer(data, 0, to) == 0
+
+
+@pytest.mark.parametrize("motors", range(1, 9))
+def test_positions_of_any_number_of_motors(motors):
+    session = simulated(motors=motors)
+    for motor in range(1, motors + 1):
+        session.accept(p.MotorResetPosition(motor, int(np.int32(-(2**31) + motor * 0x01234567))))
+    assert same_answers(session) == {request.TYPE for request in QUESTIONS}
