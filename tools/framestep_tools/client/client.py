@@ -38,8 +38,9 @@ from ..payloads import (
     RtUploadMoveEnd,
     type_name,
 )
-from .open_port import close_port, is_socket, open_port
+from .open_port import close_port, open_port
 from .shared_port import STOPS, SharedPort
+from .tcp_port import is_socket
 from .wire import Frame, FrameDecoder, encode
 
 if TYPE_CHECKING:

@@ -154,7 +154,7 @@ def talking(device: str | None, axes: "Axes | None" = None) -> "Iterator[Client]
     """Yield a client that has greeted the device, or the only board. axes: for its texts."""
     from ..client import port_finder
     from ..client.client import RequestRefused, WrongPort
-    from ..client.open_port import is_socket
+    from ..client.tcp_port import is_socket
 
     url = device or port_finder.protocol_port()
     if device and not is_socket(device) and port_finder.is_repl(device):
@@ -181,7 +181,8 @@ def _greeted(url: str) -> "Client":
     port."""
     from ..client import shared_port
     from ..client.client import BrokenOff, Client, NoAnswer
-    from ..client.open_port import PortBusy, is_socket
+    from ..client.open_port import PortBusy
+    from ..client.tcp_port import is_socket
 
     # The program behind a socket closes a second connection, and may not notice it.
     if is_socket(url) and (client := _through(url)):

@@ -93,7 +93,7 @@ def _repl_of(url: str) -> str | None:
     """Return the REPL's port of the board with this port, or None if the system does not know
     it."""
     from ..client import port_finder
-    from ..client.open_port import is_socket
+    from ..client.tcp_port import is_socket
 
     if is_socket(url):
         return None

@@ -71,7 +71,7 @@ def _columns(given: list[str] | None) -> dict[str, str]:
 
 def _camera(given: list[str] | None) -> dict[str, Any]:
     """Return values of keys of [camera] as TOML has them, or as text."""
-    from ..move.axes_file import tomllib
+    from ..move.axes_file import toml_value
     from ..move.camera_rig import KEYS
 
     found: dict[str, Any] = {}
@@ -83,9 +83,9 @@ def _camera(given: list[str] | None) -> dict[str, Any]:
             )
         for written in (value, f"[{value}]", f'"{value}"'):
             try:
-                taken: Any = tomllib.loads(f"value = {written}")["value"]
+                taken = toml_value(written)
                 break
-            except tomllib.TOMLDecodeError:
+            except ValueError:
                 continue
         else:
             continue

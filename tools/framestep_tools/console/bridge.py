@@ -21,8 +21,9 @@ from typing import Any
 from framestep.protocol import messages
 
 from ..client.client import BrokenOff
-from ..client.open_port import close_port, is_socket
+from ..client.open_port import close_port
 from ..client.shared_port import STOPS, SharedPort
+from ..client.tcp_port import is_socket
 from ..client.wire import Frame, FrameDecoder, encode
 from ..payloads import REQUESTS, Ack, MotorStatus, MotorStopAll, Payload, Status
 

@@ -48,7 +48,7 @@ def _close_up(reference: Reference, motor: int, frames: np.ndarray) -> float:
     return float(np.round(begin / LINEAR_GRID_S) * LINEAR_GRID_S)
 
 
-def draw(move: Move, out: str | os.PathLike, fps_milli: int = FPS_MILLI) -> None:
+def draw(move: Move, out: str | os.PathLike[str], fps_milli: int = FPS_MILLI) -> None:
     """Draw the picture of a move as SVG."""
     import matplotlib
 

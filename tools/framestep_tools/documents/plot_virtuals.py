@@ -322,7 +322,7 @@ def _head(axes: Any, kind: int) -> None:
     axes.set_ylim(-360, 500)
 
 
-def draw(kind: int, out: str | os.PathLike) -> None:
+def draw(kind: int, out: str | os.PathLike[str]) -> None:
     """Draw a type as SVG. The same source makes the same file, byte for byte."""
     import matplotlib
 

@@ -17,7 +17,7 @@ def plot_move(
     verdict: Verdict,
     uploaded: Mapping[int, Sequence[int]],
     names: Mapping[int, str],
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
 ):
     """Draw position, velocity and step-timing error of each motor over the run, as a PNG."""
     import matplotlib
@@ -68,7 +68,7 @@ def plot_move(
     plt.close(figure)
 
 
-def plot_trace(trace: Trace, path: str | os.PathLike) -> None:
+def plot_trace(trace: Trace, path: str | os.PathLike[str]) -> None:
     """Draw each motor's position and velocity and the levels of all other pins, over the whole
     trace.
 

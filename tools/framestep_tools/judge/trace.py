@@ -129,7 +129,7 @@ class PinDecoder:
 # ---- CSV -----------------------------------------------------------------------------------------
 
 
-def _created(path: str | os.PathLike) -> TextIO:
+def _created(path: str | os.PathLike[str]) -> TextIO:
     try:
         return open(path, "w")
     except OSError as error:
@@ -139,7 +139,7 @@ def _created(path: str | os.PathLike) -> TextIO:
 class TraceWriter:
     """Writes a trace as it happens. Until `release`, edges may come in any order."""
 
-    def __init__(self, file: str | os.PathLike | TextIO):
+    def __init__(self, file: str | os.PathLike[str] | TextIO):
         self.file: TextIO = _created(file) if isinstance(file, str | os.PathLike) else file
         self.written = 0
         self._heap: list[tuple[int, int, str, int]] = []
@@ -231,7 +231,7 @@ class Trace:
         return cls(signals)
 
     @classmethod
-    def read(cls, path: str | os.PathLike) -> "Trace":
+    def read(cls, path: str | os.PathLike[str]) -> "Trace":
         """Read a CSV file. Raises TraceError if it is not a trace."""
         with open(path) as file:
             header = file.readline().strip()

@@ -10,12 +10,12 @@ from .rig_axes import FILE, Axes
 from .text_file import Text, listed, read_text
 
 
-def read_any(path: str | os.PathLike, axes: Axes, fps: float | None = None) -> Move:
+def read_any(path: str | os.PathLike[str], axes: Axes, fps: float | None = None) -> Move:
     """Read a move. fps: frames per second, for a file in seconds. Raises ToolError."""
     return any_of(read_text(path), path, axes, fps)
 
 
-def any_of(read: Text, path: str | os.PathLike, axes: Axes, fps: float | None = None) -> Move:
+def any_of(read: Text, path: str | os.PathLike[str], axes: Axes, fps: float | None = None) -> Move:
     """Return the move in a file's text, as `read_any` does. path: for errors."""
     refuse_others(read.text, str(path))
     if is_in_steps(read.text):

@@ -142,7 +142,7 @@ KEYS: dict[str, tuple[str, Callable[[Any], bool]]] = {
 _NEEDED = [field.name for field in fields(Axis)][:3]
 
 
-def read_axes(path: str | os.PathLike, every_motor: bool = False) -> list[Axis]:
+def read_axes(path: str | os.PathLike[str], every_motor: bool = False) -> list[Axis]:
     """Read the axes, in the order of their motors.
 
     every_motor: each motor from 1 on needs an axis. Raises AxesFileError, with the key and what is
@@ -151,7 +151,7 @@ def read_axes(path: str | os.PathLike, every_motor: bool = False) -> list[Axis]:
     return axes_of(axes_text(path), path, every_motor)
 
 
-def axes_text(path: str | os.PathLike) -> str:
+def axes_text(path: str | os.PathLike[str]) -> str:
     """Return the text of an axes.toml. Raises AxesFileError."""
     try:
         text, said = read_text(path, "the axes")
@@ -162,7 +162,7 @@ def axes_text(path: str | os.PathLike) -> str:
     return text
 
 
-def axes_of(text: str, path: str | os.PathLike, every_motor: bool = False) -> list[Axis]:
+def axes_of(text: str, path: str | os.PathLike[str], every_motor: bool = False) -> list[Axis]:
     """Return the axes in the text of a file, as `read_axes` does. path: for errors."""
     content = _content(text, path)
     found = content.get("axis", [])
@@ -188,12 +188,17 @@ def axes_of(text: str, path: str | os.PathLike, every_motor: bool = False) -> li
     return axes
 
 
-def camera_of(text: str, path: str | os.PathLike) -> Any:
+def camera_of(text: str, path: str | os.PathLike[str]) -> Any:
     """Return [camera] in the text of a file, which camera_rig.py reads, or None."""
     return _content(text, path).get("camera")
 
 
-def _content(text: str, path: str | os.PathLike) -> dict[str, Any]:
+def toml_value(written: str) -> Any:
+    """Return the value that TOML has in this text. Raises ValueError."""
+    return tomllib.loads(f"value = {written}")["value"]
+
+
+def _content(text: str, path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -11,7 +11,7 @@ _SAMPLES = 4000
 _MEAN_OF_FRAMES = 3  # the acceleration of a path through whole steps looks like noise
 
 
-def plot(found: MoveVerdict, path: str | os.PathLike) -> None:
+def plot(found: MoveVerdict, path: str | os.PathLike[str]) -> None:
     """Draw position, velocity and acceleration of each motor over the run, with its limits.
 
     The file's ending decides the format: png, svg, pdf.

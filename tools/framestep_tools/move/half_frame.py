@@ -27,7 +27,7 @@ def ends(steps: Sequence[int], index: int) -> tuple[int, int]:
     return int(steps[index]) + early, int(steps[index]) + late
 
 
-def _window(steps: Sequence[int], index: int) -> array:
+def _window(steps: Sequence[int], index: int) -> "array[int]":
     """Return the five positions around a frame. Beyond the ends the end positions repeat."""
     last = len(steps) - 1
     window = array("i", [0] * path.WINDOW_WORDS)

@@ -40,7 +40,7 @@ class Refused(Exception):
     """The firmware has returned a code other than 0, the argument."""
 
 
-def put(r, to: int, value: float) -> None:
+def put(r: "array[int]", to: int, value: float) -> None:
     """Set r[to] to the nearest number that a register can hold."""
     mantissa, exponent = math.frexp(value)
     m = round(mantissa * 2**30)

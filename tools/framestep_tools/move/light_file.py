@@ -90,7 +90,7 @@ class Lights:
             yield RtUploadMoveTriggers(mask, triggers[at : at + _PER_MESSAGE])
 
 
-def read_lights(path: str | os.PathLike) -> Lights:
+def read_lights(path: str | os.PathLike[str]) -> Lights:
     """Read a table of lights. Raises MoveFileError, with the line, for a mistake."""
     read = read_text(path, "the lights")
     table, (frames, *columns) = frames_of(read, path, "<channel>,output <number>…")

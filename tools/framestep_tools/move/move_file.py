@@ -64,7 +64,7 @@ def or_example(path: Path) -> Path:
     return example if path.name == str(path) and not path.exists() and example.exists() else path
 
 
-def read_move(path: str | os.PathLike = CAMERA_MOVE, axes: "Axes | None" = None) -> Move:
+def read_move(path: str | os.PathLike[str] = CAMERA_MOVE, axes: "Axes | None" = None) -> Move:
     """Read a move. Raises MoveFileError, with the line, if the file is missing or wrong.
 
     axes: whose names head its columns (headings.py). Variants that spreadsheets write are accepted:
@@ -73,7 +73,7 @@ def read_move(path: str | os.PathLike = CAMERA_MOVE, axes: "Axes | None" = None)
     return move_of(read_text(path), path, axes)
 
 
-def move_of(read: Text, path: str | os.PathLike, axes: "Axes | None" = None) -> Move:
+def move_of(read: Text, path: str | os.PathLike[str], axes: "Axes | None" = None) -> Move:
     """Return the move in a file's text, as `read_move` does. path: for errors."""
     from .headings import columns_of
     from .rig_axes import Axes
@@ -84,7 +84,9 @@ def move_of(read: Text, path: str | os.PathLike, axes: "Axes | None" = None) -> 
     return Move(frames[0], columns.names, positions, table.fps, read.said, columns.counted)
 
 
-def frames_of(read: Text, path: str | os.PathLike, columns: str) -> tuple[Table, list[list[int]]]:
+def frames_of(
+    read: Text, path: str | os.PathLike[str], columns: str
+) -> tuple[Table, list[list[int]]]:
     """Return a table with a line for each frame, and the whole numbers of its columns, frames
     first. Raises MoveFileError, with the line.
 
@@ -185,7 +187,7 @@ def _no_whole(cell: str, name: str, where: str) -> MoveFileError:
     return MoveFileError(f"{where}: expected a whole number for {name}, found {shown([cell])}")
 
 
-def write_move(path: str | os.PathLike, move: Move) -> None:
+def write_move(path: str | os.PathLike[str], move: Move) -> None:
     """Write a move for `read_move`. Raises MoveFileError.
 
     A column that is not at its motor's place is headed by the motor, which holds without axes.toml.

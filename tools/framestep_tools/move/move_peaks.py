@@ -3,6 +3,7 @@
 They come from the coefficients of its cubics, so no peak is missed between two samples.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -53,7 +54,9 @@ def peaks(path: Reference, motor: int) -> Peaks:
         turns = [within((-c[2] + root) / (3 * c[3])), within((-c[2] - root) / (3 * c[3])), straight]
     ends = [np.zeros(len(span)), span]
 
-    def at(times: list[np.ndarray], value) -> tuple[np.ndarray, np.ndarray]:
+    def at(
+        times: list[np.ndarray], value: Callable[[np.ndarray], np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return values at times relative to the pieces' starts, and the absolute times."""
         return (
             np.concatenate([value(x) for x in times]),

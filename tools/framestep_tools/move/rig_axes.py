@@ -67,7 +67,7 @@ def load(given: Path | None = None, every_motor: bool = False) -> "Axes":
     return of_text(axes_text(path), path, every_motor) if path else Axes()
 
 
-def of_text(text: str, path: str | os.PathLike, every_motor: bool = False) -> "Axes":
+def of_text(text: str, path: str | os.PathLike[str], every_motor: bool = False) -> "Axes":
     """Return the axes in the text of a file, as `axes_of` reads it. path: for errors."""
     return Axes(axes_of(text, path, every_motor), path, camera_of(text, path))
 
@@ -81,7 +81,7 @@ class Axes:
     def __init__(
         self,
         axes: Iterable[Axis] = (),
-        path: str | os.PathLike | None = None,
+        path: str | os.PathLike[str] | None = None,
         camera: Any = None,
     ):
         """camera: [camera], as the file has it."""

@@ -43,7 +43,7 @@ class Text(NamedTuple):
     said: tuple[str, ...] = ()
 
 
-def read_text(path: str | os.PathLike, what: str = "the move") -> Text:
+def read_text(path: str | os.PathLike[str], what: str = "the move") -> Text:
     """Read a text of any usual encoding. Raises MoveFileError. what: kind of the file, for errors.
 
     A byte order mark names the encoding. Without one it is UTF-8, or else Latin-1.
@@ -91,7 +91,7 @@ def decoded(data: bytes, failed: str) -> Text:
     return Text(text, said)
 
 
-def write_text(path: str | os.PathLike, text: str) -> None:
+def write_text(path: str | os.PathLike[str], text: str) -> None:
     """Write a move's file completely or not at all. Raises MoveFileError.
 
     A path that is not a file, such as /dev/stdout, is written to and not replaced.

@@ -21,7 +21,7 @@ class ChainError(ToolError):
     """A record of played words is invalid."""
 
 
-def played(path: str | os.PathLike) -> list[tuple[int, bytes]]:
+def played(path: str | os.PathLike[str]) -> list[tuple[int, bytes]]:
     """Read the DMA buffers in a record of the simulated chip (tools/micropython/esp32/i2s.c): the
     time in ns at which each began to play, and its bytes. Raises ChainError if it is cut off."""
     with open(path, "rb") as file:
