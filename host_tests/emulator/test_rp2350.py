@@ -66,6 +66,77 @@ def test_python(emulator):
     assert int(second) in (19, 20, 21)
 
 
+PARTS = """
+import machine, rp2
+from machine import Pin, mem32
+spi = machine.SPI(0, 1_000_000, sck=Pin(18), mosi=Pin(19), miso=Pin(16))
+received = bytearray(b"x" * 40)
+spi.write_readinto(bytes(range(40)), received)
+print(received == bytes(40))
+print(machine.I2C(0, sda=Pin(4), scl=Pin(5)).scan())
+"""
+
+
+def test_spi_and_i2c_end_their_transfers_with_nothing_connected(emulator):
+    board = emulator(firmware=images.frozen("pico2"))
+    assert board.repl().exec(PARTS).split() == ["True", "[]"]
+
+
+REGISTERS = """
+import rp2
+from machine import mem32
+@rp2.asm_pio()
+def idle():
+    nop()
+PIO = 0x50300000  # a block that framestep's motors leave free in this rig
+machine = rp2.StateMachine(7, idle, freq=1_000_000)
+SM, ENTRIES = PIO + 0xc8 + 3 * 0x18, PIO + 0x128 + 3 * 16
+def run(word):
+    mem32[SM + 0x10] = word
+mem32[SM + 8] = 0x8000  # FJOIN_RX_PUT
+machine.exec("set(y, 2)")
+machine.exec("set(x, 21)")
+machine.exec("mov(isr, x)")
+run(0x8010)  # mov rxfifo[y], isr
+run(0x8019)  # mov rxfifo[1], isr
+print([mem32[ENTRIES + 4 * i] for i in range(4)])
+mem32[SM + 8] = 0x4000  # FJOIN_RX_GET
+mem32[ENTRIES + 12] = 77
+run(0x809b)  # mov osr, rxfifo[3]
+machine.exec("mov(y, osr)")
+mem32[SM + 8] = 0xc0000
+machine.exec("mov(isr, y)")
+machine.exec("push()")
+print(machine.get())
+"""
+
+
+def test_a_machines_fifo_as_registers(emulator):
+    board = emulator(firmware=images.frozen("pico2"))
+    assert board.repl().exec(REGISTERS).splitlines() == ["[0, 21, 21, 0]", "77"]
+
+
+SLICES = """
+import machine, time
+from machine import Pin, PWM, mem32
+PWM_BASE = 0x400a8000
+pin = PWM(Pin(2), freq=1000, duty_u16=32768)
+TENTH = PWM_BASE + 10 * 0x14
+mem32[TENTH + 4] = 150 << 4  # a million counts a second
+mem32[TENTH + 16] = 9_999
+mem32[PWM_BASE + 0xf0] |= 1 << 10
+time.sleep_ms(25)
+print(mem32[PWM_BASE + 0xf4] & 1 << 10 != 0, pin.freq())
+mem32[PWM_BASE + 0xf4] = 1 << 10
+print(mem32[PWM_BASE + 0xf4] & 1 << 10, mem32[PWM_BASE + 0xf0] >> 8 & 15)
+"""
+
+
+def test_slices_without_pins_count_and_wrap(emulator):
+    board = emulator(firmware=images.frozen("pico2"))
+    assert board.repl().exec(SLICES).splitlines() == ["True 1000", "0 4"]
+
+
 LIMITED = """
 import micropython
 @micropython.asm_thumb
