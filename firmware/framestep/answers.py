@@ -1,10 +1,11 @@
-"""Answers to questions for status, positions and HI as soon as they have come, between two passes.
+"""Answers to questions for status, positions and HI as soon as they have come, between two passes
+and between the pieces of one.
 
-The port calls answer() from within MicroPython's USB task. So this is a kernel: nothing can end it,
-and it allocates nothing. It is one piece, because each call and each name takes as long as a good
-part of it. It reads the same state as the handlers of controller.py, so it gives the same answers
-(host_tests/end_to_end/hosts/test_at_once.py). What it could not answer without a change of that
-state, and whatever comes after a request that waits, is left to the next pass.
+The port calls answer() also from within MicroPython's USB task. So this is a kernel: nothing can
+end it, and it allocates nothing. It is one piece, because each call and each name takes as long as
+a good part of it. It reads the same state as the handlers of controller.py, so it gives the same
+answers (host_tests/end_to_end/hosts/test_at_once.py). What it could not answer without a change of
+that state, and whatever comes after a request that waits, is left to the next pass.
 """
 
 from array import array
@@ -12,8 +13,14 @@ from array import array
 from framestep.base.native import addressof, as_word, const, micropython, ptr8, ptr32
 from framestep.hal import QUESTION
 from framestep.io.lights import RAMPING
-from framestep.motors.samples import pick, tick_of
-from framestep.moves.state_machine import ENDING, LEAVING, POSITIONING, RUNNING
+from framestep.motors.samples import choose
+from framestep.moves.state_machine import (
+    ENDING,
+    LEAVING,
+    POSITIONING,
+    RUNNING,
+    fetch_positions,
+)
 from framestep.protocol import messages as m
 from framestep.protocol.frames import END, FILL, NEXT, TAKE
 from framestep.pulse import stepper
@@ -74,6 +81,7 @@ def answer(controller, questions, at: int, to: ptr8) -> int:
     if (
         state == POSITIONING
         or state == ENDING
+        or operations.rt_end_due  # it goes out first
         or int(controller.openings) != int(controller.port.openings)
     ):
         return 0
@@ -109,34 +117,33 @@ def answer(controller, questions, at: int, to: ptr8) -> int:
         to[14] = 1 if x[RAMPING] else 0
         size = 15
     elif kind == m.MSG_MOTOR_GET_POSITION:
+        sent = int(operations.sent)
+        if state != RUNNING and sent and moving & sent == 0:
+            return 0  # they have come to rest on a frame
+        operation = operations.operation
+        if state == RUNNING and not operation.at_once:
+            return 0
         axes = controller.axes
-        samples = axes.samples
-        row = int(pick(axes.kernel.state, samples))
+        reported = axes.reported
+        tick = int(choose(axes.kernel.state, axes.samples, reported))
+        time = int(operations.move_time)
         if state == RUNNING:
-            operation = operations.operation
-            if not operation.at_once:
-                return 0
             operations.reported_frame = -1
-            time = int(operation.play_head(int(tick_of(axes.kernel.state, samples, row)), 0))
-            if int(operations.reported_frame) >= 0:
-                return 0  # with the positions uploaded for it
-        else:
-            sent = int(operations.sent)
-            if sent and moving & sent == 0:
-                return 0  # they have come to rest on a frame
-            time = int(operations.move_time)
-        if row < 0:
-            row = 0 - row
-        out = ptr32(samples)
+            time = int(operation.play_head(tick, 0))
+            index = int(operations.reported_frame)
+            if index >= 0:
+                fetch_positions(operations.store, int(operation.bits), index, reported)
+        out = ptr32(reported)
         to[10] = time & 0xFF
         to[11] = (time >> 8) & 0xFF
         to[12] = (time >> 16) & 0xFF
         to[13] = (time >> 24) & 0xFF
+        row = 0
         size = 14
         while bit > 1:
             bit >>= 1
-            row += 1
             load = out[row + 0]
+            row += 1
             to[size + 0] = load & 0xFF
             to[size + 1] = (load >> 8) & 0xFF
             to[size + 2] = (load >> 16) & 0xFF

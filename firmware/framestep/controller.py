@@ -15,7 +15,14 @@ from framestep.motors.axes import Axes
 from framestep.motors.requests import Motors
 from framestep.motors.samples import sample
 from framestep.moves.requests import Moves
-from framestep.moves.state_machine import ENDING, LEAVING, POSITIONING, READY, RUNNING
+from framestep.moves.state_machine import (
+    ENDING,
+    LEAVING,
+    POSITIONING,
+    READY,
+    RUNNING,
+    STARTING,
+)
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
 from framestep.pulse import stepper
@@ -23,6 +30,7 @@ from framestep.reports import Reports
 from framestep.stops import FaultLog, Stops
 
 _HOUSEKEEP_MS = const(4)  # between two passes with a complete _housekeep()
+_START_MS = const(8)  # after GO no pass does it, unless the start takes longer
 # After any activity _ACTIVE_PASSES less _IDLE_EVERY calls of _housekeep() do all of it; when idle,
 # only one call in _IDLE_EVERY does.
 _ACTIVE_PASSES = const(12)
@@ -275,7 +283,12 @@ class Controller:
             # A report and a piece of planning would be too much for one pass, so they take turns.
             self.reported = self.planning = True
             self._housekeep(now, False, news)
-        elif news or elapsed(now, self.housekept_at) >= _HOUSEKEEP_MS and not self.reported:
+        elif news or (
+            elapsed(now, self.housekept_at) >= _HOUSEKEEP_MS
+            and not self.reported
+            # A start would come a tick later, about one in thirty.
+            and (self.operations.state != STARTING or elapsed(now, self.heard_at) > _START_MS)
+        ):
             self.reported = False
             self.housekept_at = now
             self._housekeep(now, True, news)
@@ -343,6 +356,7 @@ class Controller:
         planned = self.virtuals.poll(now)
         if self.next_shot:
             self.next_shot.poll()
+        self.port.glance()
         if self.moves.poll():
             planned = True
         self.planning = self.axes.feed(planned) or planned

@@ -68,7 +68,8 @@ def test_what_the_largest_pass_takes(session, at_once, trace):
     """From the prompt on, including everything on top of it; also with questions answered at
     once."""
     repl = session.repl
-    repl.exec(trace)
+    if trace:
+        repl.exec(trace)
     prompt = repl.eval("__import__('micropython').stack_use()")
     repl.exec(LOW)
     if not at_once:

@@ -37,8 +37,12 @@ class Rig:
         for i in range(motors):
             self.kernel.configure(i, self.stream.fifo(i), width, SETUP, i % 2 == 1)
         self.chain = Chain(self.stream, self.kernel, steps, buffers, 16, 17, 21)
+        self.port = self
         self.axes = Axes(self)
         self.target = array("i", [0, 0])
+
+    def glance(self):
+        """As a port: no questions come."""
 
     def irq_off(self):
         return 0

@@ -45,8 +45,15 @@ WITHOUT = {
     "host.py:HostHal": {"engine", "inside", "passes", "pass_callback"},
     "host.py:HostPort": {"stop"},
     "ports/usb_port.py:UsbPort": {"stop"},
-    "esp32/port.py:UartPort": {"start", "send", "open", "openings", "answer"},  # StdinPort's
-    "esp32/usb_port.py:OwnPort": {"send", "open", "openings", "answer"},  # UsbPort's
+    "esp32/port.py:UartPort": {
+        "start",
+        "send",
+        "open",
+        "openings",
+        "answer",
+        "glance",
+    },  # StdinPort's
+    "esp32/usb_port.py:OwnPort": {"send", "open", "openings", "answer", "glance"},  # UsbPort's
 }
 # Names by which the other layers call each kind: the part before the dot
 CALLED = {

@@ -94,6 +94,7 @@ class Bench:
     def __init__(
         self, motors=1, width=0, setup=625, invert=False, offset_us=0, jitter_us=3.0, seed=1, hold=0
     ):
+        self.port = self
         self.now = 0
         self.offset_us = offset_us
         self.jitter_us = jitter_us
@@ -110,6 +111,9 @@ class Bench:
         self.holes = []
         self.calls = 0
         self.after_tick = []  # functions called after each interrupt
+
+    def glance(self):
+        """As a port: no questions come."""
 
     def irq_off(self):
         return 0

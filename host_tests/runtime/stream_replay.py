@@ -48,9 +48,13 @@ class Rig:
         for i in range(motors):
             self.kernel.configure(i, self.stream.fifo(i), width, SETUP, i % 2 == 1)
         self.stream.attach(self.kernel, AHEAD)
+        self.port = self
         self.axes = Axes(self)
         self.target = array("i", [0, 0])
         self.painted = array("i", [0] * (1 + LONGEST * WORDS))
+
+    def glance(self):
+        """As a port: no questions come."""
 
     def irq_off(self):
         return 0

@@ -189,6 +189,11 @@ class Port:
         """Pass received bytes to reader.feed(buffer, start, count). Return how many it took."""
         raise NotImplementedError
 
+    def glance(self):
+        """Answer a question that has come since the pass began. Called by pieces of a pass where
+        nothing is half done."""
+        raise NotImplementedError
+
     def send(self, writer):
         """Begin to send what writer.take(buffer, limit) provides. Never waits.
 

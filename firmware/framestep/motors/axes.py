@@ -101,6 +101,7 @@ class Axes:
                 state[stepper.SHALLOWEST] = queued(axis.block, 1, state[stepper.SHALLOWEST])
             tail = axis.block[stepper.WRITE_INDEX]
             axis.feed(min((found & 31) + AHEAD, MOST_SEGMENTS) if left > 0 else LOW)
+            self.hal.port.glance()
             left -= ((axis.block[stepper.WRITE_INDEX] - tail) & ALL_BITS) + _CALL
         for backlash in self.with_backlash:
             backlash.refresh()

@@ -76,9 +76,11 @@ def sample(m: ptr32, out: ptr32) -> int:
 
 
 @micropython.viper
-def pick(header, words) -> int:
-    """Return the index of the row to report: the newest whose pulses have been made. Negative if
-    all motors are at rest; then the last pulses are out."""
+def choose(header, words, reported: ptr32) -> int:
+    """reported = the loads' positions after the pulses made so far, from the samples kept.
+
+    Return the tick (modulo 2^29) of the last of these pulses.
+    """
     h = ptr32(header)
     running = 0
     a = h[sw.FIRST]
@@ -86,40 +88,23 @@ def pick(header, words) -> int:
         m = ptr32(a)
         a = m[sw.NEXT]
         running |= m[sw.MODE]
-    out = ptr32(words)
     if running == 0:
-        sample(header, words)
-        return 0 - out[_NEWEST]
-    i = out[_NEWEST]
-    age = elapsed(h[sw.TICKS], out[i + 0])
-    while age <= h[sw.BEHIND]:
-        if i == _ROWS:
-            i = out[_END]
-        i -= out[_ROW]
-        age = elapsed(h[sw.TICKS], out[i + 0])
-    # If the main loop was away for long, the newest one is some ticks ahead of the pins.
-    return out[_NEWEST] if age > _STALE else i
-
-
-@micropython.viper
-def tick_of(header, words, row: int) -> int:
-    """Return the tick (modulo 2^29) of the last pulses in a row that pick() has found."""
-    if row > 0:
-        return ptr32(words)[row]
-    h = ptr32(header)
-    return (h[sw.TICKS] - h[sw.BEHIND] - 1) & WRAP
-
-
-@micropython.viper
-def choose(header, words, reported: ptr32) -> int:
-    """reported = the loads' positions after the pulses made so far, from the samples kept.
-
-    Return the tick (modulo 2^29) of the last of these pulses.
-    """
-    row = int(pick(header, words))
-    tick = int(tick_of(header, words, row))
+        sample(header, words)  # the last pulses are out
     out = ptr32(words)
-    i = row if row > 0 else 0 - row
+    i = out[_NEWEST]
+    tick = (h[sw.TICKS] - h[sw.BEHIND] - 1) & WRAP
+    while running:
+        age = elapsed(h[sw.TICKS], out[i + 0])
+        if age > _STALE:
+            # The main loop was away for long. The newest one is some ticks ahead of the pins.
+            i = out[_NEWEST]
+        elif age <= h[sw.BEHIND]:
+            if i == _ROWS:
+                i = out[_END]
+            i -= out[_ROW]
+            continue
+        tick = out[i + 0]
+        break
     k = 1
     while k < out[_ROW]:
         reported[k - 1] = out[i + k]

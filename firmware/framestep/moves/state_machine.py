@@ -61,7 +61,7 @@ _QUIET = const(100)
 
 
 @micropython.viper
-def _fetch_positions(store, bits: int, index: int, out):
+def fetch_positions(store, bits: int, index: int, out):
     """out[motor] = the uploaded position at frame `index`, for each motor in `bits`."""
     motor = 0
     while bits:
@@ -197,7 +197,7 @@ class OperationRunner:
             self.reported_frame = -1
             time = self.operation.play_head(tick, frame)
             if self.reported_frame >= 0:
-                _fetch_positions(
+                fetch_positions(
                     self.store, self.operation.bits, self.reported_frame, self.axes.reported
                 )
             return time

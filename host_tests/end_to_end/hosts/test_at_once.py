@@ -77,6 +77,49 @@ def test_in_each_state(state):
         assert min(times) > 300, times
 
 
+@pytest.mark.parametrize("state", realtime_answers.STATES)
+def test_within_passes(state):
+    """Wherever a pass lets the port look, an answer is that of the handler at that moment."""
+    session = enter(state)
+    board = session.board._board
+    operations = board.controller.operations
+    found = []
+
+    def glance():
+        if board.controller.writer.pending == 0 and operations.state not in (POSITIONING, ENDING):
+            found.append(same_answers(session))
+
+    board.hal.port.glance = glance
+    for _ in range(40):
+        board.run_until(board.now_ns + 5_000_000)
+        board.transmit()
+    if state not in ("way", "back", "stop"):
+        assert sum(MotorStatus.TYPE in each for each in found) > 8
+
+
+def test_rt_end_comes_before_a_status_that_nothing_moves():
+    """Also if the question is answered within the pass that ends the run."""
+    session = loaded()
+    session.speed(1, 20_000, 50_000)
+    session.ready(run_request(24, 1, 3, pre=0, post=0))
+    session.accept(p.RtGo())
+    board = session.board._board
+    idle = []
+
+    def glance():
+        answer = at_once(session, MotorStatus(), 1)
+        if answer and not any(answer[10:14]):
+            idle.append(board.transmit())
+
+    board.hal.port.glance = glance
+    sent = b""
+    while not idle:
+        sent += board.transmit()
+        board.run_until(board.now_ns + 1_000_000)
+    ended = encode(p.RtEnd.TYPE, b"", 0)
+    assert ended in sent + idle[0]
+
+
 @pytest.mark.parametrize("fps", [1, 23.976, 25, 60])
 def test_move_time_in_a_run(fps):
     """Also at frames and between them, at the end, and on the way back."""

@@ -61,10 +61,14 @@ class Hal:
     def __init__(self):
         steps = [1 << 2 * i for i in range(MOTORS)]
         stream = Stream(steps, [2 << 2 * i for i in range(MOTORS)])
+        self.port = self
         self.kernel = StepKernel(MOTORS, CYCLES, stream.clock)
         for i in range(MOTORS):
             self.kernel.configure(i, stream.fifo(i), 0, SETUP, False)
         self.chain = Chain(stream, self.kernel, steps, BUFFERS, 0, 0, 0)
+
+    def glance(self):
+        """As a port: no questions come."""
 
     def irq_off(self):
         return 0

@@ -348,6 +348,9 @@ class StdinPort:
 
     # ------------------------------------------------------------ out
 
+    def glance(self):
+        pass
+
     def send(self, writer):
         """Send what `writer.take(buffer, limit) -> count` provides, as far as there is room. Never
         waits.

@@ -38,6 +38,7 @@ from framestep.hal.ports.usb_transfers import (
     LEFT,
     LIVE,
     LOOK,
+    MARK_0,
     MEMORY,
     NEXT,
     NO,
@@ -315,7 +316,7 @@ class UsbPort:
             else:
                 s[SENDING] = 0
         if s[SENDING] == 0:
-            kind = s[HELD]
+            kind = s[HELD] | s[AT]
             if s[TAKE] != s[FILL]:
                 frame = ptr8(s[RX] + (s[TAKE] & 1) * PLACE + s[AT])
                 if frame[7] == 0 and (
@@ -406,6 +407,23 @@ class UsbPort:
                 pass
         return 0
 
+    @micropython.viper
+    def glance(self):
+        """Answer a question that has come since the pass began, where the pass has nothing half
+        done.
+
+        MicroPython's USB task does not run during a pass, but the packet is there, and its length
+        is known to the chip.
+        """
+        s = ptr32(self._state)
+        if s[ARMED] == 0 or s[TAKE] != s[FILL] or s[AT] | s[SENDING] | s[STALE]:
+            return
+        at = (s[FILL] & 1) * PLACE
+        if ptr32(s[RX] + at)[0] == MARK_0:
+            return
+        if chip and self.answer and self.open and int(chip.arrived(s[EP_OUT])) == QUESTION:
+            _reply(self, at)
+
     # ------------------------------------------------------------ openings and closings
 
     def _heard(self):
@@ -475,18 +493,26 @@ def _at_once(port):
     if s[SENDING] or s[TAKE] == s[FILL] or not port.open:
         return
     place = s[TAKE] & 1
-    at = place * PLACE + s[AT]
-    end = place * PLACE + s[END + place]
-    if end - at < QUESTION:
-        return
+    at = s[AT]
+    if at < s[END + place]:
+        if s[END + place] - at < QUESTION or int(_reply(port, place * PLACE + at)) == 0:
+            return
+        at += QUESTION
+    if at == s[END + place]:  # perhaps it was answered by glance()
+        s[AT] = 0
+        s[TAKE] = (s[TAKE] + 1) & 3
+        if not s[ARMED] and s[LIVE]:
+            arm(port)
+
+
+@micropython.viper
+def _reply(port, at: int) -> int:
+    """Answer the question at this offset in the slots. Return 0 if it is left to the next pass."""
     count = int(port.answer(port._rx, at, port._tx))
     if count:
+        s = ptr32(port._state)
         s[AT] = s[AT] + QUESTION
-        if at + QUESTION == end:
-            s[AT] = 0
-            s[TAKE] = (s[TAKE] + 1) & 3
-            if not s[ARMED] and s[LIVE]:
-                arm(port)
         s[LEFT] = count
         s[NEXT] = s[TX]
         send_packet(port)
+    return count

@@ -69,7 +69,7 @@ PLACE = const(1088)  # bytes of a slot, 17 packets: room for the largest frame, 
 OUTGOING = const(256)  # bytes taken from the writer at a time
 
 # The mark: words 0 and 15 of a packet's place. Only a full packet overwrites its last byte.
-_MARK_0 = const(0x1B7E35C9)
+MARK_0 = const(0x1B7E35C9)
 _MARK_15 = const(0x2B951CE7)
 _MARK_LAST = const(0x2B)
 
@@ -140,7 +140,7 @@ def arm(port):
     end = at + s[USED + place]
     while at < end:
         mark = ptr32(at)
-        mark[0] = _MARK_0
+        mark[0] = MARK_0
         mark[15] = _MARK_15
         at += PACKET
     s[END + place] = 0
@@ -168,7 +168,7 @@ def arrived(s: ptr32, look: int) -> int:
     while s[ARMED] and end < PLACE:
         packet = ptr32(s[RX] + (s[FILL] & 1) * PLACE + end)
         if packet[15] >> 24 == _MARK_LAST:
-            if packet[15] == _MARK_15 and packet[0] == _MARK_0:
+            if packet[15] == _MARK_15 and packet[0] == MARK_0:
                 break
             # It is a short packet, so the callback with its length is due; or a full one whose last
             # byte equals the mark's. If there is no callback by the next check, it was full.
@@ -194,7 +194,7 @@ def mark_stale(s: ptr32):
         end = 0
     while s[ARMED] and end < PLACE:
         packet = ptr32(s[RX] + (s[FILL] & 1) * PLACE + end)
-        if packet[15] == _MARK_15 and packet[0] == _MARK_0:
+        if packet[15] == _MARK_15 and packet[0] == MARK_0:
             break
         end += PACKET
     s[STALE] = 1

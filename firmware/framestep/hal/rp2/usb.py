@@ -64,6 +64,14 @@ def packet_waits(endpoint: int) -> bool:
 
 
 @micropython.viper
+def arrived(endpoint: int) -> int:
+    """Return the length of the last packet that came to OUT endpoint number `endpoint`, or -1 if
+    the controller waits for one."""
+    word = ptr32(_BUFFER_CONTROL)[2 * endpoint + 1]
+    return -1 if word & _AVAILABLE else word & _LENGTH
+
+
+@micropython.viper
 def empty_packet(endpoint: int):
     """Make the packet that waits at an IN endpoint an empty one, with the same toggle bit.
 

@@ -57,6 +57,7 @@ def _append_frame(
     last: int,
     duration: int,
     scale: int,
+    port,
 ):
     motor = 0
     own = SPEEDS
@@ -84,6 +85,7 @@ def _append_frame(
             put_aim(axis.phases.words, r, duration, own, FRAME_SPEED, backlash, MOTOR, part)
             ptr32(r)[own] = ptr32(r)[FRAME_SPEED]
             ptr32(r)[own + 1] = ptr32(r)[FRAME_SPEED + 1]
+            port.glance()
         bits >>= 1
         motor += 1
         own += 2
@@ -233,4 +235,5 @@ class UploadPlayer(MoveCheck):
             store.end - store.start,
             duration,
             scale,
+            self.axes.hal.port,
         )
