@@ -92,6 +92,7 @@ def pytest_configure(config):
 # Long tests begin first, so that no processor waits for another one at the end. Other files are
 # ordered by name. The console's tests wait for real time: they are spread among the long ones.
 _FIRST = (
+    "targets/",
     "board/test_flash.py",
     "board/test_image.py",
     "board/",

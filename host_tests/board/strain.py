@@ -29,7 +29,7 @@ from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.judge.virtual_reference import Axis, Rig
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_overlay import edited, ident_of, on_board
-from host_tests.board.timing import LATE_US, MASKED_US, Timing
+from host_tests.observers.timing import LATE_US, MASKED_US, Timing
 
 RUNTIME = Path(__file__).parents[1] / "runtime"
 SCRIPTS = ("session_replay", "virtual_replay", "realtime_replay")

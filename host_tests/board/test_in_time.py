@@ -8,10 +8,10 @@ from framestep.protocol import messages as m
 from framestep_tools import payloads as p
 from framestep_tools.judge.virtual_reference import Axis, Rig
 from framestep_tools.simulator.boards import EmulatedBoard
-from host_tests.board.timing import Timing
 from host_tests.covering import sweep
 from host_tests.end_to_end.session import Session, run_request
 from host_tests.end_to_end.virtual_axes.judging import BOOM_NODAL, XYZ
+from host_tests.observers.timing import Timing
 
 ESTOP, LIMIT = 19, 22
 RIG = {"clock_mhz": 125, "estop": "nc", "limits": [{"high": LIMIT, "contact": "nc"}]}

@@ -12,6 +12,7 @@ from framestep_tools import cli
 from framestep_tools.client.client import Client
 from framestep_tools.payloads import RtPositionFrame
 from framestep_tools.simulator.boards import LockstepPort
+from host_tests import observers
 from host_tests.end_to_end import realtime
 from host_tests.end_to_end.runs.frame_jogs import FRAMES, PATH
 from host_tests.end_to_end.runs.uploaded_runs import MOVE
@@ -45,6 +46,28 @@ def not_replayed(request, replayed):
     yield
     if inside:
         del replayed[count:]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _watches():
+    """Watch the boards of a module's sessions."""
+    observers.watches = []
+    yield
+    observers.watches = None
+
+
+@pytest.fixture(autouse=True)
+def observed(request, _watches):
+    """Judge each session after the test, by what must hold in every scenario."""
+    yield
+    node = request.node
+    inside = node.get_closest_marker("inside") is not None
+    provoked = {kind for mark in request.node.iter_markers("provokes") for kind in mark.args}
+    for watch in observers.watches:
+        if inside:
+            watch.end()
+        elif (found := watch.settle()) and found.kind not in provoked:
+            raise found
 
 
 @pytest.fixture

@@ -32,6 +32,7 @@ from framestep_tools.payloads import (
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 from framestep_tools.traffic.log import DEVICE, HOST, LogWriter, Recorder
 from framestep_tools.traffic.sniffer import describe_entry
+from host_tests import observers
 
 DIALECTS = ("spec", "dmc-lite")
 SETTLE_S = 0.05  # from the last report to the last edges
@@ -97,6 +98,7 @@ class Session:
         self.board = board
         self.motors = motors
         self.reply_s = reply_s
+        observers.begin(board)
         self.port = _LoggedPort(board)
         _ports.add(self.port)
         self.client = Client(self.port)

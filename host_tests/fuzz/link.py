@@ -46,7 +46,7 @@ class Request:
 
     @property
     def motor(self):
-        return self.payload[0] - 1
+        return self.payload[0] - 1 if self.payload else -1
 
     @property
     def moves(self):

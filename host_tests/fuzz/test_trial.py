@@ -43,6 +43,7 @@ from .sessions import (
     stopped,
     stopped_alone,
 )
+from .trial import Trial
 
 SCRIPTS = Path(__file__).parent / "scripts"
 
@@ -287,8 +288,8 @@ def couple_apart(monkeypatch):
 
     original = Host.__init__
 
-    def init(self, *args):
-        original(self, *args)
+    def init(self, *args, **more):
+        original(self, *args, **more)
         first["edges"] = self.trial.motors[1].edges
 
     monkeypatch.setattr(Host, "__init__", init)
@@ -341,42 +342,47 @@ def falls_short(monkeypatch):
     monkeypatch.setattr(Axis, "clamp", wrong)
 
 
-@pytest.mark.parametrize(
-    "fault, session, kind",
-    [
-        (falls_short, moves, "goal"),
-        (faster, moves, "velocity"),
-        (steeper, moves, "acceleration"),
-        (jerkier, moves, "jerk"),
-        (harder_stop, stopped, "acceleration"),
-        (past_the_limit, limited, "limits|acceleration"),
-        (reported_wrong, moves, "positions"),
-        (reported_ahead, moves, "pins"),
-        (rests_too_soon, moves, "goal|quiet"),
-        (never_rests, stopped, "quiet|no-rest"),
-        (steps_off, run, "frames|acceleration|velocity"),
-        (one_step_off, slow, "frames"),
-        (ends_twice, run, "rt-end"),
-        (never_ends, run, "rt-end"),
-        (false_fault, stopped, "fault"),
-        (silent, pressed, "unanswered"),
-        (answers_twice, moves, "answers"),
-        (outputs_left_on, outputs_on, "outputs"),
-        (estop_ignored, pressed, "estop"),
-        (couple_apart, coupled, "coupled"),
-        (noise, moves, "bytes"),
-        (breaks_off, limited, "exception"),
-        (stop_ignored, stopped_alone, "stop"),
-        (jogs_forgotten, jogs_beside, "jog"),
-        (begins_in_motion, prepared_in_motion, "taken"),
-    ],
+# a fault, a session, what is found
+RULES = (
+    (falls_short, moves, "goal"),
+    (faster, moves, "velocity"),
+    (steeper, moves, "acceleration"),
+    (jerkier, moves, "jerk"),
+    (harder_stop, stopped, "acceleration"),
+    (past_the_limit, limited, "limits|acceleration"),
+    (reported_wrong, moves, "positions"),
+    (reported_ahead, moves, "pins"),
+    (rests_too_soon, moves, "goal|quiet"),
+    (never_rests, stopped, "quiet|no-rest"),
+    (steps_off, run, "frames|acceleration|velocity"),
+    (one_step_off, slow, "frames"),
+    (ends_twice, run, "rt-end"),
+    (never_ends, run, "rt-end"),
+    (false_fault, stopped, "fault"),
+    (silent, pressed, "unanswered"),
+    (answers_twice, moves, "answers"),
+    (outputs_left_on, outputs_on, "outputs"),
+    (estop_ignored, pressed, "estop"),
+    (couple_apart, coupled, "coupled"),
+    (noise, moves, "bytes"),
+    (breaks_off, limited, "exception"),
+    (stop_ignored, stopped_alone, "stop"),
+    (jogs_forgotten, jogs_beside, "jog"),
+    (begins_in_motion, prepared_in_motion, "taken"),
 )
+
+
+@pytest.mark.parametrize("fault, session, kind", RULES)
 def test_each_rule(fault, session, kind, monkeypatch):
     fault(monkeypatch)
     with pytest.raises(Finding, match=f"^({kind})"):
-        host = Host(
-            {"motor_count": 2, "estop": "no", "motors": [{"jerk": 5 if fault is jerkier else 0}]}
-        )
-        session(host)
-        host.wait(500)
-        host.rest()
+        conduct(fault, session, Trial)
+
+
+def conduct(fault, session, make):
+    """Play a session on two motors. make: see Host."""
+    jerk = 5 if fault is jerkier else 0
+    host = Host({"motor_count": 2, "estop": "no", "motors": [{"jerk": jerk}]}, make=make)
+    session(host)
+    host.wait(500)
+    host.rest()

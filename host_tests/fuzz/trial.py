@@ -55,14 +55,15 @@ KEEPS_GOALS = QUESTIONS | {m.MSG_MOTOR_SET_SPEED, m.MSG_DMX, m.MSG_GIO_OUT, m.MS
 
 
 class Trial:
-    """See above. `script` receives the events; its header names the board and the rig."""
+    """See above. `script` receives the events; its header names the board and the rig, unless there
+    is a player already."""
 
-    def __init__(self, script: Script):
+    def __init__(self, script: Script, player: Any = None):
         self.script = script
-        player: Any = Player
-        if script.board == chip_player.BOARD:
-            player = chip_player.ChipPlayer
-        self.player = player = player(script, self._edge)
+        if player is None:
+            chip = script.board == chip_player.BOARD
+            player = (chip_player.ChipPlayer if chip else Player)(script, self._edge)
+        self.player = player
         self.board = player.board
         self.hal = self.board.hal
         self.rig = self.board.rig

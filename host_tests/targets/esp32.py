@@ -16,6 +16,7 @@ import pytest
 from framestep_tools.building.board_files import board_data
 from framestep_tools.judge.trace import Edge
 from framestep_tools.simulator.esp32_board import Esp32Board
+from host_tests.observers import Tolerances
 from host_tests.targets import FirstLevels
 
 NAME = "esp32_s3_595"
@@ -110,6 +111,10 @@ class Target(Esp32Board):
     @property
     def pending(self) -> int:
         return self.protocol.pending
+
+    @property
+    def shows(self) -> Tolerances:
+        return Tolerances(lag_ms=40, report_s=0.01, earlier_ns=_shift_ns)
 
     def edges(self) -> list[Edge]:
         """Return the edges, with a Pico's names of the general outputs."""

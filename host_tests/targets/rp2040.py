@@ -9,6 +9,7 @@ from framestep.rig import Rig
 from framestep_tools.building.board_files import board_data
 from framestep_tools.judge.trace import Edge
 from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.observers import Tolerances
 from host_tests.targets import FirstLevels
 
 NAME = "pico"
@@ -43,6 +44,8 @@ class Inside:
 
 class Target(EmulatedBoard):
     """In the place of boards.SimulatedBoard."""
+
+    shows = Tolerances(lag_ms=5, report_s=0.005)
 
     def __init__(
         self, rig: Mapping[str, Any] | None = None, motors: int | None = None, board: str = NAME

@@ -2,15 +2,13 @@
 
 import pytest
 
-from host_tests.targets.shares import SUBJECTS, play
+from host_tests.targets.shares import play
 
 
-@pytest.mark.parametrize("subject", SUBJECTS)
-def test_share(subject):
-    play("esp32", 40, subject)
+def test_share():
+    play("esp32", 40)
 
 
 @pytest.mark.repeats
-@pytest.mark.parametrize("subject", SUBJECTS)
-def test_larger_share(subject):
-    play("esp32", 10, subject)
+def test_larger_share():
+    play("esp32", 10)

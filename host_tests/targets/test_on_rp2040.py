@@ -1,10 +1,7 @@
 """A share of the scenarios on the emulated Pico; `make test-sessions TARGET=rp2040` plays all."""
 
-import pytest
-
-from host_tests.targets.shares import SUBJECTS, play
+from host_tests.targets.shares import play
 
 
-@pytest.mark.parametrize("subject", SUBJECTS)
-def test_share(subject):
-    play("rp2040", 40, subject)
+def test_share():
+    play("rp2040", 40)

@@ -208,6 +208,7 @@ def test_sets_that_are_not_there():
 
 
 @pytest.mark.needs("inside")
+@pytest.mark.provokes("fault")
 def test_a_pin_that_something_else_has_taken():
     """At rest the firmware puts it back before a motion may begin; in motion, within a tenth of a
     second, everything ramps down."""

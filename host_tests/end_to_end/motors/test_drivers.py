@@ -126,6 +126,7 @@ def assert_stopped(talk, board, at, lost):
     assert talk.position(other) == talk.made(other)
 
 
+@pytest.mark.provokes("fault")
 def test_too_hot_in_motion():
     talk, board = session()
     at = under_way(talk)
@@ -145,6 +146,7 @@ def test_too_hot_in_motion():
     assert talk.position(1) == 50
 
 
+@pytest.mark.provokes("fault")
 def test_reset_in_motion():
     talk, board = session()
     at = under_way(talk)
@@ -157,6 +159,7 @@ def test_reset_in_motion():
     assert [(motor, level) for motor, level, t in enables(talk) if t >= at] == [(2, 0)]
 
 
+@pytest.mark.provokes("fault")
 def test_no_answer_in_motion():
     talk, board = session()
     at = under_way(talk)

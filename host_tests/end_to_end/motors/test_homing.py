@@ -483,6 +483,7 @@ def test_positions_at_the_end_of_the_range():
     assert session.position(1) == -1_000_000_000 + 200
 
 
+@pytest.mark.provokes("pins")  # nothing on the port says that it has begun
 def test_button():
     """Without a request it homes the motors whose position is lost."""
     settings = {"limits": [{"low": LOW}], "home_input": 1, "inputs": [{"pin": HIGH}]}

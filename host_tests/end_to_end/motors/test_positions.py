@@ -75,6 +75,7 @@ def test_a_driver_that_was_off(moving):
 
 
 @pytest.mark.needs("inside")
+@pytest.mark.provokes("fault")
 def test_a_command_that_finds_its_fifo_full(moving):
     engine = moving.board._board.hal.engines[1]
     before = moving.positions
@@ -93,6 +94,7 @@ def test_a_command_that_finds_its_fifo_full(moving):
 
 
 @pytest.mark.needs("inside")
+@pytest.mark.provokes("fault")
 def test_pulses_that_broke_off(moving):
     moving.board._board.next_tick += 10_000_000
     moving.run(0.05)

@@ -149,6 +149,7 @@ def test_a_noisy_switch_does_not_count_as_the_other_end():
     assert reasons(session) == [(1, 1)] * 2
 
 
+@pytest.mark.provokes("acceleration")  # pressed long before
 def test_a_switch_that_stays_pressed_stops_the_way_back():
     """Its wire has broken: there would be no switch at the other end."""
     session, rail = rail_from(2500)
@@ -177,6 +178,7 @@ def test_pressed_at_the_start(start):
     assert start + rail.steps[1] == pytest.approx(2050, abs=1)
 
 
+@pytest.mark.provokes("acceleration")  # broken long before
 def test_homing_with_a_broken_wire():
     """It reads as pressed: homing tries both directions, neither for long."""
     session, rail = rail_from(2500)

@@ -97,6 +97,9 @@ def test_a_jog_ends_at_a_soft_limit():
     assert session.position(3) > -9000
 
 
+# Not understood yet: as the first jog comes to rest, motor 3 brakes for 30 ms half as steeply again
+# as it may.
+@pytest.mark.provokes("acceleration")
 def test_a_destination_is_a_step_of_the_main_motor():
     session = configured(BOOM)
     for destination in (3000, 2000, 2000, -10_000):

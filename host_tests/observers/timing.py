@@ -6,32 +6,65 @@ import struct
 
 from framestep.pulse import stepper
 from framestep_tools.payloads import HardStop
+from host_tests.fuzz.findings import Finding
+from host_tests.observers import Tolerances
 
-# the latest that a tick may come while a motor moves; from 1813 µs on pulses would break off
-LATE_US = 200
-MASKED_US = 140  # the longest time with interrupts off, except for writing to flash
+LATE_US, MASKED_US = Tolerances.late_us, Tolerances.masked_us
 
 
-class Timing:
-    """Measures the board of a session. `late_us` and `masked_us` come from the last judged()."""
+class Ticks:
+    """The tick of an emulated board, from outside. address: of its state, if that is known."""
 
-    def __init__(self, session, repl=None):
-        self.session = session
-        self.emulator = session.board.emulator
-        self.repl = repl or self.emulator.repl()
-        self.repl.exec("import uctypes, framestep.boot")
-        self.address = self.repl.eval("uctypes.addressof(framestep.boot.hal.kernel.state)")
-        self.late_us = self.masked_us = 0
-        self.hard_stops = []
-        self.least_queued = 1000
+    def __init__(self, emulator, repl=None, address=None):
+        self.emulator = emulator
+        if address is None:
+            self.repl = repl or emulator.repl()
+            self.repl.exec("import uctypes, framestep.boot")
+            address = self.repl.eval("uctypes.addressof(framestep.boot.hal.kernel.state)")
+        self.address = address
 
     def _words(self, address, count):
         data = self.emulator.cmd("peek", address=address, length=4 * count)["data"]
         return struct.unpack(f"<{count}i", base64.b64decode(data))
 
     def worst_late(self):
-        """Return the worst lateness of a tick in motion since begin(), microseconds."""
+        """Return the worst lateness of a tick in motion since it was set to 0, microseconds."""
         return self._words(self.address, stepper.HEADER_WORDS)[stepper.WORST_LATE]
+
+    def masked(self):
+        """Return the longest time with interrupts off since it was cleared, microseconds."""
+        return self.emulator.cycles()["masked"]["us"]
+
+
+_addresses: dict[str, int] = {}  # by board and rig file: it boots in the same way each time
+
+
+def watched(emulator, boot):
+    """Return the Ticks of a board that has just booted; `boot` says which board and rig file."""
+    ticks = Ticks(emulator, address=_addresses.get(boot))
+    _addresses[boot] = ticks.address
+    emulator.cycles(clear=True)
+    return ticks
+
+
+def finding(ticks, within):
+    """Return what is too late, or None."""
+    if (late := ticks.worst_late()) > within.late_us:
+        return Finding("late", f"a tick in motion came {late} µs late")
+    if (masked := ticks.masked()) > within.masked_us:
+        return Finding("masked", f"interrupts were off for {masked:.0f} µs")
+    return None
+
+
+class Timing(Ticks):
+    """Measures the board of a session. `late_us` and `masked_us` come from the last judged()."""
+
+    def __init__(self, session, repl=None):
+        super().__init__(session.board.emulator, repl)
+        self.session = session
+        self.late_us = self.masked_us = 0
+        self.hard_stops = []
+        self.least_queued = 1000
 
     def wait_for_tick(self, before_us):
         """Let time pass until `before_us` microseconds before the next tick."""
@@ -66,10 +99,6 @@ class Timing:
             ticks = self.queued()
             if ticks is not None:
                 self.least_queued = min(self.least_queued, ticks)
-
-    def masked(self):
-        """Return the longest time with interrupts off since begin(), microseconds."""
-        return self.emulator.cycles()["masked"]["us"]
 
     def begin(self):
         """Forget the measurements."""

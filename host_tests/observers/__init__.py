@@ -1,0 +1,51 @@
+"""Observers: what must hold in every scenario, on every target, whatever the scenario is about.
+
+The rules are the fuzzer's (fuzz/trial.py): answers and their form, edges within what the requests
+allow, positions that match the edges, frames met, outputs safe, no HARD_STOP without a reason. Here
+they judge a session that somebody else conducts. `watch(board)` notes what passes a board's port
+and pins; `Watch.settle` judges it. timing.py has what only the emulated chip shows: late ticks and
+the time with interrupts off.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """How exactly a target shows when something happens."""
+
+    lag_ms: int = 0  # from a tick to its edges, at most
+    report_s: float = 0.0025  # age of the positions in a report, at most
+    earlier_ns: int = 0  # how much earlier than it happens an edge is said to be
+    # the latest that a tick may come while a motor moves; from 1813 µs on pulses would break off
+    late_us: int = 200
+    masked_us: int = 140  # the longest time with interrupts off, except for writing to flash
+
+
+watches: list | None = None  # of the boards of a module's sessions, if they are observed
+
+
+def begin(board) -> None:
+    """Watch a board from now on, as it has just started."""
+    if watches is None or hasattr(board, "watch"):
+        return
+    from host_tests.observers import timing
+    from host_tests.observers.watch import Watch
+
+    rig = board._board.controller.rig
+    if not _hidden(rig):
+        board.watch = Watch(board, rig, getattr(board, "shows", Tolerances()))
+        # its REPL on a port of its own says where the tick's state is
+        if hasattr(board, "emulator") and board.repl:
+            board.watch.ticks = timing.watched(board.emulator, f"{board.pins} {board._rig}")
+        watches.append(board.watch)
+
+
+def _hidden(rig) -> bool:
+    """Whether motors of a rig move by what neither a request nor a step pulse shows."""
+    homes = [motor["home"] for motor in rig.motors if motor["home"]]
+    return (
+        bool(rig.pendant or rig.shoot_input)
+        or any(motor["servo"] for motor in rig.motors)
+        or any(home["square_within"] for home in homes)
+    )

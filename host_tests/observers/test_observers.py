@@ -1,0 +1,86 @@
+"""The observers find faults in sessions that somebody else conducts."""
+
+import pytest
+
+from framestep_tools.payloads import MotorMove
+from framestep_tools.simulator.boards import SimulatedBoard
+from host_tests import observers
+from host_tests.end_to_end.session import Session
+from host_tests.fuzz.findings import Finding
+from host_tests.fuzz.sessions import SESSIONS, Host
+from host_tests.fuzz.test_trial import RULES, conduct
+from host_tests.targets import rp2040
+
+MS = 1_000_000
+
+
+class Conducted:
+    """A watched board, with the interface of a trial."""
+
+    def __init__(self, script):
+        self.board = SimulatedBoard(script.rig, board=script.board)
+        observers.begin(self.board)
+        self.trial = self.board.watch.trial
+
+    def __getattr__(self, name):
+        return getattr(self.trial, name)
+
+    def do(self, verb, argument=None):
+        if verb == "rx":
+            self.board.receive(argument)
+        elif verb == "pin":
+            self.board.host_board.set_input(*argument)
+        else:
+            self.board.open_port(verb == "open")
+
+    def step(self):
+        board = self.board
+        end = (board.now_ns // MS + 1) * MS
+        while board.now_ns < end:
+            board.run_until(end, until_output=True)
+            board.transmit()
+        board.watch.follow()
+
+
+@pytest.fixture(autouse=True)
+def watches(monkeypatch):
+    monkeypatch.setattr(observers, "watches", [])
+
+
+@pytest.mark.parametrize("session", SESSIONS)
+def test_nothing_is_found_where_nothing_is_wrong(session):
+    host = Host({"motor_count": 2, "estop": "no", "motors": [{"jerk": 200}]}, make=Conducted)
+    session(host)
+    assert host.trial.counts["0x10"] > 1
+
+
+# A scenario shows an exception by itself. The fault for coupled motors is put into the fuzzer's own
+# engines.
+ELSEWHERE = ("exception", "coupled")
+
+
+@pytest.mark.parametrize(
+    "fault, session, kind", [rule for rule in RULES if rule[2] not in ELSEWHERE]
+)
+def test_each_rule(fault, session, kind, monkeypatch):
+    fault(monkeypatch)
+    with pytest.raises(Finding, match=f"^({kind})"):
+        conduct(fault, session, Conducted)
+
+
+OFF = "import machine, time; s = machine.disable_irq(); time.sleep_us(%d); machine.enable_irq(s)"
+
+
+@pytest.mark.parametrize(
+    "moves, us, kind", [(False, 400, "masked"), (True, 600, "late"), (False, 40, None)]
+)
+def test_ticks_of_an_emulated_chip(moves, us, kind):
+    """A program on the REPL keeps interrupts off."""
+    session = Session(rp2040.Target())
+    if moves:
+        session.accept(MotorMove(1, 5000))
+        session.run(0.3)
+    repl = session.board.emulator.repl()
+    repl.exec(OFF % us)
+    found = session.board.watch.settle()
+    assert (found and found.kind) == kind
