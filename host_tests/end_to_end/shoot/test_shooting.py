@@ -107,6 +107,7 @@ def test_pauses_are_of_the_boards_time(framestep, board, move):
     assert (opened_2 - closed_2) - (opened - closed) == pytest.approx(5e9, abs=50e6)
 
 
+@pytest.mark.needs("prompt")
 @pytest.mark.parametrize("exposure", [0.1, 0.9])
 def test_every_is_from_shot_to_shot(framestep, board, move, exposure):
     """Whatever the exposure and the way to the next frame."""
