@@ -126,11 +126,12 @@ types: setup ## types of the host tools, and of all code of the board against Mi
 format: setup ## bring the source into ruff's form
 	@"$(PYTHON_VENV)" -m ruff check --fix --quiet; "$(PYTHON_VENV)" -m ruff format --quiet
 
-plots: setup ## draw the pictures in docs again
+plots: setup chromium ## draw the pictures in docs again
 	@"$(PYTHON_VENV)" -m framestep_tools.documents.plot_interpolation
 	@"$(PYTHON_VENV)" -m framestep_tools.documents.plot_virtuals
 	@"$(PYTHON_VENV)" -m framestep_tools.documents.rig_picture
 	@"$(PYTHON_VENV)" -m framestep_tools.documents.coil_picture
+	@"$(PYTHON_VENV)" -m host_tests.console.drawings
 
 bench: setup node micropython ## measure the firmware on the emulated board against its goals (build/bench.json); ARGS=--explain
 	@"$(PYTHON_VENV)" -m framestep_tools.bench $(ARGS)

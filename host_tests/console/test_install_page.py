@@ -105,6 +105,8 @@ def test_no_board_is_chosen_beforehand(stage, url):
     expect(label).to_contain_text("Printed on it: BIGTREETECH SKR PICO.")
     choose(page)
     expect(image_card(page)).to_contain_text("framestep onto the Raspberry Pi Pico")
+    page.set_viewport_size({"width": 720, "height": 900})
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert page.errors == []
 
 

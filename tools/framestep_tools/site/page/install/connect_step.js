@@ -50,7 +50,7 @@ export class ConnectStep {
     const version = `${major}.${minor}.${revision}`;
     const conditions = this.#device.conditionTexts();
     return [
-      `${name} answers: firmware ${version}${version === VERSION ? ", as on this page" : `; this page is for ${VERSION}`}, ${motors} motors.`,
+      `${name} answers: firmware ${version}${version === VERSION ? ", as on this page" : `; this page is for ${VERSION}`}, ${motors} motor${motors === 1 ? "" : "s"}.`,
       conditions.length ? `Its condition: ${conditions.join("; ")}.` : "Its condition: all is well.",
       this.#ofRepl.hidden ? "" : this.#device.hello.repl ? "The REPL's port is chosen." : "The REPL's port is still to be chosen.",
     ];
