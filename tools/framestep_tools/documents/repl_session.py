@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from ..building.board_files import ROOT, board_data
 from ..client.client import Client
-from ..payloads import GetCondition, MotorMove, MotorSetLimits, MotorSetSpeed
+from ..payloads import MotorMove, MotorSetLimits, MotorSetSpeed
 from ..simulator.boards import EmulatedBoard, LockstepPort
 
 PAGE = ROOT / "docs/use/repl.md"
@@ -79,9 +79,6 @@ def session() -> Iterator[tuple[str, str]]:
         terminal.wait(1)
         text = "Somebody presses the E-stop while motor 1 moves:"
         yield text, _PROMPT.decode() + terminal.type("why()\r").lstrip("\n")
-        host.request(GetCondition())
-        yield "", terminal.call("status()")
-        board.emulator.set_pin(estop, 0)
         host.close()
 
 
