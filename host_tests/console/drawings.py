@@ -23,7 +23,7 @@ _SVG = "http://www.w3.org/2000/svg"
 _WIDTH = 720
 _RIG = {"name": "my slider", "motor_count": 1, "estop": "nc"}
 _FORM = "motor_count", "estop", "estop_cuts_power"
-# Boxes, lines of text and fields of an element: [kind, numbers and texts], in pixels from its corner
+# Boxes, lines of text and fields of an element: [kind, numbers, texts], in pixels from its corner
 _SHOWN = """(root) => {
     const found = [], from = root.getBoundingClientRect();
     const at = ({left, top, width, height}) => [left - from.left, top - from.top, width, height];
@@ -159,7 +159,7 @@ def drawings(stage: Stage, folder: Path) -> Iterator[tuple[str, str]]:
         field = page.get_by_label(key, exact=True)
         field.select_option(value) if key != "motor_count" else field.fill(value)
     page.evaluate(
-        """keys => document.querySelectorAll('.rig-form .setting, .rig-form fieldset').forEach((each) => {
+        """keys => document.querySelectorAll('.rig-form :is(.setting, fieldset)').forEach((each) => {
             each.hidden = !keys.includes(each.querySelector('input, select')?.ariaLabel);
             if (each.hidden) each.style.display = 'none';
         })""",
