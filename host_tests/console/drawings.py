@@ -159,7 +159,7 @@ def drawings(stage: Stage, folder: Path) -> Iterator[tuple[str, str]]:
         field = page.get_by_label(key, exact=True)
         field.select_option(value) if key != "motor_count" else field.fill(value)
     page.evaluate(
-        """keys => document.querySelectorAll('.rig-form :is(.setting, fieldset)').forEach((each) => {
+        """keys => document.querySelectorAll('.rig-form :is(.setting, fieldset)').forEach(each => {
             each.hidden = !keys.includes(each.querySelector('input, select')?.ariaLabel);
             if (each.hidden) each.style.display = 'none';
         })""",
