@@ -60,9 +60,11 @@ def test_notes_say_in_five_lines_what_to_do_and_which_file_to_take(version, nowh
     for board in board_names():
         name = board_data(board)["name"]
         ending = "uf2" if board in image_boards() else "zip"
-        assert f"\n| {name} | `framestep-{board}-{version}.{ending}` |\n" in text
+        assert f"\n| {name} | `framestep-{board}-{version}.{ending}`" in text
     assert f"`pipx install ./framestep-{version}-py3-none-any.whl`" in text
     assert f"unpack `framestep-pages-{version}.zip`" in text
+    rows = re.findall(r"^\| ([^|]+) \| `\S+uf2` \|$", text, re.MULTILINE)
+    assert rows == sorted(board_data(board)["name"] for board in image_boards())
     assert "](" not in text, "a relative link leads nowhere from a release's page"
 
 

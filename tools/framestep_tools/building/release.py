@@ -71,9 +71,12 @@ def notes(changelog: str, wanted: str) -> str:
     site, repository = paths.site(), paths.repository()
     in_zip = f"unpack `{pages_name(wanted)}`, run `python3 -m http.server` there and open"
     rows = "\n".join(
-        f"| {board_data(board)['name']} | `{name(board, wanted)}` |"
-        for boards, name in ((image_boards(), image_name), (files_boards(), files_name))
-        for board in boards
+        f"| {name} | `{file(board, wanted)}`{what} |"
+        for boards, file, what in (
+            (image_boards(), image_name, ""),
+            (files_boards(), files_name, ", unpacked onto a board with MicroPython"),
+        )
+        for name, board in sorted((board_data(board)["name"], board) for board in boards)
     )
     return _NOTES.format(
         version=wanted,
