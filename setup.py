@@ -17,7 +17,7 @@ TOOLS = "framestep_tools"
 ONLY_IN_A_CHECKOUT = "framestep_emulator"  # it needs node and a build of MicroPython
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "firmware")]
 
-from framestep_tools.paths import repository, site, version  # noqa: E402
+from framestep_tools.paths import linked_outside, repository, site, version  # noqa: E402
 
 
 class BuildPackage(build_py):
@@ -87,6 +87,8 @@ def project_urls() -> dict[str, str]:
 setup(
     version=version(),
     project_urls=project_urls(),
+    long_description=linked_outside((ROOT / "README.md").read_text(encoding="utf-8")),
+    long_description_content_type="text/markdown",
     packages=[
         *packages("framestep", "firmware/framestep"),
         *packages(TOOLS, "tools/framestep_tools"),

@@ -62,6 +62,24 @@ def web_address(remote: str) -> str | None:
     return f"https://{found[1]}/{found[2]}" if found else None
 
 
+def linked_outside(page: str) -> str:
+    """Return a page of the root for readers elsewhere: its links lead to the repository
+    on the web. Without one there are only their texts, and no pictures."""
+    url = repository()
+
+    def led(link: re.Match[str]) -> str:
+        picture, text, target = link.groups()
+        if "://" in target:
+            return link[0]
+        if url is None:
+            return "" if picture else text
+        if target.startswith("../../"):
+            return f"{picture}[{text}]({url}/{target.removeprefix('../../')})"
+        return f"{picture}[{text}]({url}/{'raw' if picture else 'blob'}/v{version()}/{target})"
+
+    return re.sub(r"(!?)\[((?:[^][]|\[[^]]*\])*)\]\(([^)\s]+)\)", led, page)
+
+
 def site() -> str | None:
     """Return the address of the site that GitHub publishes for the repository, with a slash at its
     end. SITE_URL is another one. None if the repository is not on GitHub."""
