@@ -8,10 +8,11 @@ import pytest
 import typer
 from rich.console import Console
 
-from framestep_tools.bench import esp32
+from framestep_tools.bench import esp32, pico2
 from framestep_tools.bench.__main__ import conclude
 from framestep_tools.bench.figures import AT_200, FIGURES, keyed, missed, plain_table, table
 from framestep_tools.bench.moves import FPS, MOTORS, RAMP, ROLL_MS, STEADY_RATES, mixed_move
+from framestep_tools.bench.record import record, recorded, worse
 from framestep_tools.judge.reference import Reference
 from framestep_tools.judge.trace import PinDecoder, Trace, load_board
 from framestep_tools.simulator.esp32_board import Esp32Board
@@ -97,15 +98,53 @@ def test_missed_goals_end_the_bench():
     ]
     out = io.StringIO()
     console = Console(file=out, width=150)
-    conclude(console, [], report=False)
-    conclude(console, lines, report=True)
+    conclude(console, [], [])
+    conclude(console, lines, [], report=True)
     with pytest.raises(typer.Exit) as ended:
-        conclude(console, lines, report=False)
+        conclude(console, lines, [])
     assert ended.value.exit_code == 1
     assert out.getvalue().splitlines() == [
         "all goals are reached",
         *2 * ["2 goals are missed:", *(f"  {line}" for line in lines)],
     ]
+
+
+EVERY = (*FIGURES, *pico2.FIGURES, *esp32.FIGURES)
+
+
+def test_a_figure_that_becomes_worse_ends_the_bench():
+    """Each one that is recorded, whatever its goal is, and also with --report."""
+    kept = recorded()
+    assert worse(EVERY, kept, kept) == []
+    for key, value in kept.items():
+        figure = next(f for f in EVERY if f.key in (key, key.removesuffix("_200")))
+        sign = -1 if figure.at_least is not None else 1
+        for share, is_worse in ((0.02, False), (0.04, value != 0), (-0.5, False)):
+            changed = kept | {key: value * (1 + sign * share)}
+            assert bool(worse(EVERY, changed, kept)) is is_worse, (key, share)
+    none = {"heap_bytes_per_hour": 0.0}
+    [line] = worse(EVERY, kept | {"heap_bytes_per_hour": 1.0}, kept | none)
+    assert line == "heap_bytes_per_hour: 1 bytes/h, recorded 0"
+    out = io.StringIO()
+    for report in (False, True):
+        with pytest.raises(typer.Exit) as ended:
+            conclude(Console(file=out, width=150), [], [line], report)
+        assert ended.value.exit_code == 1
+    assert out.getvalue().splitlines()[-1] == f"  {line}"
+
+
+def test_the_record(tmp_path):
+    """It has figures of the bench only; a recorded one that is no longer measured is missed; a new
+    record has what was measured."""
+    keys = {figure.key for figure in EVERY} | {f"{figure.key}_200" for figure in FIGURES}
+    assert set(recorded()) <= keys
+    assert {"tick_us_8", "upload_frames_8", "rx_bytes_per_s", "go_ms_spread"} <= set(recorded())
+    less = dict(list(recorded().items())[1:])
+    assert worse(EVERY, recorded(), less) == []
+    assert len(worse(EVERY, less, recorded())) == 1
+    file = tmp_path / "record.json"
+    record({"tick_us_8": 57.123456, "upload_frames_8": 10112}, file)
+    assert recorded(file) == {"tick_us_8": 57.12, "upload_frames_8": 10110}
 
 
 def test_mixed_move():

@@ -14,9 +14,10 @@ from ..building import images
 from ..building.board_files import ROOT
 from ..errors import Command
 from . import esp32, pico2, tick_cost
-from .figures import TRUST, all_missed, keyed, missed, plain_table, table
+from .figures import FIGURES, TRUST, all_missed, keyed, missed, plain_table, table
 from .loops import loop_table, loops
 from .measure import measure
+from .record import RECORD, record, recorded, worse
 
 RESULT = ROOT / "build" / "bench.json"
 _WIDTH = 150  # of the table, if the output is not a terminal
@@ -32,6 +33,9 @@ def main(
     ] = False,
     report: Annotated[
         bool, typer.Option("--report", help="end with status 0 even if goals are missed")
+    ] = False,
+    renew: Annotated[
+        bool, typer.Option("--renew", help="record these figures; later ones must not be worse")
     ] = False,
     out: Annotated[Path, typer.Option(help="file for the figures", metavar="FILE")] = RESULT,
 ) -> None:
@@ -60,8 +64,9 @@ def main(
     passes = loops()
     console.print("the simulated ESP32")
     chain = esp32.measure()
+    values = keyed(modelled) | on_pico2 | chain
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(json.dumps(keyed(modelled) | on_pico2 | chain, indent=2) + "\n")
+    out.write_text(json.dumps(values, indent=2) + "\n")
     console.print(table(modelled, ideal, explain))
     console.print(loop_table(passes))
     console.print(tick_cost.table(parts))
@@ -70,18 +75,30 @@ def main(
     console.print(plain_table(esp32.TITLE, esp32.FIGURES, chain, explain))
     console.print(f"figures with the cache model in {out}")
     lines = missed(modelled) + all_missed(pico2.FIGURES, on_pico2)
-    conclude(console, lines + all_missed(esp32.FIGURES, chain), report)
+    if renew:
+        record(values)
+        console.print(f"recorded in {RECORD}")
+    figures = (*FIGURES, *pico2.FIGURES, *esp32.FIGURES)
+    lines += all_missed(esp32.FIGURES, chain)
+    conclude(console, lines, worse(figures, values, recorded()), report)
 
 
-def conclude(console: Console, lines: list[str], report: bool) -> None:
-    """End with the goals that are missed, and with a status of 1 if there are any."""
-    if not lines:
+def conclude(
+    console: Console, missing: list[str], worsened: list[str], report: bool = False
+) -> None:
+    """End with the goals that are missed and the figures that are worse than recorded, and with a
+    status of 1 if there are any. report: missed goals do not count."""
+    if not missing:
         console.print("all goals are reached")
-        return
-    console.print(f"{len(lines)} goals are missed:")
-    for line in lines:
+    else:
+        console.print(f"{len(missing)} goals are missed:")
+    for line in missing:
         console.print(f"  {line}")
-    if not report:
+    if worsened:
+        console.print(f"{len(worsened)} figures are worse than recorded (bench/record.json):")
+    for line in worsened:
+        console.print(f"  {line}")
+    if worsened or (missing and not report):
         raise typer.Exit(1)
 
 
