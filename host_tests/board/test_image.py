@@ -56,9 +56,9 @@ def firmware(tmp_path_factory):
 
 
 def test_there_is_room_for_more():
-    """At least 40 kB between the image and the file system of each board that tests emulate."""
+    """At least 30 kB between the image and the file system of each board that tests emulate."""
     for board in ("pico", "skr_pico", "fysetc_erb"):
-        assert flash_left(frozen(board).read_bytes()) >= 40_000, board
+        assert flash_left(frozen(board).read_bytes()) >= 30_000, board
 
 
 def test_it_boots(firmware):
