@@ -2,11 +2,13 @@
 
 import pytest
 
+from framestep.protocol import messages as m
 from framestep_tools.payloads import MotorMove
 from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests import observers
 from host_tests.end_to_end.session import Session
 from host_tests.fuzz.findings import Finding
+from host_tests.fuzz.link import frame
 from host_tests.fuzz.sessions import SESSIONS, Host
 from host_tests.fuzz.test_trial import RULES, conduct
 from host_tests.targets import rp2040
@@ -66,6 +68,20 @@ def test_each_rule(fault, session, kind, monkeypatch):
     fault(monkeypatch)
     with pytest.raises(Finding, match=f"^({kind})"):
         conduct(fault, session, Conducted)
+
+
+def test_time_does_not_run_ahead_with_many_answers():
+    board = SimulatedBoard({"motor_count": 2})
+    observers.begin(board)
+    board.open_port(True)
+    board.run_until(5 * MS)
+    board.transmit()
+    for number in range(1, 40):
+        board.receive(frame(m.MSG_MOTOR_STATUS, b"", number))
+        board.run_until(board.now_ns)  # answers within the same millisecond
+        assert board.transmit()
+    assert not board.watch.settle()
+    assert board.watch.trial.ms <= 7
 
 
 OFF = "import machine, time; s = machine.disable_irq(); time.sleep_us(%d); machine.enable_irq(s)"

@@ -6,6 +6,7 @@ import sys
 from framestep_tools.building.board_files import ROOT
 
 SCENARIOS = ROOT / "host_tests" / "end_to_end"
+SUBJECTS = sorted(path.name for path in SCENARIOS.iterdir() if list(path.glob("test_*.py")))
 
 
 def pytest_run(*words: str) -> subprocess.CompletedProcess[str]:
@@ -14,8 +15,8 @@ def pytest_run(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*command, *words], capture_output=True, text=True, cwd=ROOT)
 
 
-def play(target: str, share: int) -> None:
-    """Play every n-th scenario on a target, in one process: to collect them takes seconds."""
-    done = pytest_run("--target", target, "--share", str(share), str(SCENARIOS))
+def play(target: str, share: int, subject: str = "") -> None:
+    """Play every n-th scenario on a target: of a subject, or of them all."""
+    done = pytest_run("--target", target, "--share", str(share), str(SCENARIOS / subject))
     assert done.returncode == 0, done.stdout
     assert " passed" in done.stdout, done.stdout

@@ -1,7 +1,10 @@
 """A share of the scenarios on the emulated Pico; `make test-sessions TARGET=rp2040` plays all."""
 
-from host_tests.targets.shares import play
+import pytest
+
+from host_tests.targets.shares import SUBJECTS, play
 
 
-def test_share():
-    play("rp2040", 40)
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_share(subject):
+    play("rp2040", 40, subject)

@@ -1,7 +1,10 @@
 """A share of the scenarios on the emulated Pico 2; `make test-sessions TARGET=rp2350` plays all."""
 
+import pytest
+
 from host_tests.targets.shares import play
 
 
-def test_share():
-    play("rp2350", 80)
+@pytest.mark.parametrize("subject", ["motors", "runs", "virtual_axes"])  # 80 scenarios or more
+def test_share(subject):
+    play("rp2350", 80, subject)
