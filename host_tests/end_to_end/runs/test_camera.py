@@ -60,6 +60,7 @@ def test_video(flags, reverse):
     assert on_again >= rest, "the whole move is on the recording"
 
 
+@pytest.mark.needs("prompt")  # a pass ends the pulse that a stop begins
 @pytest.mark.parametrize("after", [0.02, 0.15, 0.3, 0.55, 1.0, 1.52, 1.7])
 def test_video_stopped(after):
     """However a run ends, a separate pulse stops a camera that was started."""
@@ -83,6 +84,7 @@ def test_video_stopped_before_go():
     assert not edges(session, "shutter")
 
 
+@pytest.mark.needs("prompt")  # a pass ends the pulse that a stop begins
 def test_video_and_the_next_operation():
     """The pulse that stops the camera is complete, whatever happens meanwhile."""
     session = loaded()
