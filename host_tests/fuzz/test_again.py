@@ -61,8 +61,8 @@ def test_memory_that_a_pass_takes_is_found(tmp_path):
 
 
 def test_another_byte_is_found(tmp_path):
-    sent = "                notes.sent_count += count\n"
-    wrong = sent + "                notes.sent[0] ^= self.openings\n"
+    sent = "        notes.sent_count += count\n"
+    wrong = sent + "        notes.sent[0] ^= self.openings\n"
     with pytest.raises(Finding, match="line 0"):
         played(with_a_fault(tmp_path, sent, wrong))
 

@@ -275,7 +275,7 @@ class UsbPort:
                     s[DTR] = 0
             if dtr > s[DTR]:
                 mark_stale(s)
-                if chip:
+                if chip and s[SENDING]:
                     chip.empty_packet(s[EP_OUT])
                 self.open = True
                 self.openings = int(self.openings) + 1
@@ -283,7 +283,7 @@ class UsbPort:
                 # Without DTR, the line coding that drivers set when a program opens or closes the
                 # port is the only sign of either.
                 mark_stale(s)
-                if chip:
+                if chip and s[SENDING]:
                     chip.empty_packet(s[EP_OUT])
                 self.open = False
                 self._closed_at = time.ticks_ms()
@@ -342,10 +342,6 @@ class UsbPort:
         s[LOOK] = look
         moved = 0
         wanted = 1 if self.open else 0
-        if wanted == 0 and s[SENDING] and chip:
-            # The driver may have held the packet back as the port was closed: in the last 200 µs of
-            # a frame it waits for the next one (erratum RP2040-E15).
-            chip.empty_packet(s[EP_OUT])
         if s[STALE]:
             drop_stale(s)
             if not s[ARMED] and s[LIVE] and (s[FILL] - s[TAKE]) & 3 < 2:

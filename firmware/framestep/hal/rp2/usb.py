@@ -27,6 +27,8 @@ _ADDRESS = const(0x7F)
 # word of that page: bit 2n for a packet sent from IN endpoint n that the driver has not noticed
 _BUFF_STATUS = const(22)
 _TRANSACTION_US = const(64)  # token, 64 bytes with stuffed bits and the handshake take 60
+# In the last 200 µs of a frame the driver waits for the next one (erratum RP2040-E15)
+_HELD_BACK_US = const(220)
 
 _LOOK_MS = const(10)
 _STILL = const(10)  # checks with the same frame number: the bus is dead
@@ -73,15 +75,22 @@ def arrived(endpoint: int) -> int:
 
 @micropython.viper
 def empty_packet(endpoint: int):
-    """Make the packet that waits at an IN endpoint an empty one, with the same toggle bit.
+    """Make the packet that is under way at an IN endpoint an empty one, with the same toggle bit.
 
     If the host is just collecting it, it is sent. Interrupts are off during this, so that the
-    driver does not notice. Takes 70 µs if a packet with bytes waits.
+    driver does not notice. Takes 70 µs if a packet with bytes waits, and up to 220 µs more, with
+    interrupts on, while the driver holds it back.
     """
     control = ptr32(_BUFFER_CONTROL)
     page = _USB_PAGE
     page <<= 12
     at = 2 * endpoint
+    begun = int(time.ticks_us())
+    while (
+        control[at] & _AVAILABLE == 0
+        and (int(time.ticks_us()) - begun) & 0xFFFF < _HELD_BACK_US
+    ):
+        pass
     irq = disable_irq()
     try:
         word = control[at]

@@ -27,6 +27,9 @@ function set(element, name, value) {
   else element.setAttribute(name, value);
 }
 
+/** Make a place for a table that may be wider than the page: keys can scroll it, too. */
+export const wide = (label, ...children) => h("div", { class: "wide", role: "region", "aria-label": label, tabIndex: 0 }, ...children);
+
 /** Make a label, with a hint, and its field below. */
 export function field(label, input, hint) {
   input.id ||= `field-${nextId++}`;

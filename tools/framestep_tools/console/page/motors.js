@@ -1,6 +1,6 @@
 // Motors: a line for each, the chosen one below them, and the drawers for settings and positions.
 
-import { h, positionField, readSteps, setText, twice } from "./dom.js";
+import { h, positionField, readSteps, setText, twice, wide } from "./dom.js";
 import { Gamepads } from "./gamepads.js";
 import { MotorBar } from "./motor_bar.js";
 import { MotorSettings } from "./motor_settings.js";
@@ -110,7 +110,7 @@ export class Motors {
     this.settings.replaceChildren(...this.#lines.map((line) => line.settings.element));
     this.#homeAll.hidden = !device.homes;
     this.positions.replaceChildren(h("p", {}, "Bring each motor to its mark with − and +, then say where it is. Nothing moves when a position is set."),
-      h("div", { class: "wide" }, h("table", {}, h("tbody", {}, ...this.#lines.map((line) => line.positionRow)))), h("div", { class: "row" }, this.#asShown, this.#homeAll));
+      wide("Positions", h("table", {}, h("tbody", {}, ...this.#lines.map((line) => line.positionRow)))), h("div", { class: "row" }, this.#asShown, this.#homeAll));
     this.choose(this.#desk.work.chosen);
     this.#showSpeed();
   }

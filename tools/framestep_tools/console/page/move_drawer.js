@@ -1,6 +1,6 @@
 // The drawer of the move: files, what it needs next to what is set, the keyframes as a table.
 
-import { check, download, field, h, number, positionField, read, readSteps, setText } from "./dom.js";
+import { check, download, field, h, number, positionField, read, readSteps, setText, wide } from "./dom.js";
 import { WAYS } from "./keyframes.js";
 import { moveText, textOf } from "./move_csv.js";
 import { FORMATS, M } from "./protocol.js";
@@ -22,13 +22,13 @@ export class MoveDrawer {
   #file = h("input", { type: "file", accept: ACCEPTED, onchange: () => this.#open() });
   #format = h("select", {}, h("option", { value: STEPS_FORMAT }, "CSV in steps, for framestep upload"), ...Object.entries(FORMATS).map(([name, ending]) => h("option", { value: name }, `${name} (${ending})`)));
   #pose = h("input", {});
-  #needs = h("div", { class: "wide" });
+  #needs = wide("Needs of the motors");
   #raise = h("button", { type: "button", onclick: () => this.#work.raise() }, "Raise the speeds to fit");
   #judged = h("pre", { role: "status", "aria-label": "Verdict" });
   #judge = h("button", { type: "button", onclick: () => this.#check() }, "Check as the board would");
   #frame = number(1, -FARTHEST_FRAME, FARTHEST_FRAME);
   #keep = h("button", { class: "main" }, "Keyframe here");
-  #table = h("div", { class: "wide" });
+  #table = wide("Table of the poses");
   #useKeys = h("button", { type: "button", onclick: () => this.#work.useKeys() }, "Keyframes");
   #begin = h("button", { type: "button", onclick: () => this.#work.begin() }, "New move");
 

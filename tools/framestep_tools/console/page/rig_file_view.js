@@ -1,7 +1,7 @@
 // The rig file and the board's load, through the board's other port: by framestep console or a second port of Web
 // Serial.
 
-import { h, setText } from "./dom.js";
+import { h, setText, wide } from "./dom.js";
 import { LoadCard } from "./load_card.js";
 import { allowed, bareRig, warnings } from "./rig_text.js";
 import { RigWork } from "./rig_work.js";
@@ -17,7 +17,7 @@ export class RigFileView {
   #load;
   terminal;
   #buttons = [];
-  #help = h("div", { class: "wide" });
+  #help = wide("Settings");
   #without = h("p", { class: "faint" });
   #choose = h("div", { class: "row" }, h("button", { type: "button", onclick: () => this.#chooseRepl() }, "Connect the REPL's port…"));
 
