@@ -86,10 +86,7 @@ def empty_packet(endpoint: int):
     page <<= 12
     at = 2 * endpoint
     begun = int(time.ticks_us())
-    while (
-        control[at] & _AVAILABLE == 0
-        and (int(time.ticks_us()) - begun) & 0xFFFF < _HELD_BACK_US
-    ):
+    while control[at] & _AVAILABLE == 0 and (int(time.ticks_us()) - begun) & 0xFFFF < _HELD_BACK_US:
         pass
     irq = disable_irq()
     try:
