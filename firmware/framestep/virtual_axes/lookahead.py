@@ -54,10 +54,21 @@ _DOUBLE_CELL = formula(
     HALF_CELL = 2 * HALF_CELL
     """,
 )
+# From one knot to the next the acceleration is constant, the lowest of all cells between them. So a
+# cell into which a span of 32 ticks may lead counts on no more than the one before it can, and a
+# cell that is shorter than that never has more.
+_LIKE_BEFORE = formula(
+    registers,
+    """
+    assert CELL_LENGTH < 32 * MAX_V
+    MAX_A = min(MAX_A, CELL_A)
+    """,
+)
 # From the last cell backward: how fast a cell may be left, and so entered.
 _LEAVE_CELL = formula(
     registers,
     """
+    CELL_A = min(CELL_A, BEFORE_A)
     EXIT_V2 = min(ENTRY_V2, CELL_V * CELL_V)
     ENTRY_V2 = min(EXIT_V2 + 2 * (CELL_A * CELL_LENGTH), CELL_V * CELL_V)
     """,
@@ -213,6 +224,10 @@ class LookAhead:
         reals.double(r, registers.CELL_LENGTH, registers.HALF_CELL, 1 - self.level)
         compute(r, _CELL_ENDS)
         cells = self.cells
+        if self.count or self.behind:
+            k = _CELL * ((self.head + self.count - 1) % _RING)
+            reals.fetch(r, registers.CELL_A, cells, k + _A)
+            compute(r, _LIKE_BEFORE)
         k = _CELL * ((self.head + self.count) % _RING)
         self.behind = min(self.behind, _RING - 1 - self.count)
         reals.fetch(cells, k + _END, r, registers.SAMPLE)
@@ -240,9 +255,12 @@ class LookAhead:
         reals.put(r, registers.ENTRY_V2, 0, 0)
         i = self.count - 1
         while i >= 0:
-            k = _CELL * ((self.head + i) % _RING)
+            before = k = _CELL * ((self.head + i) % _RING)
+            if i or self.behind:
+                before = _CELL * ((self.head + i - 1) % _RING)
             reals.fetch(r, registers.CELL_V, cells, k + _V)
             reals.fetch(r, registers.CELL_A, cells, k + _A)
+            reals.fetch(r, registers.BEFORE_A, cells, before + _A)
             reals.fetch(r, registers.CELL_LENGTH, cells, k + _LENGTH)
             compute(r, _LEAVE_CELL)
             reals.fetch(cells, k + _EXIT, r, registers.EXIT_V2)

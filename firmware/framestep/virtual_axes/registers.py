@@ -125,6 +125,7 @@ EXIT_V2 = const(254)  # squares of the velocities at the end of a cell and at it
 ENTRY_V2 = const(202)
 REACH_S = const(204)  # the farthest s that the point can reach until the next knot
 FASTEST = const(206)  # of the motors in the first cell
+BEFORE_A = const(208)  # acceleration of the cell before
 GOAL = const(246)  # of a move
 CAMERA_AXIS = const(246)  # three: direction of an axis, as vTrack, vEW, vNS
 
