@@ -83,9 +83,11 @@ class Scenarios:
     def pytest_collection_modifyitems_share(
         self, config: pytest.Config, items: list[pytest.Item]
     ) -> None:
-        """Keep every n-th, so that each file with n tests or more has one."""
+        """Keep every n-th of those that are not long, so that each file with n tests or more has
+        one."""
         if self.share > 1:
-            self._keep(config, items, items[self.share // 2 :: self.share])
+            short = [item for item in items if not item.get_closest_marker("long")]
+            self._keep(config, items, short[self.share // 2 :: self.share])
 
     @staticmethod
     def _keep(config: pytest.Config, items: list[pytest.Item], kept: list[pytest.Item]) -> None:

@@ -178,6 +178,7 @@ def test_shoot_frame(way, second):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("start", [1, 17])
 @pytest.mark.parametrize("fps", [6, 24])
 def test_a_turn_within_the_path(fps, start):

@@ -91,6 +91,7 @@ def test_only_the_frames_between_count(standing, to):
     assert rate == pytest.approx(12, rel=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("grain", sweep(range(10), 0, 9))
 def test_slows_down_under_way(grain):
     """It continues into frames that it can follow only at less than its speed: it has slowed down

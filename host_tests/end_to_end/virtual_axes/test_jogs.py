@@ -153,6 +153,7 @@ def test_the_speed_is_a_share():
     assert top[1] == pytest.approx(194, rel=0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("line", "speed"), [(0, 10_000), (1, -4000), (2, -10_000), (3, 6000), (4, -10_000)]
 )
