@@ -434,12 +434,12 @@ function showBanner() {
 
 // ---- everything
 
-let moved = false; // motors moved when the page was last drawn
+let moved = false; // motors moved, or an operation had them, when the page was last drawn
 
 function render() {
   const { state } = device;
   if (state.moving && !moved && !operation.busy) last = null;
-  moved = state.moving !== 0;
+  moved = state.moving !== 0 || operation.busy;
   if (!(state.conditions & M.CONDITION_WATCHDOG_RESET)) hangSeen = false;
   document.body.classList.toggle("watch", session.elsewhere);
   document.body.classList.toggle("off", !device.connected);
