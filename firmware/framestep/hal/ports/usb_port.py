@@ -316,14 +316,19 @@ class UsbPort:
             else:
                 s[SENDING] = 0
         if s[SENDING] == 0:
-            kind = s[HELD] | s[AT]
+            now = s[HELD]
             if s[TAKE] != s[FILL]:
-                frame = ptr8(s[RX] + (s[TAKE] & 1) * PLACE + s[AT])
-                if frame[7] == 0 and (
-                    frame[6] == _STATUS or frame[6] == _GET_POSITION or frame[6] == _HI
-                ):
-                    kind = 1
-            if kind and self.answer:
+                place = s[TAKE] & 1
+                at = s[AT]
+                if at == s[END + place]:  # perhaps it was answered by glance()
+                    now = 1
+                else:
+                    frame = ptr8(s[RX] + place * PLACE + at)
+                    if frame[7] == 0:
+                        kind = frame[6]
+                        if kind == _STATUS or kind == _GET_POSITION or kind == _HI:
+                            now = 1
+            if now and self.answer:
                 _at_once(self)
         return True
 
@@ -494,7 +499,7 @@ def _at_once(port):
         if s[END + place] - at < QUESTION or int(_reply(port, place * PLACE + at)) == 0:
             return
         at += QUESTION
-    if at == s[END + place]:  # perhaps it was answered by glance()
+    if at == s[END + place]:
         s[AT] = 0
         s[TAKE] = (s[TAKE] + 1) & 3
         if not s[ARMED] and s[LIVE]:

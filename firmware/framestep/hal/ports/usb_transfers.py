@@ -147,11 +147,13 @@ def arm(port):
     s[SEEN] = 0
     s[DOUBT] = 0
     flag = ptr8(s[FLAG])
+    submit = port._submit
+    memory = port._places[place]
     irq = disable_irq()
     was = flag[0]
     flag[0] = 1
     try:
-        if ptr32(s[BUS])[0] & _ADDRESS and port._submit(s[EP_OUT], port._places[place]):
+        if ptr32(s[BUS])[0] & _ADDRESS and submit(s[EP_OUT], memory):
             s[ARMED] = 1
     finally:
         flag[0] = was
@@ -248,14 +250,16 @@ def send_packet(port):
     s[LAST] = count
     s[SENDING] = 1
     s[SENT] = (s[SENT] + 1) & 0xFFFFFFF
+    ptr32(s[VIEW])[_LENGTH] = count  # instead of one memoryview for each length
     flag = ptr8(s[FLAG])
+    submit = port._submit
+    packet = port._packet
     irq = disable_irq()
     was = flag[0]
     flag[0] = 1
     try:
         if ptr32(s[BUS])[0] & _ADDRESS:
-            ptr32(s[VIEW])[_LENGTH] = count  # instead of one memoryview for each length
-            port._submit(s[EP_IN], port._packet)
+            submit(s[EP_IN], packet)
     finally:
         flag[0] = was
         enable_irq(irq)
