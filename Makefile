@@ -47,14 +47,14 @@ site: setup node ## the documents as a web site, with the pages of make try in i
 demo: setup ## play a camera move on the emulated board, check every edge, plot it (build/demo); BOARD=pico
 	@if tools/setup.sh node && "$(PYTHON_VENV)" -m framestep_tools.building.make_image --board $(BOARD); then where=; \
 	else echo "The emulated board is not available here; the demo runs on the host simulation instead." >&2; where=--host; fi; \
-	"$(PYTHON_VENV)" -m framestep_tools.judge.demo --board $(BOARD) $$where $(ARGS)
+	"$(PYTHON_VENV)" -m framestep_tools.demo --board $(BOARD) $$where $(ARGS)
 
 sim: setup ## the controller on this computer, on a pseudo-terminal; ARGS="--tcp 127.0.0.1:7000 --trace FILE"
-	@"$(PYTHON_VENV)" -m framestep_tools.simulator.sim $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools sim $(ARGS)
 
 emu: setup node ## the controller on the emulated board, on a pseudo-terminal; ARGS as for sim, and --repl
 	@"$(PYTHON_VENV)" -m framestep_tools.building.make_image >&2
-	@"$(PYTHON_VENV)" -m framestep_tools.simulator.emu $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools.commands.emu $(ARGS)
 
 flash: setup ## copy edited modules onto a board with framestep's image: PORT=/dev/ttyACM0 if there are several; ARGS=--clean removes them
 	@"$(PYTHON_VENV)" -m framestep_tools flash $(if $(PORT),--port $(PORT)) $(ARGS)
@@ -66,7 +66,7 @@ install: setup ## build the image and put it on a board plugged in with BOOTSEL 
 	@"$(PYTHON_VENV)" -m framestep_tools install --board $(BOARD) $(ARGS)
 
 release: setup node ## the files of a release (build/release): the package for pip, images, pages, sums, notes
-	@"$(PYTHON_VENV)" -m framestep_tools.building.release
+	@"$(PYTHON_VENV)" -m framestep_tools.site.release
 
 test: lint types node images chromium ## everything: style, types, and every layer of tests
 	@$(PYTEST) $(ARGS)

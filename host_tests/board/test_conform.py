@@ -20,7 +20,7 @@ from framestep_tools.errors import DONE
 def served(rig):
     """Yield the lines that `make emu` prints: its pseudo-terminal, its address."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "framestep_tools.simulator.emu", "--speed", "1",
+        [sys.executable, "-m", "framestep_tools.commands.emu", "--speed", "1",
          "--tcp", "127.0.0.1:0", "--rig", str(rig)],
         cwd=ROOT, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip

@@ -5,10 +5,10 @@ import json
 import pytest
 from playwright.sync_api import expect
 
+from framestep_tools.axes.axes_file import axes_of, camera_of
+from framestep_tools.axes.rig_axes import Axes
 from framestep_tools.console.axes_text import AxesText
 from framestep_tools.errors import ToolError
-from framestep_tools.move.axes_file import axes_of, camera_of
-from framestep_tools.move.rig_axes import Axes
 from framestep_tools.payloads import GetExceeded, MotorGetPosition, MotorSetLimits, MotorSetSpeed
 from host_tests.console.looking import (
     close_drawer,

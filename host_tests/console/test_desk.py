@@ -10,7 +10,7 @@ from framestep_tools.client.wire import FrameDecoder
 from framestep_tools.console.axes_text import AxesText
 from framestep_tools.console.demo import axes_toml
 from framestep_tools.console.demo_board import DemoBoard
-from framestep_tools.judge.demo import ROLL_MS
+from framestep_tools.demo import ROLL_MS
 from framestep_tools.judge.judge import judge
 from framestep_tools.judge.reference import Reference
 from framestep_tools.judge.trace import Trace

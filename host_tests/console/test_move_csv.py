@@ -4,11 +4,11 @@ import json
 
 import pytest
 
+from framestep_tools.axes.axes_file import axes_of
+from framestep_tools.axes.rig_axes import Axes
 from framestep_tools.errors import ToolError
-from framestep_tools.move.axes_file import axes_of
 from framestep_tools.move.move_file import move_of
-from framestep_tools.move.rig_axes import Axes
-from framestep_tools.move.text_file import decoded
+from framestep_tools.text.text_file import decoded
 from host_tests.console.looking import wait_connected
 from host_tests.tools.move.move_samples import LINEAR
 

@@ -13,8 +13,8 @@ from playwright.sync_api import expect
 from rich.console import Console
 
 from framestep_emulator.trace import edges_from
+from framestep_tools import demo
 from framestep_tools.client.client import Client
-from framestep_tools.judge import demo
 from framestep_tools.judge.judge import judge
 from framestep_tools.judge.reference import Reference
 from framestep_tools.judge.trace import PinDecoder, Trace, load_board

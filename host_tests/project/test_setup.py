@@ -85,7 +85,7 @@ def test_make_takes_a_blank_in_the_path(clone):
     )
     assert result.returncode == 0, result.stderr
     asked = (clone.parent / "log").read_text()
-    assert f"{there}/.cache/venv/bin/python -m framestep_tools.simulator.sim --speed max" in asked
+    assert f"{there}/.cache/venv/bin/python -m framestep_tools sim --speed max" in asked
 
 
 def test_a_build_of_micropython_says_that_it_takes_none(clone):

@@ -9,15 +9,14 @@ from pathlib import Path
 import pytest
 import typer
 
-from framestep_tools import cli
+from framestep_tools import cli, demo
 from framestep_tools.building.board_files import ROOT
 from framestep_tools.client.wire import encode
+from framestep_tools.commands import emu
 from framestep_tools.commands.common import arranged
 from framestep_tools.errors import STATUSES
-from framestep_tools.judge import demo
 from framestep_tools.move.move_file import CAMERA_MOVE, MoveFileError, or_example, read_move
 from framestep_tools.payloads import Hi, MotorMove, Positions, RtUploadMoveAxis
-from framestep_tools.simulator import emu, sim
 from framestep_tools.simulator.serve import PtyLink
 from framestep_tools.traffic.log import Recorder
 from framestep_tools.traffic.sniffer import Relay, capture_bytes, read_capture, timed
@@ -122,17 +121,27 @@ from framestep_tools.traffic.sniffer import Relay, capture_bytes, read_capture, 
         (cli.app, ["lab", "sniff", "/not/there.hex"], 1, "cannot read the capture /not/there.hex"),
         (cli.app, ["install", "--board", "nano"], 1, "no board 'nano'"),
         (cli.app, ["console", "--port", "99999"], 2, "--port: expected at most 65535"),
-        (sim.app, ["--trace", "/not/there.csv"], 1, "cannot write the trace /not/there.csv"),
+        (cli.app, ["sim", "--trace", "/not/there.csv"], 1, "cannot write the trace /not/there.csv"),
         (
             demo.app,
             ["--host", "--out", "/proc/there"],
             1,
             "cannot write /proc/there",
         ),
-        (sim.app, ["--speed", "fast"], 1, "expected max or a positive number"),
-        (sim.app, ["--board", "nano"], 1, "no board 'nano': there are esp32_595, esp32_s3_595"),
-        (sim.app, ["--motors", "0"], 2, "--motors: expected at least 1"),
-        (sim.app, ["--rig", "/not/there.json"], 1, "cannot read the rig file /not/there.json"),
+        (cli.app, ["sim", "--speed", "fast"], 1, "expected max or a positive number"),
+        (
+            cli.app,
+            ["sim", "--board", "nano"],
+            1,
+            "no board 'nano': there are esp32_595, esp32_s3_595",
+        ),
+        (cli.app, ["sim", "--motors", "0"], 2, "--motors: expected at least 1"),
+        (
+            cli.app,
+            ["sim", "--rig", "/not/there.json"],
+            1,
+            "cannot read the rig file /not/there.json",
+        ),
         (emu.app, ["--single-port", "--repl"], 2, "with a single port"),
         (emu.app, ["--nonsense"], 2, "No such option: --nonsense"),
         (demo.app, ["--board", "toaster"], 1, "no board 'toaster'"),
@@ -158,7 +167,7 @@ def test_one_sentence_says_what_is_wrong(app, args, status, text, capsys):
     assert len(err.splitlines()) == 1
 
 
-@pytest.mark.parametrize("app", [cli.app, sim.app, emu.app, demo.app])
+@pytest.mark.parametrize("app", [cli.app, emu.app, demo.app])
 @pytest.mark.parametrize("option", ["--help", "-h"])
 def test_help(app, option, capsys):
     assert app.status([option]) == 0

@@ -7,9 +7,9 @@ import zipfile
 import pytest
 
 from framestep_tools import paths
-from framestep_tools.building import release
 from framestep_tools.building.board_files import ROOT, board_data, board_names, image_boards
 from framestep_tools.building.images import BuildError
+from framestep_tools.site import release
 
 
 def test_a_zip_is_the_same_for_the_same():

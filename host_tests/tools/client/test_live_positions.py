@@ -10,6 +10,8 @@ import threading
 import pytest
 
 from framestep_tools import cli
+from framestep_tools.axes.axes_file import Axis
+from framestep_tools.axes.rig_axes import Axes
 from framestep_tools.client.client import Client, Event
 from framestep_tools.client.live_positions import (
     FreeD,
@@ -22,8 +24,6 @@ from framestep_tools.client.live_positions import (
     osc_bundle,
     osc_message,
 )
-from framestep_tools.move.axes_file import Axis
-from framestep_tools.move.rig_axes import Axes
 from framestep_tools.payloads import Positions, VirtConfig, VirtMove, VirtPositions, VirtualAxis
 from framestep_tools.simulator.boards import SimulatedBoard
 from framestep_tools.simulator.serve import Server

@@ -5,8 +5,8 @@ import json
 
 import pytest
 
+from framestep_tools.axes.axes_file import Axis
 from framestep_tools.errors import ToolError
-from framestep_tools.move.axes_file import Axis
 from framestep_tools.move.move_conversion import to_move
 from framestep_tools.move.move_formats import FORMATS, of_content
 from host_tests.tools.move.move_samples import run

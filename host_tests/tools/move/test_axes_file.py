@@ -2,11 +2,11 @@
 
 import pytest
 
+from framestep_tools.axes.axes_file import KEYS, read_axes
+from framestep_tools.axes.units import UNITS
 from framestep_tools.building.board_files import ROOT
 from framestep_tools.errors import ToolError
-from framestep_tools.move.axes_file import KEYS, read_axes
 from framestep_tools.move.move_formats import FORMATS
-from framestep_tools.move.move_formats.units import UNITS
 from host_tests.tools.move.move_samples import ARC, LINEAR, run
 
 

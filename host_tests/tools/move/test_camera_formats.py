@@ -2,8 +2,8 @@
 
 import pytest
 
+from framestep_tools.axes.axes_file import read_axes
 from framestep_tools.errors import ToolError
-from framestep_tools.move.axes_file import read_axes
 from framestep_tools.move.move_file import read_move
 from framestep_tools.move.move_formats import FORMATS, of_content
 from host_tests.tools.move.move_samples import LINEAR, run

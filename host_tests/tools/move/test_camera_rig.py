@@ -8,16 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from framestep_tools.axes import rig_axes
 from framestep_tools.console.axes_text import AxesText
 from framestep_tools.console.move_work import MoveWork
 from framestep_tools.errors import ToolError
 from framestep_tools.judge import virtual_reference as reference
-from framestep_tools.move import rig_axes
 from framestep_tools.move.any_file import any_of
+from framestep_tools.move.camera_rig import rig_of
 from framestep_tools.move.move_conversion import to_move, to_pose_table
 from framestep_tools.move.move_file import Move, read_move
 from framestep_tools.move.move_formats import FORMATS, of_content
-from framestep_tools.move.text_file import Text
+from framestep_tools.text.text_file import Text
 from host_tests.tools.move.move_samples import run
 
 MM, DEG = 1000, 2000  # steps per unit
@@ -91,7 +92,7 @@ def steps_of(text, toml):
     """Return the steps of a .chan, a row per frame; drawn angles jump, and are not unwrapped."""
     axes = rig_axes.of_text(toml, "axes.toml")
     recording = FORMATS["chan"].read(text, "a.chan")
-    move, _ = to_move(recording, axes.list, "a.chan", camera=axes.camera_rig(), unwrap=False)
+    move, _ = to_move(recording, axes.list, "a.chan", camera=rig_of(axes), unwrap=False)
     return np.array(list(move.positions.values())).T
 
 
@@ -128,11 +129,11 @@ def test_a_pose_file_leads_back_to_the_same_steps(name, kind, seed, heading):
     names = {axis.motor: axis.name for axis in axes.list}
     move = Move(5, names, dict(enumerate(steps.T.tolist(), 1)), 25.0)
     chosen = FORMATS[name]
-    table = to_pose_table(move, axes.list, axes.camera_rig(), chosen.CAMERA)
+    table = to_pose_table(move, axes.list, rig_of(axes), chosen.CAMERA)
     text = chosen.write(table, None)
     recording = chosen.read(text, "f")
     fps = 25.0 if recording.seconds else None
-    rig = axes.camera_rig()
+    rig = rig_of(axes)
     found, left = to_move(recording, axes.list, "f", fps, camera=rig, unwrap=False)
     assert left == []
     for axis in axes.list:
@@ -257,7 +258,7 @@ def test_a_boom_table_is_used():
     expected = [round(np.interp(boom, range(-60, 61), table)) for boom in joints[:, 0]]
     assert move.positions[1] == pytest.approx(expected, abs=1)
     axes = rig_axes.of_text(toml, "axes.toml")
-    poses = axes.camera_rig().poses(move.positions, 1)
+    poses = rig_of(axes).poses(move.positions, 1)
     assert poses[:, 1] == pytest.approx([rig.forward(row)[2] - home[2] for row in joints], abs=0.01)
 
 
@@ -451,7 +452,7 @@ POSES = [
         to_pose_table(
             Move(1, {}, {i: [40 * i, 90 * i, 7] for i in range(1, 7)}),
             rig_axes.of_text(axes_toml("X-Y-Z"), "axes.toml").list,
-            rig_axes.of_text(axes_toml("X-Y-Z"), "axes.toml").camera_rig(),
+            rig_of(rig_axes.of_text(axes_toml("X-Y-Z"), "axes.toml")),
             FORMATS[name].CAMERA,
         ),
         None,
@@ -479,7 +480,7 @@ def test_a_spoilt_pose_is_read_or_refused(text, kind, more, at, length, put):
         spoilt = text[:begin] + put + text[begin + length :]
         recording = of_content(spoilt, "a.chan").read(spoilt, "a.chan")
         fps = 24.0 if recording.seconds else None
-        to_move(recording, axes.list, "a.chan", fps, camera=axes.camera_rig())
+        to_move(recording, axes.list, "a.chan", fps, camera=rig_of(axes))
 
 
 def test_camera_options_that_are_wrong(shot, capsys):

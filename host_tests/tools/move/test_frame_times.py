@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from framestep_tools.move.axes_file import Axis
+from framestep_tools.axes.axes_file import Axis
 from framestep_tools.move.frame_times import last_decimal, to_frames
 from framestep_tools.move.move_conversion import to_move
 from framestep_tools.move.move_formats import FORMATS

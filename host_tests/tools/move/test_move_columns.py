@@ -2,10 +2,10 @@
 
 import pytest
 
+from framestep_tools.axes.axes_file import axes_of
+from framestep_tools.axes.rig_axes import Axes
 from framestep_tools.errors import ToolError
-from framestep_tools.move.axes_file import axes_of
 from framestep_tools.move.move_file import read_move, write_move
-from framestep_tools.move.rig_axes import Axes
 from host_tests.tools.move.move_samples import LINEAR, imported, run
 
 AXES = Axes(axes_of(LINEAR, "axes.toml"), "axes.toml")  # track is motor 1, pan motor 2

@@ -8,13 +8,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from framestep_tools import cli
+from framestep_tools.axes.axes_file import Axis, read_axes
+from framestep_tools.axes.units import UNITS, factor
 from framestep_tools.errors import ToolError
-from framestep_tools.move.axes_file import Axis, read_axes
 from framestep_tools.move.move_conversion import to_move, to_table
 from framestep_tools.move.move_file import CAMERA_MOVE, Move, read_move
 from framestep_tools.move.move_formats import FORMATS, of_content
 from framestep_tools.move.move_formats.curves import Samples, Segment, within
-from framestep_tools.move.move_formats.units import UNITS, factor
 from host_tests.tools.move.move_samples import ARC, LINEAR, MAYA, MAYA_AXES, imported, run
 
 NAMED = {"arc", "anim", "csv", "chan", "flair", "ae", "aejson"}  # formats that number their frames

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from framestep_tools.axes.axes_file import Axis
 from framestep_tools.errors import ToolError
-from framestep_tools.move.axes_file import Axis
 from framestep_tools.move.move_conversion import to_move
 from framestep_tools.move.move_formats import FORMATS, of_content
 from framestep_tools.move.move_formats.arc import axes_toml

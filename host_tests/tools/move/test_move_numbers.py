@@ -5,7 +5,7 @@ import pytest
 from framestep_tools.errors import ToolError
 from framestep_tools.move.move_file import read_move
 from framestep_tools.move.move_formats import FORMATS, of_content
-from framestep_tools.move.text_file import decoded, read_text
+from framestep_tools.text.text_file import decoded, read_text
 from host_tests.tools.move.move_samples import ARC, LINEAR, MAYA, imported, run
 from host_tests.tools.move.test_move_formats import OF_AXES
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from framestep_tools.move.axes_file import Axis
+from framestep_tools.axes.axes_file import Axis
 from framestep_tools.move.move_file import Move
 from framestep_tools.move.resample import resampled
 from host_tests.tools.move.move_samples import imported, run

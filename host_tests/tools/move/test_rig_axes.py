@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from framestep_tools.axes import rig_axes
+from framestep_tools.axes.axes_file import Axis
+from framestep_tools.axes.rig_axes import Axes
 from framestep_tools.errors import USAGE, ToolError
-from framestep_tools.move import rig_axes
-from framestep_tools.move.axes_file import Axis
-from framestep_tools.move.rig_axes import Axes
 from host_tests.tools.move.move_samples import LINEAR
 
 RIG = Axes(

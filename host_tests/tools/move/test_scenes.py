@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from framestep_tools.axes.axes_file import Axis
 from framestep_tools.errors import ToolError
-from framestep_tools.move.axes_file import Axis
 from framestep_tools.move.move_conversion import to_move
 from framestep_tools.move.move_file import read_move
 from framestep_tools.move.move_formats import FORMATS, of_content, usd
-from framestep_tools.move.text_file import decoded
+from framestep_tools.text.text_file import decoded
 from host_tests.tools.move.move_samples import LINEAR, run
 
 PARTS = ("x", "y", "z", "pan", "tilt", "roll")

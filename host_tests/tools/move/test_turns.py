@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from framestep_tools.move.axes_file import Axis
+from framestep_tools.axes.axes_file import Axis
 from framestep_tools.move.turns import said_of, turns_in
 from host_tests.tools.move.move_samples import imported, run
 

@@ -210,7 +210,7 @@ def terminal(*args):
     before = termios.tcgetattr(slave)
     termios.tcsetwinsize(slave, (60, 120))
     process = subprocess.Popen(
-        [sys.executable, "-m", "framestep_tools.simulator.sim", *args],
+        [sys.executable, "-m", "framestep_tools", "sim", *args],
         stdin=slave, stdout=slave, stderr=slave, cwd=ROOT,
         env={**os.environ, "TERM": "xterm"},
     )  # fmt: skip

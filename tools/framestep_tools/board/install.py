@@ -4,11 +4,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from .. import paths
+from ..building import uf2
 from ..building.board_files import board_chip, board_data, board_names
 from ..chips import chips
 from ..client.port_finder import OTHER, PROTOCOL, listed
 from ..errors import ToolError
-from . import bootsel_drive, uf2
+from . import bootsel_drive
 from .bootsel_drive import Drive, DriveError
 from .restart import answer, greeting
 

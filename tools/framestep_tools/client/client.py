@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from framestep.protocol import messages
 
+from ..axes.rig_axes import Axes
 from ..errors import BROKEN_OFF, NO_CONTROLLER, REFUSED, USAGE, ToolError
-from ..move.rig_axes import Axes
 from ..payloads import (
     LAST_SECTION,
     REPORTS,

@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 from urllib.parse import quote
 
+from ..axes.axes_file import Axis
+from ..axes.rig_axes import Axes
+from ..axes.units import UNITS, factor
 from ..errors import USAGE, ToolError
-from ..move.axes_file import Axis
-from ..move.move_formats.units import UNITS, factor
-from ..move.rig_axes import Axes
 from ..payloads import Positions, VirtPositions
 from .client import Event
 

@@ -15,8 +15,8 @@ from framestep.protocol.messages import (
     HARD_STOP_UPPER,
 )
 
+from ..axes.rig_axes import Axes
 from ..errors import REFUSED
-from ..move.rig_axes import Axes
 from ..payloads import (
     Condition,
     DeviceInfo,

@@ -23,8 +23,8 @@ from .moves import (
 )
 
 if TYPE_CHECKING:
+    from ..axes.rig_axes import Axes
     from ..move.move_check import Device, Setting
-    from ..move.rig_axes import Axes
 
 _ENDINGS = (".png", ".svg", ".pdf")
 

@@ -1,12 +1,10 @@
 """Common parts of commands: the device, negative numbers, Ctrl-C, output for programs."""
 
 import json
-import os
 import re
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,12 +12,11 @@ import typer
 from typer.core import TyperCommand
 
 if TYPE_CHECKING:
+    from ..axes.rig_axes import Axes
     from ..client.client import Client
-    from ..move.rig_axes import Axes
     from ..payloads import MotorSetSpeed
 
 STOP_TIME_S = 60.0
-_OFFER_S = 0.5  # time for a program that has just opened the port to offer it to others
 
 Url = Annotated[
     str | None,
@@ -144,7 +141,7 @@ def note(*said: str) -> None:
 
 def load_axes(given: Path | None) -> "Axes":
     """Read the names and units of the motors. Raises AxesFileError if the file has a mistake."""
-    from ..move import rig_axes
+    from ..axes import rig_axes
 
     return rig_axes.load(given)
 
@@ -152,77 +149,10 @@ def load_axes(given: Path | None) -> "Axes":
 @contextmanager
 def talking(device: str | None, axes: "Axes | None" = None) -> "Iterator[Client]":
     """Yield a client that has greeted the device, or the only board. axes: for its texts."""
-    from ..client import port_finder
-    from ..client.client import RequestRefused, WrongPort
-    from ..client.tcp_port import is_socket
+    from ..client.connection import connected
 
-    url = device or port_finder.protocol_port()
-    if device and not is_socket(device) and port_finder.is_repl(device):
-        right = port_finder.protocol_of(device)
-        raise WrongPort(
-            f"{device} is the REPL of its board; "
-            f"the protocol's port is {right}: name that one, or none"
-        )
-    with _greeted(url) as client:
-        client.axes = axes or client.axes
-        try:
-            yield client
-        except RequestRefused as error:
-            from ..client.refusals import explain
-
-            raise explain(client, error) from None
-        finally:
-            if client.shared_port:
-                client.shared_port.close()
-
-
-def _greeted(url: str) -> "Client":
-    """Return a client that has greeted the device, at its port or through the program that has the
-    port."""
-    from ..client import shared_port
-    from ..client.client import BrokenOff, Client, NoAnswer
-    from ..client.open_port import PortBusy
-    from ..client.tcp_port import is_socket
-
-    # The program behind a socket closes a second connection, and may not notice it.
-    if is_socket(url) and (client := _through(url)):
-        return client
-    try:
-        client = Client.open(url)
-        try:
-            client.greet()
-        except BaseException:
-            client.close()
-            raise
-    except (PortBusy, BrokenOff, NoAnswer) as error:
-        if not isinstance(error, PortBusy) and not is_socket(url):
-            raise
-        end = time.monotonic() + _OFFER_S
-        while not (through := _through(url)):
-            if time.monotonic() > end:
-                raise
-            time.sleep(shared_port.LOOK_S)
-        return through
-    with suppress(OSError):  # then the port is not offered to other programs
-        client.shared_port = shared_port.SharedPort(
-            client, url, f"{SpokenCommand.under_way} (process {os.getpid()})"
-        )
-    return client
-
-
-def _through(url: str) -> "Client | None":
-    """Return a client through the program that has the device's port, or None if there is none."""
-    from ..client import shared_port
-    from ..client.client import DEFAULT_TIMEOUT_S, Client
-
-    found = shared_port.find(url)
-    port = found and shared_port.enter(found, DEFAULT_TIMEOUT_S)
-    if not (found and port):
-        return None
-    print(f"through {found.who}, which has {url}", file=sys.stderr, flush=True)
-    client = Client(port, name=f"{url}, through {found.who}")
-    client.greet()
-    return client
+    with connected(device, SpokenCommand.under_way, axes) as client:
+        yield client
 
 
 def stopped(client: "Client", moved: Iterable[int]) -> str:

@@ -24,7 +24,7 @@ def demo(
     with extra("the demo"):
         import matplotlib  # noqa: F401
 
-        from ..judge.demo import main
+        from ..demo import main
     return main(host=True, fps=fps, move_file=move or CAMERA_MOVE, out=out)
 
 

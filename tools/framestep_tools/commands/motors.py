@@ -30,8 +30,8 @@ from .common import (
 from .homing import home
 
 if TYPE_CHECKING:
+    from ..axes.rig_axes import Axes
     from ..client.client import Client
-    from ..move.rig_axes import Axes
 
 JOG_REPEAT_S = 0.2  # a jog ends by itself when it is not repeated (field note 4.2)
 WATCH_S = 0.2  # from one update to the next
@@ -279,7 +279,7 @@ def stop(
 
 def _axes_if_any(given: Path | None, needed: bool) -> "Axes":
     """Read the names of motors. A mistake in the file does not keep motors from being stopped."""
-    from ..move.rig_axes import Axes
+    from ..axes.rig_axes import Axes
 
     try:
         return load_axes(given)

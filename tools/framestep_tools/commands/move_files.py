@@ -21,7 +21,7 @@ def _format(name: str | None) -> str | None:
 
 
 def _decimal(word: str | None) -> str | None:
-    from ..move.numerals import WORDS
+    from ..text.numerals import WORDS
 
     if word is None:
         return None
@@ -71,7 +71,7 @@ def _columns(given: list[str] | None) -> dict[str, str]:
 
 def _camera(given: list[str] | None) -> dict[str, Any]:
     """Return values of keys of [camera] as TOML has them, or as text."""
-    from ..move.axes_file import toml_value
+    from ..axes.axes_file import toml_value
     from ..move.camera_rig import KEYS
 
     found: dict[str, Any] = {}
@@ -181,12 +181,13 @@ def import_move(
 
     An Arc scene (.arcx) with -o axes.toml gives the names and units of its motors.
     """
+    from ..axes import rig_axes
     from ..errors import ToolError
-    from ..move import rig_axes
+    from ..move.camera_rig import rig_of
     from ..move.move_conversion import to_move
     from ..move.move_file import or_example, write_move
     from ..move.move_formats import FORMATS, of_content
-    from ..move.text_file import listed, read_text
+    from ..text.text_file import listed, read_text
 
     if smooth:
         with extra("--smooth"):
@@ -218,7 +219,7 @@ def import_move(
         _columns(column),
         unwrap,
         smooth,
-        rig.camera_rig(_camera(camera)),
+        rig_of(rig, _camera(camera)),
         posed=bool(camera),
     )
     if to_fps or speed:
@@ -241,9 +242,9 @@ def import_move(
 
 def _write_axes(text: str, source: Path, output: Path) -> str:
     """Write the axes.toml of an Arc scene, and return the names of its axes."""
-    from ..move.axes_file import axes_of
+    from ..axes.axes_file import axes_of
     from ..move.move_formats.arc import axes_toml
-    from ..move.text_file import write_text
+    from ..text.text_file import write_text
 
     written = axes_toml(text, str(source))
     axes = axes_of(written, output)
@@ -276,13 +277,14 @@ def export_move(
     camera: CameraKeys = None,
 ) -> None:
     """Write a move in steps as another program's file."""
+    from ..axes import rig_axes
     from ..errors import ToolError
-    from ..move import rig_axes
     from ..move.any_file import read_any
+    from ..move.camera_rig import rig_of
     from ..move.move_conversion import to_pose_table, to_table
     from ..move.move_file import or_example
     from ..move.move_formats import FORMATS, WITH_RATE, of_name
-    from ..move.text_file import write_text
+    from ..text.text_file import write_text
 
     _not_itself(move, output)
     chosen = FORMATS[file_format] if file_format else of_name(output)
@@ -292,7 +294,7 @@ def export_move(
     axes_of_rig = rig_axes.load(found, every_motor=True)
     content = read_any(or_example(move), axes_of_rig, fps)
     if pose or camera:
-        rig = axes_of_rig.camera_rig(_camera(camera))
+        rig = rig_of(axes_of_rig, _camera(camera))
         if rig is None:
             raise ToolError(f"--pose needs [camera] in {found}, see docs/use/virtual-axes.md")
         table = to_pose_table(content, axes_of_rig.list, rig, chosen.CAMERA)

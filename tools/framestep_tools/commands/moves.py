@@ -12,10 +12,10 @@ from .common import AxesFile, Url, fps_of, load_axes, moving, note, put, set_spe
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from ..axes.rig_axes import Axes
     from ..client.client import Client
     from ..move.light_file import Lights
     from ..move.move_file import Move
-    from ..move.rig_axes import Axes
     from ..move.shoot import Shots
     from ..payloads import MotorSetSpeed, Request, RtRunMove
 
@@ -186,7 +186,7 @@ def fits(request: "Request") -> None:
 def section(content: "Move", first: int | None, last: int | None, reverse: bool) -> tuple[int, int]:
     """Return the first and the last scene frame to play. Raises MoveFileError for one outside the
     move."""
-    from ..move.text_file import MoveFileError
+    from ..text.text_file import MoveFileError
 
     begin = content.start_frame if first is None else first
     end = content.end_frame if last is None else last

@@ -10,7 +10,7 @@ AGAIN_S = 1.0  # at rest, for a program that was started later
 
 
 def _unit(name: str | None) -> str | None:
-    from ..move.move_formats.units import UNITS
+    from ..axes.units import UNITS
 
     lengths = [unit for unit, (kind, _) in UNITS.items() if kind == "length"]
     if name is not None and name not in lengths:

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any
 
+from ..axes import rig_axes
+from ..axes.axes_file import axes_of, axes_text
 from ..errors import ToolError
-from ..move import rig_axes
-from ..move.axes_file import axes_of, axes_text
-from ..move.text_file import write_text
+from ..text.text_file import write_text
 
 
 class AxesText:

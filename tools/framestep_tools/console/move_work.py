@@ -5,8 +5,8 @@ import base64
 import json
 from typing import Any
 
+from ..axes import rig_axes
 from ..errors import ToolError
-from ..move import rig_axes
 from ..move.move_file import Move
 from .axes_text import AxesText
 
@@ -72,6 +72,7 @@ class MoveWork:
     def export_move(self, text: str) -> dict[str, Any]:
         """Return the file's {"text"}. Further values of the JSON: format, fps; pose: whether it is
         the camera's pose, not the axes."""
+        from ..move.camera_rig import rig_of
         from ..move.move_conversion import to_pose_table, to_table
         from ..move.move_formats import FORMATS, WITH_RATE
 
@@ -87,7 +88,7 @@ class MoveWork:
         axes = rig_axes.load(self._axes.path, every_motor=True)
         move = _move(asked, rig_axes.Axes())
         if asked.get("pose") is True:
-            rig = axes.camera_rig()
+            rig = rig_of(axes)
             if rig is None:
                 raise ToolError(
                     "there is no [camera] in axes.toml, which describes the rig of the camera: "
@@ -107,7 +108,7 @@ class MoveWork:
         is not known).
         """
         from ..move.any_file import any_of
-        from ..move.text_file import decoded
+        from ..text.text_file import decoded
 
         asked = _values(text)
         name = asked.get("name")

@@ -15,10 +15,10 @@ from framestep.protocol import messages
 from framestep.rig import drivers, settings
 
 from .. import paths, payloads
+from ..axes.units import UNITS
 from ..documents import rig_schema, rig_table
 from ..errors import ToolError
 from ..move.move_formats import FORMATS
-from ..move.move_formats.units import UNITS
 from ..payloads import Ack, Payload, RtUploadMoveAxis, layout
 from . import scripts
 

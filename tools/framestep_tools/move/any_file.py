@@ -2,12 +2,13 @@
 
 import os
 
+from ..axes.rig_axes import FILE, Axes
 from ..errors import ToolError
+from ..text.text_file import Text, listed, read_text
+from .camera_rig import rig_of
 from .move_conversion import to_move
 from .move_file import Move, move_of
 from .move_formats import FORMATS, csv_table, of_content, refuse_others
-from .rig_axes import FILE, Axes
-from .text_file import Text, listed, read_text
 
 
 def read_any(path: str | os.PathLike[str], axes: Axes, fps: float | None = None) -> Move:
@@ -28,7 +29,7 @@ def any_of(read: Text, path: str | os.PathLike[str], axes: Axes, fps: float | No
             f"({listed(recording.names)}) to motors; docs/use/axes.md shows one"
         )
     rate = fps if recording.seconds and not recording.fps else None
-    move, left = to_move(recording, axes.list, name, rate, camera=axes.camera_rig())
+    move, left = to_move(recording, axes.list, name, rate, camera=rig_of(axes))
     said = [*read.said, *move.said]
     if left:
         said.append(f"left out, no axis names them: {listed(left)}")

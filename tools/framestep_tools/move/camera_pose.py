@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..axes.units import factor
 from ..errors import ToolError
 from .camera_rig import CameraRig
 from .move_formats.camera import ALIASES, OWN, Camera
 from .move_formats.recording import Channel, Curve, Recording
-from .move_formats.units import factor
 
 PARTS = tuple(ALIASES)
 

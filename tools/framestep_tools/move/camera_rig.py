@@ -19,12 +19,13 @@ import numpy as np
 
 from framestep.virtual_axes.registers import BOOM, WRIST_EW, WRIST_NS
 
+from ..axes.axes_file import AxesFileError, Axis
+from ..axes.rig_axes import FILE, Axes
+from ..axes.units import UNITS, factor
 from ..errors import ToolError
 from ..judge import virtual_reference as reference
-from .axes_file import AxesFileError, Axis
+from ..text.numerals import GREATEST
 from .kinematics import Firmware, Refused
-from .move_formats.units import UNITS, factor
-from .numerals import GREATEST
 
 TYPES = {
     "boom-swing-track": reference.BOOM_SWING_TRACK,
@@ -329,9 +330,21 @@ KEYS: dict[str, tuple[str, Callable[[Any], bool]]] = {
 }  # fmt: skip
 
 
-def camera_rig(settings: Any, axes: Sequence[Axis], path: str) -> CameraRig:
-    """Return the rig of [camera]. path: for errors. Raises AxesFileError, with the key and what is
-    allowed."""
+def rig_of(axes: Axes, changes: Mapping[str, Any] | None = None) -> CameraRig | None:
+    """Return the rig of the camera, or None. changes: other values of keys of [camera].
+
+    Raises AxesFileError, with the key and what is allowed, if [camera] has a mistake.
+    """
+    settings = axes.camera
+    if settings is None and not changes:
+        return None
+    if changes and (settings is None or isinstance(settings, dict)):
+        settings = {**(settings or {}), **changes}
+    return _rig(settings, axes.list, str(axes.path or FILE))
+
+
+def _rig(settings: Any, axes: Sequence[Axis], path: str) -> CameraRig:
+    """Return the rig of [camera]. path: for errors."""
     where = f"{path}, [camera]"
     if not isinstance(settings, dict):
         raise AxesFileError(f"{path}: expected a table [camera], found {settings!r}")

@@ -4,10 +4,10 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .axes_file import MOTORS
-from .move_formats.units import without_unit
-from .rig_axes import Axes
-from .text_file import MoveFileError, shown
+from ..axes.axes_file import MOTORS
+from ..axes.rig_axes import Axes
+from ..axes.units import without_unit
+from ..text.text_file import MoveFileError, shown
 
 _NUMBER = re.compile(r"(?:motor[ _]?)?(\d{1,9})", re.IGNORECASE)
 

@@ -22,8 +22,8 @@ from ..payloads import (
     RtUploadMoveTriggers,
     Trigger,
 )
+from ..text.text_file import MoveFileError, read_text
 from .move_file import frames_of
-from .text_file import MoveFileError, read_text
 
 _COLUMN = re.compile(r"(?:dmx ?)?(?P<channel>\d+)|output ?(?P<output>\d+)", re.IGNORECASE)
 _MOST_OUTPUTS = 32  # bits of a trigger's mask

@@ -16,6 +16,7 @@ import numpy as np
 from framestep.motors.motor import DEFAULT_ACCELERATION, DEFAULT_VELOCITY
 from framestep.protocol.messages import SET_LOWER, SET_UPPER
 
+from ..axes.rig_axes import Axes
 from ..client.client import Client, RequestRefused
 from ..client.refusals import explain
 from ..client.state import too_steep
@@ -24,7 +25,6 @@ from ..payloads import GetExceeded, MotorResetPosition, MotorSetLimits, MotorSet
 from ..simulator.boards import LockstepPort, SimulatedBoard
 from .move_file import Move
 from .move_peaks import FRAMES, POST_ROLL, PRE_ROLL, Peak, Peaks, peaks
-from .rig_axes import Axes
 from .turns import jump_in, said_of
 
 FITS, STEEP, REFUSED = "fits", "too steep", "refused"

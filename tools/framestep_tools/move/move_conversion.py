@@ -5,17 +5,17 @@ import re
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
+from ..axes.axes_file import Axis
+from ..axes.units import factor
 from ..errors import ToolError
-from .axes_file import Axis
+from ..text.text_file import listed
 from .camera_pose import PARTS, pose_columns
 from .camera_rig import CameraRig
 from .frame_times import Frame, to_frames
 from .move_file import Move
 from .move_formats.camera import Camera
 from .move_formats.recording import FIRST_FRAME, Channel, Column, Curve, Recording, Table
-from .move_formats.units import factor
 from .smoothing import smoothed
-from .text_file import listed
 from .turns import unwrapped
 
 LONGEST = (

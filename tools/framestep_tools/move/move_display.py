@@ -10,9 +10,9 @@ from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
+from ..axes.rig_axes import Axes
 from ..client.client import Event
 from ..payloads import Positions
-from .rig_axes import Axes
 
 LINE_EVERY_S = 1.0  # of the device's time, if the output is not a terminal
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .numerals import POINT, Cell, ambiguous, decimal_of, number
+from ..text.numerals import POINT, Cell, ambiguous, decimal_of, number
+from ..text.text_file import MoveFileError, Text, read_text, shown, write_text
 from .table import Table, with_header
-from .text_file import MoveFileError, Text, read_text, shown, write_text
 
 if TYPE_CHECKING:
-    from .rig_axes import Axes
+    from ..axes.rig_axes import Axes
 
 EXAMPLES = Path(__file__).parent
 CAMERA_MOVE = EXAMPLES / "camera_move.csv"
@@ -75,8 +75,8 @@ def read_move(path: str | os.PathLike[str] = CAMERA_MOVE, axes: "Axes | None" = 
 
 def move_of(read: Text, path: str | os.PathLike[str], axes: "Axes | None" = None) -> Move:
     """Return the move in a file's text, as `read_move` does. path: for errors."""
+    from ..axes.rig_axes import Axes
     from .headings import columns_of
-    from .rig_axes import Axes
 
     table, (frames, *steps) = frames_of(read, path, "<motor 1>,<motor 2>…")
     columns = columns_of(table.rows[0][1:], axes or Axes(), str(path))

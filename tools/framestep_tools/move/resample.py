@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
+from ..axes.axes_file import Axis
 from ..judge.reference import Reference
-from .axes_file import Axis
 from .move_file import Move
 
 _CLOSE = 1e-6  # frames: what calculation may lose

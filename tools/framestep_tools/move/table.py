@@ -5,8 +5,8 @@ import re
 from dataclasses import dataclass, field
 from itertools import chain
 
-from .numerals import COMMA, GREATEST, POINT, Cell, ambiguous, decimal_of, number
-from .text_file import MoveFileError
+from ..text.numerals import COMMA, GREATEST, POINT, Cell, ambiguous, decimal_of, number
+from ..text.text_file import MoveFileError
 
 SLOWEST, FASTEST = 0.001, 1000.0  # frames per second
 _COMMENT = re.compile(r"\s*(?://|#)(.*)")

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from .axes_file import Axis
+from ..axes.axes_file import Axis
+from ..axes.units import factor
 from .move_formats.recording import Curve
-from .move_formats.units import factor
 
 _TURN = 360.0
 _JUMP = 10  # times as far as from any other frame to the next

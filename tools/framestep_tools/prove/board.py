@@ -165,7 +165,7 @@ def real(
     from ..board.repl_device import RIG_FILE, Device
     from ..board.rig_file import parse
     from ..client import port_finder
-    from ..commands.common import talking
+    from ..client.connection import connected
 
     if port is None and device is not None:
         port = next(
@@ -185,5 +185,7 @@ def real(
             raise ToolError("motors move, or a run is prepared: stop them first")
         content = repl.read(RIG_FILE)
         rig = parse(content, RIG_FILE) if content else {}
-        with talking(device or port_finder.protocol_of(repl.path)) as client:
+        with connected(
+            device or port_finder.protocol_of(repl.path), "framestep lab prove"
+        ) as client:
             yield Board(client, repl.run, rig, client.name, expected)

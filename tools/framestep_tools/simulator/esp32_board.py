@@ -17,9 +17,8 @@ import numpy as np
 
 from framestep.rig import Rig
 
-from ..board import littlefs_image
 from ..board.on_files import LIST, MAIN, listing, main_py
-from ..building import images
+from ..building import images, littlefs_image
 from ..building.board_files import board_data, board_sources, compiled_modules
 from ..client.port_finder import BAUD
 from ..errors import ToolError

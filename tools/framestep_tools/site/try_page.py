@@ -11,11 +11,10 @@ from typing import Any
 
 from framestep.rig import Rig
 
-from ..board import littlefs_image, uf2
-from ..building import images
+from .. import demo
+from ..building import images, littlefs_image, uf2
 from ..building.board_files import board_data
 from ..errors import Command
-from ..judge import demo
 from ..move.move_file import CAMERA_MOVE
 from ..paths import ROOT
 from ..simulator.boards import closed_switches

@@ -4,7 +4,7 @@
 from pathlib import Path
 from typing import Protocol
 
-from ..text_file import MoveFileError
+from ...text.text_file import MoveFileError
 from . import (
     ae_json,
     ae_keyframes,

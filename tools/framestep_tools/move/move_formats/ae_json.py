@@ -31,9 +31,9 @@ from typing import Any
 
 import numpy as np
 
-from ..numerals import GREATEST
+from ...text.numerals import GREATEST
+from ...text.text_file import MoveFileError, shown
 from ..table import FASTEST, SLOWEST
-from ..text_file import MoveFileError, shown
 from . import ae_keyframes
 from .camera import SCENE, going_on, pan_tilt_roll
 from .curves import Hold, Keyframes, Piece, Point, Samples, Segment, within

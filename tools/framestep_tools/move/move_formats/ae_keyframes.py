@@ -24,13 +24,13 @@ import re
 from dataclasses import replace
 from itertools import pairwise
 
-from ..numerals import number
+from ...axes.units import factor
+from ...text.numerals import number
+from ...text.text_file import MoveFileError, shown
 from ..table import rate
-from ..text_file import MoveFileError, shown
 from .camera import Camera
 from .curves import Hold, Keyframes, Piece, Unreadable
 from .recording import Channel, Column, Recording, Table, check_increasing
-from .units import factor
 
 NAME = "ae"
 MEANING = "After Effects' keyframes, copied as text"

@@ -16,13 +16,13 @@ from itertools import pairwise
 from typing import NamedTuple
 from xml.parsers import expat
 
+from ...axes.units import UNITS
+from ...text.numerals import GREATEST, number
+from ...text.text_file import MoveFileError, shown
 from ..frame_times import last_decimal
-from ..numerals import GREATEST, number
-from ..text_file import MoveFileError, shown
 from .camera import OWN
 from .curves import Keyframes, Point, Samples, Segment, within
 from .recording import Channel, Column, Recording, Table
-from .units import UNITS
 
 NAME = "arc"
 MEANING = "Dragonframe's Arc move, XML with keyframes"

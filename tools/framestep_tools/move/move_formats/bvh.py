@@ -19,15 +19,15 @@ Sheffield.
 
 import re
 
+from ...axes.units import factor
+from ...text.numerals import number
+from ...text.text_file import MoveFileError, shown
 from ..frame_times import last_decimal
-from ..numerals import number
 from ..table import FASTEST, SLOWEST, without_header
-from ..text_file import MoveFileError, shown
 from .camera import Camera
 from .curves import Samples
 from .raw import numbered
 from .recording import Channel, Recording, Table
-from .units import factor
 
 NAME = "bvh"
 MEANING = "Biovision: joints with channels, then a line per frame"

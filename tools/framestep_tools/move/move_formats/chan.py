@@ -12,8 +12,8 @@ ZXY), unless the user has chosen otherwise.
 Source: Foundry's reference of nukescripts.import_boujou, which names these columns.
 """
 
+from ...text.text_file import MoveFileError
 from ..table import without_header
-from ..text_file import MoveFileError
 from . import raw
 from .camera import Camera
 from .curves import Samples

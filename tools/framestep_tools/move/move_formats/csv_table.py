@@ -8,14 +8,14 @@ import io
 import re
 from itertools import pairwise
 
+from ...axes.units import unit_of, without_unit
+from ...text.text_file import MoveFileError, shown
 from ..frame_times import last_decimal
 from ..table import Table as Text
 from ..table import contents, rates_in, separator_of, with_header
-from ..text_file import MoveFileError, shown
 from .camera import OWN
 from .curves import Samples
 from .recording import Channel, Recording, Table, check_frames
-from .units import unit_of, without_unit
 
 NAME = "csv"
 MEANING = "a header, then a line per frame; the first column is frame or seconds"

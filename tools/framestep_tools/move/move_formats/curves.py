@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Protocol
 
-from ..text_file import MoveFileError
+from ...text.text_file import MoveFileError
 
 _SAME = 1e-6  # as a part of the distance between samples: seconds are rounded in files
 _CLOSE = 1e-12  # tolerance of the curve's parameter, as a part of a Bézier segment's width

@@ -21,9 +21,9 @@ analogy; none was at hand.
 import re
 from itertools import pairwise
 
+from ...text.text_file import MoveFileError, shown
 from ..table import Table as Text
 from ..table import contents, rate
-from ..text_file import MoveFileError, shown
 from .camera import Camera
 from .curves import Samples
 from .recording import Channel, Column, Recording, Table, check_frames, frame_rows, slots

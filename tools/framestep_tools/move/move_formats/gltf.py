@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import extra
-from ..text_file import MoveFileError
+from ...text.text_file import MoveFileError
 from . import quaternions
 from .camera import OWN, of_angles
 from .recording import Recording, Table, slots

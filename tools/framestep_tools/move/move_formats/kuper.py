@@ -3,9 +3,9 @@ a line."""
 
 import re
 
+from ...text.text_file import MoveFileError, shown
 from ..table import Table as Text
 from ..table import contents, without_header
-from ..text_file import MoveFileError, shown
 from . import raw
 from .camera import OWN
 from .curves import Samples

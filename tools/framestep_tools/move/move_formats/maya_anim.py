@@ -19,13 +19,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+from ...axes.units import UNITS
+from ...text.numerals import number
+from ...text.text_file import MoveFileError, shown
 from ..frame_times import last_decimal
-from ..numerals import number
-from ..text_file import MoveFileError, shown
 from .camera import Camera
 from .curves import Hold, Keyframes, Piece, Point, Segment, Unreadable
 from .recording import Channel, Column, Recording, Table
-from .units import UNITS
 
 NAME = "anim"
 MEANING = "Maya's animation curves"

@@ -6,9 +6,9 @@ Dragonframe imports it as a raw move, Maya as channel move data (.mov).
 import re
 from itertools import pairwise
 
+from ...text.text_file import MoveFileError
 from ..table import Table as Text
 from ..table import without_header
-from ..text_file import MoveFileError
 from .camera import OWN
 from .curves import Samples
 from .recording import FIRST_FRAME, Channel, Recording, Table

@@ -5,10 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from ...axes.units import factor, without_unit
+from ...text.text_file import MoveFileError
 from ..table import Table as Text
-from ..text_file import MoveFileError
 from .camera import Camera
-from .units import factor, without_unit
 
 FIRST_FRAME = 1  # in files that do not number their frames
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..text_file import MoveFileError
+from ...text.text_file import MoveFileError
 from .camera import SCENE, going_on, pan_tilt_roll
 from .curves import Samples
 from .recording import Channel, Recording

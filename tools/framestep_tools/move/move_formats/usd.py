@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import extra
+from ...text.text_file import MoveFileError
 from ..table import FASTEST, SLOWEST, rate
-from ..text_file import MoveFileError
 from .camera import OWN
 from .recording import Recording, Table, slots
 from .scene_camera import UNITS, Pose, recorded

@@ -16,18 +16,26 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from ..building.board_files import ROOT, board_data, emulated_boards
-from ..client.client import Client
-from ..errors import Command, ToolError
-from ..move import rig_axes
-from ..move.move_display import MoveDisplay
-from ..move.move_file import CAMERA_MOVE, Move, read_move
-from ..payloads import Hi, MotorGetPosition, MotorSetSpeed, MotorStatus, RtEnd, RtGo, RtRunMove
-from ..simulator.boards import Board, EmulatedBoard, LockstepPort, SimulatedBoard
-from .judge import Verdict, judge
-from .plots import plot_move
-from .reference import Reference
-from .trace import Trace, TraceWriter
+from .axes import rig_axes
+from .building.board_files import ROOT, board_data, emulated_boards
+from .client.client import Client
+from .errors import Command, ToolError
+from .judge.judge import Verdict, judge
+from .judge.plots import plot_move
+from .judge.reference import Reference
+from .judge.trace import Trace, TraceWriter
+from .move.move_display import MoveDisplay
+from .move.move_file import CAMERA_MOVE, Move, read_move
+from .payloads import (
+    Hi,
+    MotorGetPosition,
+    MotorSetSpeed,
+    MotorStatus,
+    RtEnd,
+    RtGo,
+    RtRunMove,
+)
+from .simulator.boards import Board, EmulatedBoard, LockstepPort, SimulatedBoard
 
 VELOCITY = 20_000  # steps/s
 ACCELERATION = 100_000  # steps/s²

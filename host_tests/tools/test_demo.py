@@ -4,8 +4,8 @@ import re
 
 import pytest
 
+from framestep_tools import demo
 from framestep_tools.building.board_files import board_data, board_names
-from framestep_tools.judge import demo
 
 MOTORS = 4  # of the example move
 

@@ -9,10 +9,10 @@ from framestep_emulator import EmulatorError
 
 from ..building.board_files import CompileError
 from ..building.images import BuildError
-from ..commands.sim import Board, Rig, Speed, Tcp, TraceFile
 from ..errors import Command
-from .boards import EmulatedBoard, read_rig
-from .serve import Server, parse_speed
+from ..simulator.boards import EmulatedBoard, read_rig
+from ..simulator.serve import Server, parse_speed
+from .sim import Board, Rig, Speed, Tcp, TraceFile
 
 app = Command("emu", expected=(EmulatorError, BuildError, CompileError))
 

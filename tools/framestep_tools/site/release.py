@@ -24,12 +24,12 @@ from tempfile import TemporaryDirectory
 
 from .. import paths
 from ..board import on_files
+from ..building.board_files import board_data, files_boards, image_boards
+from ..building.images import BuildError, frozen
+from ..building.release_names import files_name, image_name, pages_name
 from ..errors import Command
 from ..paths import ROOT, version
-from ..site import install_page, try_page
-from .board_files import board_data, files_boards, image_boards
-from .images import BuildError, frozen
-from .release_names import files_name, image_name, pages_name
+from . import install_page, try_page
 
 RELEASE = ROOT / "build" / "release"
 _FIRST = 315532800  # 1980, the earliest time in a zip file

@@ -16,9 +16,9 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from ..errors import ToolError
-from .move_formats.units import UNITS, factor
-from .numerals import GREATEST
-from .text_file import MoveFileError, read_text
+from ..text.numerals import GREATEST
+from ..text.text_file import MoveFileError, read_text
+from .units import UNITS, factor
 
 if sys.version_info >= (3, 11):
     import tomllib

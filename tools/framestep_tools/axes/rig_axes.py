@@ -4,18 +4,15 @@ import errno
 import math
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
 from ..errors import USAGE, ToolError
 from .axes_file import MOTORS, AxesFileError, Axis, axes_of, axes_text, camera_of
-from .move_formats.units import UNITS, factor
-
-if TYPE_CHECKING:
-    from .camera_rig import CameraRig
+from .units import UNITS, factor
 
 FILE = Path("axes.toml")
 STEPS = "steps"
@@ -86,22 +83,8 @@ class Axes:
     ):
         """camera: [camera], as the file has it."""
         self.path = path
-        self._camera = camera
+        self.camera = camera
         self._of = {axis.motor: axis for axis in axes}
-
-    def camera_rig(self, changes: Mapping[str, Any] | None = None) -> "CameraRig | None":
-        """Return the rig of the camera, or None. changes: other values of keys of [camera].
-
-        Raises AxesFileError if [camera] has a mistake.
-        """
-        if self._camera is None and not changes:
-            return None
-        from .camera_rig import camera_rig
-
-        settings = self._camera
-        if changes and (settings is None or isinstance(settings, dict)):
-            settings = {**(settings or {}), **changes}
-        return camera_rig(settings, self.list, str(self.path or FILE))
 
     # ---- what is typed
 
