@@ -136,7 +136,7 @@ class Axis(Motor):
     def _cut(self, hal, ticks):
         bits = 3 if self.partner else 1
         irq = hal.irq_off()
-        taken = splice.cut(self.block, bits, ticks, hal.kernel.state[stepper.HELD])
+        taken = splice.cut(hal.kernel.state, self.block, bits, ticks)
         hal.irq_on(irq)
         return taken != splice.TOO_SOON
 

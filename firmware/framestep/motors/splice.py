@@ -54,15 +54,16 @@ def queued(m: ptr32, bits: int, most: int) -> int:
 
 
 @micropython.viper
-def cut(m: ptr32, bits: int, ticks: int, held: int) -> int:
+def cut(header: ptr32, m: ptr32, bits: int, ticks: int) -> int:
     """End the queues of these motors about `ticks` from now; start_cubic() continues from there.
 
     Return the ticks until then, at least `ticks`; 0 if the first motor is at rest; TOO_SOON, with
     nothing changed, if it comes to rest before; UNEVEN if the cuts are not at the same moment. m:
-    the block of the motor of bit 0. held: stepper.HELD: a motor that slows down goes on doing so,
-    and one at rest does not start. To be called with interrupts off; the new plan must be queued
-    within that time.
+    the block of the motor of bit 0. While the header's HELD is set, a motor that slows down goes on
+    doing so, and one at rest does not start. To be called with interrupts off; the new plan must be
+    queued within that time.
     """
+    held = header[sw.HELD]
     found = TOO_SOON
     while bits:
         if bits & 1:

@@ -387,11 +387,11 @@ class JogAll(Operation):
         bits = coupled(block, self.bits)
         ticks = queued(block, bits, ALL_SPLICE_TICKS + _PASSING) - _PASSING
         if ticks >= _LEAST:
-            irq_on = axes.hal.irq_on  # looked up before interrupts are off
-            irq = axes.hal.irq_off()
-            ticks = cut(block, bits, ticks, state[stepper.HELD])
+            hal = axes.hal
+            irq = hal.irq_off()
+            ticks = cut(state, block, bits, ticks)
             tick = state[stepper.TICKS]
-            irq_on(irq)
+            hal.irq_on(irq)
             if ticks < 0:
                 return False
             land_from(self, elapsed(tick + state[stepper.LEAD] + 1 + ticks, self.begun))

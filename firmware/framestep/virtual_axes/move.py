@@ -370,10 +370,10 @@ class LinearMove:
             state = kernel.state
             bits = coupled(kernel.blocks[0], self.line.bits)
             tick = after(self.tick, self.times[knot % _KNOTS] - 1)
-            irq_on = axes.hal.irq_on  # looked up before interrupts are off
-            irq = axes.hal.irq_off()
+            hal = axes.hal
+            irq = hal.irq_off()
             drop = cut_at(state, bits, tick, _CUT_TICKS)
-            irq_on(irq)
+            hal.irq_on(irq)
             if not drop:
                 return False
         r = self.r
