@@ -16,6 +16,7 @@ class Tolerances:
 
     lag_ms: int = 0  # from a tick to its edges, at most
     report_s: float = 0.0025  # age of the positions in a report, at most
+    keeps_unread: bool = False  # what nobody read is read by a host that returns, as by a UART
     earlier_ns: int = 0  # how much earlier than it happens an edge is said to be
     # the latest that a tick may come while a motor moves; from 1813 µs on pulses would break off
     late_us: int = 200

@@ -197,6 +197,8 @@ class Watch:
                 self.trial.stale = self.trial.ms + 3
             else:
                 self.trial.do(verb, argument)
+                if verb == "open" and self._within.keeps_unread:
+                    self.trial.stale = self.trial.ms + 100
         self._until(self.board.now_ns)
 
     def _until(self, ns):

@@ -114,7 +114,7 @@ class Target(Esp32Board):
 
     @property
     def shows(self) -> Tolerances:
-        return Tolerances(lag_ms=40, report_s=0.01, earlier_ns=_shift_ns)
+        return Tolerances(lag_ms=40, report_s=0.01, keeps_unread=True, earlier_ns=_shift_ns)
 
     def edges(self) -> list[Edge]:
         """Return the edges, with a Pico's names of the general outputs."""
