@@ -165,6 +165,35 @@ def test_a_take_by_keys_alone_from_an_empty_rig(stage):
     assert page.errors == []
 
 
+# Draws the page next as a text comes into its log, not before
+DRAW_AT = """text => {
+    const held = [], draw = window.requestAnimationFrame;
+    window.requestAnimationFrame = (callback) => held.push(callback);
+    new MutationObserver((_, seen) => {
+        if (!document.querySelector('#log').textContent.includes(text)) return;
+        seen.disconnect();
+        window.requestAnimationFrame = draw;
+        for (const callback of held.splice(0)) callback(performance.now());
+    }).observe(document.querySelector('#log'), {childList: true, subtree: true, characterData: true});
+}"""  # noqa: E501
+
+
+def test_a_run_that_is_stopped_before_it_is_drawn(stage):
+    """As on a busy computer: what moves at its end is no new motion, after which it is over."""
+    page, _ = opened(stage, motors=2)
+    two_keys(page)
+    page.locator("#ready").click()
+    in_banner(page, "READY")
+    page.evaluate(DRAW_AT, "was stopped at frame")
+    page.keyboard.press("Shift+Enter")
+    page.wait_for_timeout(500)
+    page.keyboard.press("Escape")
+    in_banner(page, "Stopped")
+    wait_rest(page)
+    in_banner(page, "by: STOP on this page")
+    assert page.errors == []
+
+
 @pytest.mark.parametrize("keep", [False, True], ids=["alone", "goes on"])
 def test_the_link_is_lost_in_a_run(stage, keep):
     """The page does not know how it ends, and says so; STOP is sent once the link is back."""

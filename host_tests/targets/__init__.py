@@ -83,8 +83,7 @@ class Scenarios:
     def pytest_collection_modifyitems_share(
         self, config: pytest.Config, items: list[pytest.Item]
     ) -> None:
-        """Keep every n-th of those that are not long, so that each file with n tests or more has
-        one."""
+        """Keep every n-th, without the long ones. A file with n others or more has one of them."""
         if self.share > 1:
             short = [item for item in items if not item.get_closest_marker("long")]
             self._keep(config, items, short[self.share // 2 :: self.share])

@@ -305,11 +305,17 @@ $("play").addEventListener("click", desk.play);
 
 // ---- STOP
 
+/** Keep how something has ended. What still moves then is no new motion, even if the page has not been drawn since it began. */
+function ended(how) {
+  last = how;
+  moved = device.state.moving !== 0;
+}
+
 /** Stop everything, and note who did. */
 async function stop() {
   stopper = "STOP on this page";
   playing = null;
-  if (device.state.moving) last = { kind: "stopped", title: "Stopped", text: "By STOP on this page." };
+  if (device.state.moving) ended({ kind: "stopped", title: "Stopped", text: "By STOP on this page." });
   await session.stop();
 }
 session.onstop = () => {
@@ -321,14 +327,14 @@ session.goesOn = () => series.goesOn;
 $("stop").addEventListener("click", stop);
 device.addEventListener("stopped", ({ detail }) => {
   stopper = detail.replace(/\.$/, "");
-  last = { kind: "stopped", title: "Stopped", text: detail };
+  ended({ kind: "stopped", title: "Stopped", text: detail });
 });
 device.addEventListener("hardstop", ({ detail }) => { stopper = detail.text ?? "the device"; });
 operation.addEventListener("over", () => {
   const { early, name } = operation;
   const at = (device.state.playHead / 1000).toFixed(3);
-  last = early ? { kind: "stopped", title: "Stopped", text: `${name} at frame ${at}${stopper ? `, by: ${stopper}` : ""}. Get ready goes back to where it begins.` }
-    : { kind: "over", title: "Over", text: `${name}. Get ready goes back for the next one.` };
+  ended(early ? { kind: "stopped", title: "Stopped", text: `${name} at frame ${at}${stopper ? `, by: ${stopper}` : ""}. Get ready goes back to where it begins.` }
+    : { kind: "over", title: "Over", text: `${name}. Get ready goes back for the next one.` });
   stopper = "";
   showTakes();
 });
@@ -434,12 +440,12 @@ function showBanner() {
 
 // ---- everything
 
-let moved = false; // motors moved, or an operation had them, when the page was last drawn
+let moved = false; // motors moved when the page was last drawn, or as something ended
 
 function render() {
   const { state } = device;
   if (state.moving && !moved && !operation.busy) last = null;
-  moved = state.moving !== 0 || operation.busy;
+  moved = state.moving !== 0;
   if (!(state.conditions & M.CONDITION_WATCHDOG_RESET)) hangSeen = false;
   document.body.classList.toggle("watch", session.elsewhere);
   document.body.classList.toggle("off", !device.connected);
