@@ -150,7 +150,8 @@ prove: setup node micropython ## the emulated board measures itself, like a real
 
 emulator-measure: setup node micropython ## measure the emulated boards themselves (three minutes)
 	@tools/micropython/build.sh rp2350
-	@"$(PYTHON_VENV)" -m framestep_emulator.measure $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_emulator.measure --pico "$(CACHE)/build/rp2/firmware.bin" \
+		--pico2 "$(CACHE)/build/rp2350/firmware.bin" --benchmarks "$(CACHE)/src/micropython/tests/perf_bench" $(ARGS)
 
 clean: ## remove build/ and .cache, everything that can be made again
 	rm -rf build .cache tools/framestep_emulator/board/node_modules framestep.egg-info

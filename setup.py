@@ -14,7 +14,8 @@ from setuptools.command.build_py import build_py
 
 ROOT = Path(__file__).resolve().parent
 TOOLS = "framestep_tools"
-ONLY_IN_A_CHECKOUT = "framestep_emulator"  # it needs node and a build of MicroPython
+IMAGES = "flash_images"
+ONLY_IN_A_CHECKOUT = "framestep_emulator"  # it needs node
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "firmware")]
 
 from framestep_tools.paths import linked_outside, repository, site, version  # noqa: E402
@@ -92,11 +93,13 @@ setup(
     packages=[
         *packages("framestep", "firmware/framestep"),
         *packages(TOOLS, "tools/framestep_tools"),
+        IMAGES,
         ONLY_IN_A_CHECKOUT,
     ],
     package_dir={
         "framestep": "firmware/framestep",
         TOOLS: "tools/framestep_tools",
+        IMAGES: "tools/flash_images",
         ONLY_IN_A_CHECKOUT: "tools/framestep_emulator",
     },
     include_package_data=False,

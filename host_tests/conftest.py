@@ -221,10 +221,14 @@ def _boards():
 
 @pytest.fixture
 def emulator():
-    """emulator(**options) starts an emulated board (see framestep_emulator.Emulator) and closes it
-    at the end of the test."""
+    """emulator(**options) starts an emulated board (see framestep_emulator.Emulator), by default
+    with MicroPython alone, and closes it at the end of the test."""
     with contextlib.ExitStack() as running:
-        yield lambda **options: running.enter_context(Emulator(**options))
+
+        def start(firmware=None, **options):
+            return running.enter_context(Emulator(firmware or images.emulator_ready(), **options))
+
+        yield start
 
 
 @pytest.fixture

@@ -18,6 +18,7 @@ from framestep_tools.building.board_files import ROOT
 
 _MOST_FILES = 50
 _SOURCES = {
+    "flash_images": "tools/flash_images",
     "framestep": "firmware/framestep",
     "framestep_tools": "tools/framestep_tools",
     "framestep_emulator": "tools/framestep_emulator",

@@ -10,8 +10,9 @@ import time
 
 import pytest
 
+from flash_images import uf2
 from framestep_emulator import Emulator
-from framestep_tools.building import images, uf2
+from framestep_tools.building import images
 from framestep_tools.move.move_file import CAMERA_MOVE
 from host_tests.project.test_package import installed  # noqa: F401 -- a fixture
 from host_tests.tools.board.test_install import drive_in

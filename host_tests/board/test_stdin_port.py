@@ -6,6 +6,7 @@ import random
 import pytest
 
 from framestep_emulator import Emulator, ReplError
+from framestep_tools.building import images
 from host_tests.board.ports import answered, frame, port_files, power_cycle, sealed, stop
 
 STDIN_SETUP = """
@@ -27,7 +28,7 @@ def run(turn):
 
 @pytest.fixture(scope="module")
 def emu():
-    with Emulator(files=port_files()) as emu:
+    with Emulator(images.emulator_ready(), files=port_files()) as emu:
         yield emu
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from framestep.protocol import messages as m
 from framestep_emulator import Emulator
+from framestep_tools.building import images
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.ports import answered, frame, port_files, power_cycle, run, stop
@@ -24,7 +25,7 @@ count = Count()
 
 @pytest.fixture(scope="module")
 def emu():
-    with Emulator(files=port_files()) as emu:
+    with Emulator(images.emulator_ready(), files=port_files()) as emu:
         yield emu
 
 

@@ -9,6 +9,7 @@ import serial
 from framestep_emulator import Emulator, EmulatorError
 from framestep_emulator.node import Pool
 from framestep_tools import payloads as p
+from framestep_tools.building import images
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session
 
@@ -82,11 +83,11 @@ def test_what_a_pool_takes_back(pool):
     """Processes with the arguments of their start, and no more than it may."""
     kinds = [["--chip", "B1"], [], ["--seed", "2"], ["--xip-miss", "0"]]
     for args in kinds:
-        Emulator(args=args, boot=False).start().close()
+        Emulator(images.emulator_ready(), args=args, boot=False).start().close()
     assert len(pool.idle) == pool.LARGEST
-    with Emulator(args=kinds[-1], boot=False):
+    with Emulator(images.emulator_ready(), args=kinds[-1], boot=False):
         assert len(pool.idle) == pool.LARGEST - 1
-        with Emulator(args=kinds[-1], boot=False) as second:
+        with Emulator(images.emulator_ready(), args=kinds[-1], boot=False) as second:
             assert len(pool.idle) == pool.LARGEST - 1, "a second process for a second board"
             second.set_lockstep(False)
     assert len(pool.idle) == pool.LARGEST
@@ -97,18 +98,18 @@ def test_what_a_pool_takes_back(pool):
 
 def test_what_has_gone_wrong_stays_with_its_board(pool):
     """After a failure the pool uses no process again, neither a waiting one nor one in use."""
-    Emulator(boot=False).start().close()
-    with Emulator(args=["--seed", "2"], boot=False):
+    Emulator(images.emulator_ready(), boot=False).start().close()
+    with Emulator(images.emulator_ready(), args=["--seed", "2"], boot=False):
         pool.fail()
         assert not pool.idle
     assert not pool.idle
-    with Emulator(boot=False):
+    with Emulator(images.emulator_ready(), boot=False):
         pass
     assert len(pool.idle) == 1, "a later one is"
 
 
 def test_a_board_whose_answer_was_not_waited_for_is_not_used_again(pool, monkeypatch):
-    with Emulator(boot=False) as emu, monkeypatch.context() as patched:
+    with Emulator(images.emulator_ready(), boot=False) as emu, monkeypatch.context() as patched:
         patched.setattr(emu._node, "_ctl_file", patched)
         with pytest.raises(AttributeError):
             emu.advance(1)
@@ -117,7 +118,7 @@ def test_a_board_whose_answer_was_not_waited_for_is_not_used_again(pool, monkeyp
 
 def test_how_much_is_kept(pool):
     """The pool drops the state that was unused for longest."""
-    with Emulator(boot=False) as emu:
+    with Emulator(images.emulator_ready(), boot=False) as emu:
         node = emu._node
         for number in range(17):
             node.keep(f"state {number}")
@@ -128,14 +129,14 @@ def test_how_much_is_kept(pool):
 
 
 def test_a_board_is_only_kept_as_it_has_started(pool):
-    with Emulator(boot=False) as emu:
+    with Emulator(images.emulator_ready(), boot=False) as emu:
         emu.set_pin(3, 1)
         with pytest.raises(ValueError, match="something else has been done"):
             emu.once("late", lambda: None)
 
 
 def test_a_trace_into_a_file_is_not_kept(pool, tmp_path):
-    with Emulator(boot=False) as emu:
+    with Emulator(images.emulator_ready(), boot=False) as emu:
         emu.trace_start(file=tmp_path / "edges")
         with pytest.raises(EmulatorError, match="not with a trace into a file"):
             emu.cmd("keep", name="tracing")
@@ -143,19 +144,23 @@ def test_a_trace_into_a_file_is_not_kept(pool, tmp_path):
 
 def test_a_port_on_tcp(pool):
     """A process that is used again has it, too."""
-    Emulator(boot=False).start().close()
-    with Emulator() as emu, emu.free_running(), emu.tcp_serial(timeout=100) as tcp:
+    Emulator(images.emulator_ready(), boot=False).start().close()
+    with (
+        Emulator(images.emulator_ready()) as emu,
+        emu.free_running(),
+        emu.tcp_serial(timeout=100) as tcp,
+    ):
         tcp.write(b"6 * 7\r")
         assert b"42" in tcp.read_until(b"42")
 
 
 def test_clients_of_the_last_board_are_gone(pool):
     """A client that is still connected loses its connection."""
-    with Emulator(lockstep=False, speed=1) as emu:
+    with Emulator(images.emulator_ready(), lockstep=False, speed=1) as emu:
         left = emu.tcp_serial(timeout=100)
         left.write(b"6 * 7\r")
         assert b"42" in left.read_until(b"42")
-    with Emulator(lockstep=False, speed=1) as emu:
+    with Emulator(images.emulator_ready(), lockstep=False, speed=1) as emu:
         assert left.port == f"socket://127.0.0.1:{emu.tcp_ports[0]}", "the same process"
         with pytest.raises(serial.SerialException, match="disconnected"):
             while left.read():  # what was under way
@@ -164,7 +169,7 @@ def test_clients_of_the_last_board_are_gone(pool):
 
 
 def test_a_usb_device_that_is_being_enumerated_is_not_kept(pool):
-    with Emulator() as emu:
+    with Emulator(images.emulator_ready()) as emu:
         emu.cmd("usb", plugged=False)
         emu.cmd("usb", plugged=True)
         with pytest.raises(EmulatorError, match="a Generator cannot be kept"):

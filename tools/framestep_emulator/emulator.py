@@ -2,7 +2,7 @@
 
     from framestep_emulator import Emulator
 
-    with Emulator() as emu:                       # lockstep: time moves only when told
+    with Emulator("firmware.bin") as emu:         # lockstep: time moves only when told
         repl = emu.repl()
         print(repl.exec("print(1 + 1)"))
         emu.trace_start([2, 3])
@@ -19,8 +19,6 @@ import os
 import tempfile
 import time
 from pathlib import Path
-
-from framestep_tools.building import images
 
 from . import image
 from .errors import EmulatorError
@@ -43,8 +41,7 @@ def device_file(name):
 class Emulator:
     """One emulated board in its own node process.
 
-    firmware    image in flash (default: the one of tools/micropython/build.sh, which is built if it
-                is missing)
+    firmware    path of the image in flash: the .bin of a build of MicroPython
     files       {device path: bytes or str} for a fresh file system
     put         {host path: device path} of further files and directories for it
     fs_image    a complete littlefs image instead of files
@@ -62,7 +59,7 @@ class Emulator:
 
     def __init__(
         self,
-        firmware=None,
+        firmware,
         files=None,
         put=None,
         fs_image=None,
@@ -110,7 +107,7 @@ class Emulator:
         return self._temp.name
 
     def start(self):
-        firmware = self.firmware or images.emulator_ready()
+        firmware = self.firmware
         free, self.lockstep = not self.lockstep, True  # it starts in lockstep
         arguments = [*self.args, "--lockstep"]
         if "--chip" not in arguments and image.chip_of(Path(firmware).read_bytes()) == "RP2350":

@@ -9,8 +9,8 @@ import os
 import sys
 from pathlib import Path
 
-from framestep_tools.building import littlefs_image, uf2
-from framestep_tools.building.littlefs_image import read_image
+from flash_images import littlefs_image, uf2
+from flash_images.littlefs_image import read_image
 
 __all__ = ["chip_of", "collect", "make_image", "read_image"]
 

@@ -1,16 +1,16 @@
 """Measures what the emulated board can do and how fast it is emulated: figures for README.md.
 
-python -m framestep_emulator.measure [name ...]      (default: all)
+python -m framestep_emulator.measure --pico FIRMWARE --pico2 FIRMWARE --benchmarks FOLDER [NAME ...]
+gives MicroPython's images for both boards and its tests/perf_bench. Without names it measures all.
 """
 
+import argparse
 import contextlib
 import math
-import sys
 import time
+from pathlib import Path
 
 import numpy as np
-
-from framestep_tools.building.board_files import CACHE
 
 from . import Emulator, EmulatorError, ReplError, device_file, edge_times
 
@@ -19,8 +19,8 @@ def say(text):
     print(f"    {text}", flush=True)
 
 
-def emulation_speed():
-    with Emulator() as emu:
+def emulation_speed(given):
+    with Emulator(given.pico) as emu:
         repl = emu.repl()
 
         def speed(label, code, advance_ms):
@@ -86,8 +86,8 @@ def nothing(): pass
 """
 
 
-def interpreter_costs():
-    with Emulator() as emu:
+def interpreter_costs(given):
+    with Emulator(given.pico) as emu:
         repl = emu.repl()
         repl.exec(TIMING)
         print(
@@ -187,21 +187,22 @@ PICO2_SCORES = {
     "bm_nqueens": 3708.24,
     "bm_pidigits": 773.64,
 }
-REAL_BOARDS = (("Pico", "rp2", PICO_SCORES, 100), ("Pico 2", "rp2350", PICO2_SCORES, 168))
 
 
-def timing_against_real_boards():
+def timing_against_real_boards(given):
     """Compare MicroPython's performance benchmarks with published scores of real boards."""
-    folder = CACHE / "src/micropython/tests/perf_bench"
+    folder = given.benchmarks
     bench_run = (folder / "benchrun.py").read_text()
-    for board, build, scores, mhz in REAL_BOARDS:
-        firmware = CACHE / "build" / build / "firmware.bin"
+    for board, firmware, scores, mhz in (
+        ("Pico", given.pico, PICO_SCORES, 100),
+        ("Pico 2", given.pico2, PICO2_SCORES, 168),
+    ):
         for cache in (True, False):
             ratios = []
             for name, real in scores.items():
                 script = (folder / (name + ".py")).read_text()
                 args = [] if cache else ["--xip-miss", "0"]
-                with Emulator(firmware=firmware, args=args) as emu:
+                with Emulator(firmware, args=args) as emu:
                     found = emu.repl().exec(f"{script}\n{bench_run}\nbm_run({mhz}, 100)\n")
                 us, norm, _ = found.split(None, 2)
                 ratios.append(int(norm) * 1e6 / int(us) / real)
@@ -215,8 +216,8 @@ def timing_against_real_boards():
             )
 
 
-def interrupt_costs():
-    with Emulator() as emu:
+def interrupt_costs(given):
+    with Emulator(given.pico) as emu:
         repl = emu.repl()
         repl.exec(
             "import machine, micropython, time\n"
@@ -288,7 +289,7 @@ def send_blocks(emu, repl, name, code, count, remark):
     )
 
 
-def serial_throughput():
+def serial_throughput(given):
     blocks = 100
     few = 5
     readinto = (
@@ -298,7 +299,7 @@ def serial_throughput():
         f"for i in range({blocks - 1}): r(b)\n"
         f"print(time.ticks_diff(time.ticks_us(), t) * {blocks} // {blocks - 1})\n"
     )
-    with Emulator() as emu:
+    with Emulator(given.pico) as emu:
         repl = emu.repl()
         send_blocks(
             emu, repl, "stdin.buffer.readinto, 1036-byte blocks", readinto, blocks, "blocking"
@@ -356,11 +357,11 @@ def serial_throughput():
             few,
             "never blocking",
         )
-    with Emulator(args=["--xip-miss", "0"]) as emu:
+    with Emulator(given.pico, args=["--xip-miss", "0"]) as emu:
         send_blocks(
             emu, emu.repl(), "the first one, without cache misses", readinto, blocks, "blocking"
         )
-    with Emulator(files={"/cdc2.py": device_file("cdc2.py")}) as emu:
+    with Emulator(given.pico, files={"/cdc2.py": device_file("cdc2.py")}) as emu:
         repl = emu.repl()
         repl.exec(
             "import cdc2\n"
@@ -397,31 +398,33 @@ def serial_throughput():
         repl.finish()
 
 
-MEASUREMENTS = (
-    emulation_speed,
-    interpreter_costs,
-    timing_against_real_boards,
-    interrupt_costs,
-    serial_throughput,
-)
+MEASUREMENTS = {
+    function.__name__: function
+    for function in (
+        emulation_speed,
+        interpreter_costs,
+        timing_against_real_boards,
+        interrupt_costs,
+        serial_throughput,
+    )
+}
 
 
-def main(names):
-    unknown = set(names) - {f.__name__ for f in MEASUREMENTS}
-    if unknown:
-        return (
-            f"no measurement {', '.join(sorted(unknown))}; "
-            f"there are: {', '.join(f.__name__ for f in MEASUREMENTS)}"
-        )
-    for function in MEASUREMENTS:
-        if names and function.__name__ not in names:
-            continue
-        print(f"{function.__name__}", flush=True)
+def main():
+    parser = argparse.ArgumentParser(prog="python -m framestep_emulator.measure")
+    parser.add_argument("--pico", type=Path, required=True, help="MicroPython for a Pico")
+    parser.add_argument("--pico2", type=Path, required=True, help="MicroPython for a Pico 2")
+    parser.add_argument("--benchmarks", type=Path, required=True, help="its tests/perf_bench")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(MEASUREMENTS))
+    given = parser.parse_args()
+    if unknown := sorted({*given.names} - {*MEASUREMENTS}):
+        parser.error(f"no measurement {', '.join(unknown)}; there are: {', '.join(MEASUREMENTS)}")
+    for name in given.names or MEASUREMENTS:
+        print(name, flush=True)
         begun = time.monotonic()
-        function()
+        MEASUREMENTS[name](given)
         print(f"  {time.monotonic() - begun:.1f} s", flush=True)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    main()

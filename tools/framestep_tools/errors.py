@@ -10,6 +10,8 @@ from typing import Any
 import typer
 from typer.exceptions import Abort, TyperException
 
+from flash_images import FlashImageError
+
 # Exit statuses of a command, as in docs/use/troubleshooting.md
 DONE = 0
 FAILED = 1
@@ -86,7 +88,7 @@ class Command(typer.Typer):
             **options,
         )  # plain text: loading rich would double the time that a command takes to start
         self.program = name
-        self.expected: tuple[type[Exception], ...] = (ToolError, *expected)
+        self.expected: tuple[type[Exception], ...] = (ToolError, FlashImageError, *expected)
 
     def __call__(self, args: list[str] | None = None) -> None:
         """Run with these arguments (default: the process's) and exit."""

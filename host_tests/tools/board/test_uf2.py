@@ -4,8 +4,8 @@ import struct
 
 import pytest
 
-from framestep_tools.building import uf2
-from framestep_tools.building.littlefs_image import make_image, read_image
+from flash_images import uf2
+from flash_images.littlefs_image import make_image, read_image
 
 FILES_AT, FILES_SIZE = 0x100A0000, 1408 * 1024  # a Raspberry Pi Pico's
 

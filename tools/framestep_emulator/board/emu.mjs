@@ -67,11 +67,10 @@ function options() {
 
 /** Build a littlefs image from "host:device" pairs with the Python helper. */
 function imageWith(firmware, puts) {
-  const image = path.join(fs.mkdtempSync(path.join(os.tmpdir(), 'framestep-fs-')), 'fs.img');
-  const cache = process.env.FRAMESTEP_CACHE || path.join(HERE, '..', '..', '..', '.cache');
-  const python = path.join(cache, 'venv', 'bin', 'python');
+  const image = path.join(fs.mkdtempSync(path.join(os.tmpdir(), 'emulator-fs-')), 'fs.img');
+  const python = process.env.PYTHON || 'python3';
   const made = spawnSync(python, ['-m', 'framestep_emulator.image', firmware, image, ...puts], { stdio: ['ignore', 'inherit', 'inherit'] });
-  if (made.status !== 0) throw new Error('cannot build the file system image (run make setup first)');
+  if (made.status !== 0) throw new Error('cannot build the file system image (PYTHON names a Python that has framestep_emulator)');
   const data = fs.readFileSync(image);
   fs.rmSync(path.dirname(image), { recursive: true });
   return data;

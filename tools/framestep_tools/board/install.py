@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from flash_images import uf2
+
 from .. import paths
-from ..building import uf2
 from ..building.board_files import board_chip, board_data, board_names
 from ..chips import chips
 from ..client.port_finder import OTHER, PROTOCOL, listed

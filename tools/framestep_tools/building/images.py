@@ -13,6 +13,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
+from flash_images.uf2 import FLASH, RP2040, from_flash
 from framestep_tools.building.board_files import (
     CACHE,
     FIRMWARE,
@@ -24,7 +25,6 @@ from framestep_tools.building.board_files import (
     image_boards,
 )
 from framestep_tools.building.ram_functions import symbols
-from framestep_tools.building.uf2 import FLASH, RP2040, from_flash
 from framestep_tools.errors import ToolError
 
 _PRODUCTS = {

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flash_images import littlefs_image
 from framestep.rig import Rig
 
 from ..board.on_files import LIST, MAIN, listing, main_py
-from ..building import images, littlefs_image
+from ..building import images
 from ..building.board_files import board_data, board_sources, compiled_modules
 from ..client.port_finder import BAUD
 from ..errors import ToolError

@@ -9,10 +9,11 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+from flash_images import littlefs_image, uf2
 from framestep.rig import Rig
 
 from .. import demo
-from ..building import images, littlefs_image, uf2
+from ..building import images
 from ..building.board_files import board_data
 from ..errors import Command
 from ..move.move_file import CAMERA_MOVE

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 
 from littlefs import LittleFS, LittleFSError
 
-from ..errors import ToolError
+from . import FlashImageError
 
 BLOCK_SIZE = 4096
 PROG_SIZE = 256  # as in the rp2 port's _boot.py
 
 
-class DoesNotFit(ToolError, ValueError):
+class DoesNotFit(FlashImageError, ValueError):
     """The files need more room than there is."""
 
 

@@ -9,7 +9,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from ..errors import ToolError
+from . import FlashImageError
 
 # Families; the second is ARM, secure (RP2350 datasheet, 5.5.3)
 RP2040, RP2350 = 0xE48BFF56, 0xE48BFF59
@@ -31,7 +31,7 @@ _FILES = "MicroPython"  # the name of its file system; ROMFS is another
 _LONGEST_TEXT = 100
 
 
-class Uf2Error(ToolError):
+class Uf2Error(FlashImageError):
     """A file is not UF2, or not suitable. The text says why."""
 
 
