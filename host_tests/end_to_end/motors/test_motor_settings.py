@@ -51,6 +51,7 @@ def test_set_speed_refused(both):
 
 
 @pytest.mark.needs("short pulses")
+@pytest.mark.needs("cycles of 10 ns", only=("1.1-",))
 @pytest.mark.needs("boards", only=("30-", "50-"))  # a chip's own cycles take a little more
 @pytest.mark.parametrize(
     ("pulse_us", "fastest"),
