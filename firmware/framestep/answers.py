@@ -1,5 +1,5 @@
 """Answers to questions for status, positions and HI as soon as they have come, between two passes
-and between the pieces of one.
+and between the pieces of one; and the first part of a STOP and a STOP_ALL.
 
 The port calls answer() also from within MicroPython's USB task. So this is a kernel: nothing can
 end it, and it allocates nothing. It is one piece, because each call and each name takes as long as
@@ -13,6 +13,7 @@ from array import array
 from framestep.base.native import addressof, as_word, const, micropython, ptr8, ptr32
 from framestep.hal import QUESTION
 from framestep.io.lights import RAMPING
+from framestep.motors.feeder import coupled
 from framestep.motors.samples import choose
 from framestep.moves.state_machine import (
     ENDING,
@@ -31,7 +32,9 @@ _HEADER = const(2)  # of the tick
 _LIGHTS = const(3)
 HI_SIZE = const(4)  # bytes of the answer to HI that follows, without checksum; 0: not known yet
 _HI = const(5)
-_WORDS = const(5 + 16)
+_SMOOTH = const(5 + 16)  # motors with a jerk limit, a bit each
+_WORDS = const(5 + 16 + 1)
+_ANY_RATE = const(0x3FFFFFFF)
 _LARGEST = const(4 * 16)
 
 
@@ -42,6 +45,9 @@ def make_answers(controller):
     words[_WRITER] = as_word(addressof(controller.writer._state))
     words[_HEADER] = as_word(addressof(controller.header))
     words[_LIGHTS] = as_word(addressof(controller.io.lights.words))
+    for motor in range(controller.axes.count):
+        if controller.axes[motor].own_jerk:
+            words[_SMOOTH] |= 1 << motor
     return words
 
 
@@ -59,19 +65,76 @@ def keep_hi(words, frame):
 
 
 @micropython.viper
+def _slow_down(controller, bits: int):
+    """Let the motors that a STOP_ALL would stop slow down from the next tick on, as a limit switch
+    does in its interrupt: a pass may carry the request out only milliseconds later. bits: for a
+    STOP, of its motor; else of all.
+
+    Left to that pass are motors whose stop is planned: in a virtual motion, in a JOG_ALL, which
+    ends on a frame, within a jerk limit, and in homing.
+    """
+    words = controller.answers
+    block = controller.safety.block
+    operations = controller.operations
+    operation = operations.operation
+    state = int(operations.state)
+    engaged = int(controller.virtuals.engaged)
+    spared = int(coupled(block, ptr32(words)[_SMOOTH]))
+    bits = int(coupled(block, bits))
+    if state > LEAVING:  # before, a STOP concerns one motor
+        taken = int(operation.bits)
+        if bits & taken:
+            bits |= int(coupled(block, taken & (engaged ^ -1)))
+        if state == RUNNING:
+            spared = spared & (taken ^ -1) if operation.at_once else spared | taken
+    spared |= engaged | int(controller.gate.homing)
+    bits &= int(coupled(block, spared)) ^ -1
+    hal = controller.hal
+    irq = hal.irq_off()
+    stepper.halt(block, bits, _ANY_RATE, 1)
+    hal.irq_on(irq)
+
+
+@micropython.viper
 def answer(controller, questions, at: int, to: ptr8) -> int:
     """Write the answer to the question at questions[at], if it can be given at once. Return its
-    size in bytes, or 0.
+    size in bytes, or 0, also for a STOP.
 
-    controller: the Controller. There are QUESTION bytes at least.
+    controller: the Controller. questions[at:] has as many bytes as a frame of its length.
     """
     f = ptr8(questions)
-    if f[at + 0] != 0x44 or f[at + 1] != 0x46 or f[at + 7] | f[at + 8] | f[at + 9]:
+    if f[at + 0] != 0x44 or f[at + 1] != 0x46 or f[at + 7] | f[at + 9]:
         return 0
     words = controller.answers
     w = ptr32(words)
     x = ptr32(w[_READER])
     if x[NEXT] != x[FILL]:
+        return 0
+    kind = f[at + 6]
+    size = f[at + 8]
+    if (
+        size
+        and (kind != m.MSG_MOTOR_STOP or size != 1)
+        and (kind != m.MSG_MOTOR_STOP_ALL or size != 4)
+    ):
+        return 0
+    first = 0
+    second = 0
+    i = at
+    size += at + QUESTION
+    while i < size:
+        first += f[i + 0]
+        second += first
+        i += 1
+    if first % 255 | second % 255:
+        return 0
+    if kind == m.MSG_MOTOR_STOP:
+        i = f[at + 10] - 1
+        if f[at + 8] and i >= 0 and i < int(controller.axes.count):
+            _slow_down(controller, 1 << i)
+        return 0
+    if kind == m.MSG_MOTOR_STOP_ALL:
+        _slow_down(controller, (1 << int(controller.axes.count)) - 1)
         return 0
     x = ptr32(w[_WRITER])
     if x[TAKE] != x[END]:
@@ -85,16 +148,6 @@ def answer(controller, questions, at: int, to: ptr8) -> int:
         or int(controller.openings) != int(controller.port.openings)
     ):
         return 0
-    first = 0
-    second = 0
-    i = at + QUESTION
-    while at < i:
-        first += f[at + 0]
-        second += first
-        at += 1
-    at -= QUESTION
-    if first % 255 | second % 255:
-        return 0
     moving = 0
     bit = 1
     a = ptr32(w[_HEADER])[stepper.FIRST]
@@ -104,7 +157,6 @@ def answer(controller, questions, at: int, to: ptr8) -> int:
         if x[stepper.MODE] | x[stepper.PLANNED] | x[stepper.PENDING]:
             moving |= bit
         bit <<= 1
-    kind = f[at + 6]
     if kind == m.MSG_MOTOR_STATUS:
         moving |= int(controller.gate.homing) | int(controller.virtuals.engaged)
         if state >= RUNNING or state == LEAVING or operations.starts_by_itself:

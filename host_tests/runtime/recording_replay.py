@@ -98,11 +98,15 @@ class Port:
 
     def ask(self):
         size = 1
-        while size and self.open and self.end - self.begin >= QUESTION:
+        while size and self.open and self._has_frame():
             size = self.answer(self.incoming, self.begin, self.buffer)
             if size:
                 self.begin += QUESTION
                 self._note(size)
+
+    def _has_frame(self):
+        waiting = self.end - self.begin
+        return waiting >= QUESTION and waiting >= QUESTION + self.incoming[self.begin + 8]
 
     def _note(self, count):
         notes = self.notes

@@ -114,11 +114,15 @@ class HostPort:
     def ask(self):
         """Let the questions that have come be answered at once, as by a USB port."""
         size = 1
-        while size and self.answer and self.open and len(self.incoming) >= QUESTION:
+        while size and self.answer and self.open and self._has_frame():
             size = self.answer(self.incoming, 0, self._buffer)  # type: ignore[operator]
             if size:
                 del self.incoming[:QUESTION]
                 self.outgoing += self._buffer[:size]
+
+    def _has_frame(self):
+        waiting = len(self.incoming)
+        return waiting >= QUESTION and waiting >= QUESTION + self.incoming[8]
 
     def poll(self, reader):
         moved = 0

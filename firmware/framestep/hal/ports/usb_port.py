@@ -84,9 +84,11 @@ _SET_CONTROL_LINE_STATE = const(0x22)
 _SEND_BREAK = const(0x23)
 _STAGE_SETUP = const(1)
 
-# Types of questions (protocol.messages)
+# Types of questions, and of stops, which begin at once (protocol.messages)
 _HI = const(0x01)
 _STATUS = const(0x30)
+_STOP = const(0x32)
+_STOP_ALL = const(0x33)
 _GET_POSITION = const(0x34)
 
 # bytes that come this long after DTR was cleared come from a host that does not use it
@@ -104,7 +106,8 @@ class UsbPort:
     after.
 
     `answer`: answer(buffer, at, to) -> size, a kernel that answers a question for status, positions
-    or HI as soon as it has come, if nothing else is to be sent; False by default.
+    or HI as soon as it has come, if nothing else is to be sent, and begins a stop. False by
+    default.
 
     Nothing allocates after `start()`. One main loop calls `poll()` and `send()`. If it is a
     scheduled function, it calls `poll()` only once each time, since callbacks must come between two
@@ -326,7 +329,12 @@ class UsbPort:
                     frame = ptr8(s[RX] + place * PLACE + at)
                     if frame[7] == 0:
                         kind = frame[6]
-                        if kind == _STATUS or kind == _GET_POSITION or kind == _HI:
+                        if (
+                            kind == _STATUS
+                            or kind >= _STOP
+                            and kind <= _GET_POSITION
+                            or kind == _HI
+                        ):
                             now = 1
             if now and self.answer:
                 _at_once(self)
@@ -420,10 +428,12 @@ class UsbPort:
         if s[ARMED] == 0 or s[TAKE] != s[FILL] or s[AT] | s[SENDING] | s[STALE]:
             return
         at = (s[FILL] & 1) * PLACE
-        if ptr32(s[RX] + at)[0] == MARK_0:
+        frame = ptr8(s[RX] + at)
+        if ptr32(frame)[0] == MARK_0:
             return
-        if chip and self.answer and self.open and int(chip.arrived(s[EP_OUT])) == QUESTION:
-            _reply(self, at)
+        if chip and self.answer and self.open:
+            if int(chip.arrived(s[EP_OUT])) == QUESTION + frame[8]:
+                _reply(self, at)
 
     # ------------------------------------------------------------ openings and closings
 
@@ -496,7 +506,10 @@ def _at_once(port):
     place = s[TAKE] & 1
     at = s[AT]
     if at < s[END + place]:
-        if s[END + place] - at < QUESTION or int(_reply(port, place * PLACE + at)) == 0:
+        left = s[END + place] - at
+        if left < QUESTION or left < QUESTION + ptr8(s[RX] + place * PLACE + at)[8]:
+            return
+        if int(_reply(port, place * PLACE + at)) == 0:
             return
         at += QUESTION
     if at == s[END + place]:
