@@ -59,7 +59,7 @@ emu: setup node ## the controller on the emulated board, on a pseudo-terminal; A
 flash: setup ## copy edited modules onto a board with framestep's image: PORT=/dev/ttyACM0 if there are several; ARGS=--clean removes them
 	@"$(PYTHON_VENV)" -m framestep_tools flash $(if $(PORT),--port $(PORT)) $(ARGS)
 
-image: setup ## MicroPython with framestep in it: build/BOARD.uf2; BOARD=pico, and MICROPYTHON=path of a checkout
+image: setup ## MicroPython with framestep in it: build/BOARD.uf2; BOARD=pico or all, and MICROPYTHON=path of a checkout
 	@"$(PYTHON_VENV)" -m framestep_tools.building.make_image --board $(BOARD) $(if $(MICROPYTHON),--micropython $(MICROPYTHON)) $(ARGS)
 
 install: setup ## build the image and put it on a board plugged in with BOOTSEL held: BOARD=pico

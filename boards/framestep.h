@@ -1,7 +1,14 @@
 // Settings of the images of all boards
 #define FRAMESTEP_AS_TEXT_(x) #x
 #define FRAMESTEP_AS_TEXT(x) FRAMESTEP_AS_TEXT_(x)
-#define FRAMESTEP_BOARD(name) name " with framestep " FRAMESTEP_AS_TEXT(FRAMESTEP_VERSION)
+
+// All boards with one chip have the same image. What differs is in a block before the file system, which tools write into
+// the built image: firmware/image_board.py
+#define MICROPY_HW_BOARD_NAME "framestep " FRAMESTEP_AS_TEXT(FRAMESTEP_VERSION)
+
+// The highest clock that the board's flash bears; as pico-sdk has it, if the block is not there or does not say
+#define FRAMESTEP_FLASH_HZ (*(const volatile unsigned int *)(XIP_BASE + MICROPY_HW_FLASH_STORAGE_BASE - 2048 + 12))
+#define MICROPY_HW_FLASH_MAX_FREQ ((int)(FRAMESTEP_FLASH_HZ - 1 < 133000000 ? FRAMESTEP_FLASH_HZ : SYS_CLK_HZ / PICO_FLASH_SPI_CLKDIV))
 
 // Windows and macOS show this name for the ports; manufacturer, vendor and product IDs are MicroPython's
 #define MICROPY_HW_USB_PRODUCT_FS_STRING "framestep"

@@ -112,7 +112,11 @@ def start(again=False):
     global hal, controller, runner
     if controller:  # by boot.py, after a soft reset
         return
-    from framestep.board import BOARD
+    try:
+        from framestep.board import BOARD
+    except ValueError as error:  # no pin is known, so none is touched
+        print("framestep: not started,", error)
+        return
 
     chip = __import__("framestep.hal.%s.start" % BOARD.pop("hal"), None, None, ("held",))
     chip.clear()  # in case boot.py is not framestep's

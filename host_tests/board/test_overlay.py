@@ -28,7 +28,7 @@ def firmware():
 
 def ident_of(board):
     """Return the ID of a board's image, as in framestep_image."""
-    return images.image_module(board, board_modules("armv6m", board)).split("'")[1]
+    return images.image_module(board_modules("armv6m", board)).split("'")[1]
 
 
 @pytest.fixture(scope="module")

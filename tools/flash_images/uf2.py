@@ -68,6 +68,11 @@ class Image:
             data += page[address + len(data) - at :]
         return bytes(data[:size])
 
+    def put(self, address: int, data: bytes) -> None:
+        """Put whole pages of data at an address."""
+        for at in range(0, len(data), PAGE):
+            self.pages[address + at] = data[at : at + PAGE]
+
     def flash(self) -> bytes:
         """Return the flash's content from its start to the image's last byte."""
         return self.read(FLASH, max(self.pages, default=FLASH) + PAGE - FLASH)

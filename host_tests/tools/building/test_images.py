@@ -38,9 +38,10 @@ print(images.frozen("pico"))
     assert log.read_text() == "begin\nend\n", "the second one finds it made"
 
 
-def test_an_image_ends_before_its_file_system():
-    image = firmware(at=0x1000_1000)
-    assert images.flash_left(image) == 0x1000 - len(image)
-    images.flash_left(image.ljust(0x1000, b"x"))
+def test_an_image_ends_before_the_board_s_data():
+    """2 kB before its file system."""
+    image = firmware(at=0x1000_2000)
+    assert images.flash_left(image) == 0x1800 - len(image)
+    images.flash_left(image.ljust(0x1800, b"x"))
     with pytest.raises(images.BuildError, match="4 bytes too large"):
-        images.flash_left(image.ljust(0x1004, b"x"))
+        images.flash_left(image.ljust(0x1804, b"x"))

@@ -14,9 +14,10 @@ from framestep_tools.board.rig_file import read
 from framestep_tools.building.board_files import (
     ROOT,
     board_data,
-    board_module,
     board_modules,
     board_names,
+    data_module,
+    data_on_board,
     files_boards,
     image_boards,
     march,
@@ -168,21 +169,6 @@ def test_folder_is_complete(name):
     assert page.splitlines()[0].startswith(heading), (
         f"boards/{name}/README.md is to begin with the name in board.json: {heading}"
     )
-    chip = board_data(name)["chip"]
-    cmake = (folder / "mpconfigboard.cmake").read_text()
-    line = f'set(PICO_BOARD "{"pico2" if chip == "rp2350" else "pico"}")'
-    assert line in cmake, (
-        f"boards/{name}/mpconfigboard.cmake needs this line, by the chip in board.json: {line}"
-    )
-    assert "include(${CMAKE_CURRENT_LIST_DIR}/../framestep.cmake)" in cmake
-    header = (folder / "mpconfigboard.h").read_text()
-    line = f'#define MICROPY_HW_BOARD_NAME FRAMESTEP_BOARD("{board_data(name)["name"]}")'
-    assert line in header, (
-        f"boards/{name}/mpconfigboard.h needs this line, the name of board.json in it: {line}"
-    )
-    assert '#include "../framestep.h"' in header, (
-        f"boards/{name}/mpconfigboard.h: the size of the file system is in boards/framestep.h"
-    )
 
 
 @pytest.mark.parametrize("name", BOARDS)
@@ -198,15 +184,15 @@ def test_firmware_compiles_for_the_rp2350():
     compiles the firmware."""
     modules = board_modules(march("rp2350"), "pico2")
     assert modules["framestep/hal/rp2/pulses.mpy"][0] == ord("M")
-    assert board_data("pico2")["name"].encode() in modules["framestep/board.mpy"]
 
 
 @pytest.mark.parametrize("name", BOARDS)
 def test_what_is_for_the_page_stays_off_the_board(name):
     found = {}
-    exec(board_module(name), found)
+    exec(data_module(data_on_board(board_data(name))), found)
     data = board_data(name)
-    data.pop("page", None)
+    for key in ("page", "flash_mhz"):
+        data.pop(key, None)
     assert data | found["BOARD"] == data
     assert {key: data[key] for key in data.keys() - found["BOARD"].keys()}.items() <= {
         "ports": 2
@@ -222,7 +208,7 @@ def test_motors_free_pins():
     assert "gio" not in ten
     for drivers in (False, True):
         eight, wanted = fitted(pico2, 8, drivers), fitted(pico, 8, drivers)
-        same = wanted.keys() - {"name", "chip", "clock_mhz", "clocks", "page"}
+        same = wanted.keys() - {"name", "chip", "clock_mhz", "clocks", "flash_mhz", "page"}
         assert {key: eight[key] for key in same} == {key: wanted[key] for key in same}
     # the UART's pins step motor 11
     assert "drivers" not in fitted(pico2, 11, True)

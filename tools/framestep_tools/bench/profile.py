@@ -108,7 +108,7 @@ def main(
     if scenario is Scenario.SINGLE_PORT:
         rig["ports"] = 1
     args = [] if cache else ["--xip-miss", "0"]
-    elf = images.frozen().with_suffix(".elf")
+    elf = images.frozen().with_name("firmware.elf")
     console = Console(width=120, highlight=False)
     if scenario is Scenario.SERVOS:
         console.print(servo_table(args))

@@ -8,12 +8,12 @@ starts with the image's own modules.
 
 from ast import literal_eval
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from framestep.protocol import messages
 
 from .. import paths
-from ..building.board_files import board_chip, board_data, board_modules
+from ..building.board_files import board_chip, board_data, board_modules, data_on_board
 from ..building.images import beginnings, module_hash
 from . import module_files, on_files
 from .module_files import Files, Place
@@ -26,12 +26,14 @@ LIST = FOLDER + "/modules"
 PLACE = Place(FOLDER, FOLDER, LIST)
 FAILED = FOLDER + "/failed"  # why framestep_overlay has left the overlay out
 MOST = 48 * 1024  # bytes of modules; more would leave room for too few frames
-_FIXED = ("framestep/__init__.mpy", "framestep/leftovers.mpy")  # loaded before the overlay
+# Loaded before the overlay, or what tells a board from others
+_FIXED = ("framestep/__init__.mpy", "framestep/leftovers.mpy", "framestep/board.mpy")
 _IMAGE = """
 try:
-    from framestep_image import ID, BOARD, HASHES
-    print((ID, BOARD, HASHES))
-except ImportError: pass
+    from framestep_image import ID, HASHES
+    from framestep.board import FOLDER, BOARD
+    print((ID, FOLDER, HASHES, BOARD))
+except (ImportError, ValueError): pass
 """
 _CLEAR = f"""
 import os
@@ -51,6 +53,7 @@ class Image(NamedTuple):
     ident: str
     board: str
     hashes: bytes
+    data: dict[str, Any]
 
     def has(self, name: str, content: bytes) -> bool:
         """Return whether the image contains exactly this module."""
@@ -74,6 +77,12 @@ def edited(image: Image, modules: Mapping[str, bytes]) -> dict[str, bytes]:
 
     DeviceError if an overlay cannot replace them.
     """
+    wanted = data_on_board(board_data(image.board))
+    if any(image.data.get(key, value) != value for key, value in wanted.items()):
+        raise DeviceError(
+            f"boards/{image.board}/board.json differs from the data in the image: put a new image "
+            f"on the board (framestep install --board {image.board})"
+        )
     fixed = beginnings() | {name: modules[name] for name in _FIXED}
     if stale := [name for name, content in fixed.items() if not image.has(name, content)]:
         raise DeviceError(

@@ -84,6 +84,7 @@ _OF_HAL = {
 }
 # Only chips with two ports get these
 _OF_OWN_PORT = ("framestep/hal/ports/usb_", "framestep/hal/esp32/usb_port")
+_OFF_THE_BOARD = ("page", "flash_mhz")  # for its wiring page, for its flash
 _USUAL = {"ports": 2}  # what framestep.rig takes for granted
 _P = ParamSpec("_P")
 
@@ -233,17 +234,26 @@ def march(key: str) -> str:
 
 
 def board_module(board: str) -> str:
-    """Return the source of framestep/board.py: the data of boards/<board>/board.json without its
-    page's."""
+    """Return the source of framestep/board.py. In an image it reads the data from a block of flash,
+    elsewhere it has them itself."""
     data = board_data(board)
-    data.pop("page", None)
-    return data_module(data)
+    if board_chip(board).uf2_family:
+        return (FIRMWARE / "image_board.py").read_text()
+    return data_module(data_on_board(data))
+
+
+def data_on_board(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Select what a board needs to know of its data. Values that most boards share are left out,
+    because a Pico has hardly any memory to spare."""
+    return {
+        key: value
+        for key, value in data.items()
+        if key not in _OFF_THE_BOARD and _USUAL.get(key) != value
+    }
 
 
 def data_module(data: Mapping[str, Any]) -> str:
-    """Return the source of framestep/board.py for a board's data. Values that most boards share are
-    left out, because a Pico has hardly any memory to spare."""
-    data = {key: value for key, value in data.items() if _USUAL.get(key) != value}
+    """Return the source of a framestep/board.py with this data."""
     return f'"""Pins and counts, made from the board\'s board.json."""\n\nBOARD = {data!r}\n'
 
 

@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from flash_images.uf2 import FLASH, RP2040, from_flash
+from framestep_tools.building import board_block
 from framestep_tools.building.board_files import (
     CACHE,
     FIRMWARE,
     ROOT,
     board_chip,
+    board_data,
     board_modules,
     board_sources,
     compiled,
@@ -92,6 +94,14 @@ def _locked(file: Path) -> Iterator[None]:
         yield
 
 
+def _put_file(path: Path, data: bytes) -> None:
+    """Make this a file's content, at once for other processes."""
+    if not path.exists() or path.read_bytes() != data:
+        whole = path.with_name(f"{path.name}.{os.getpid()}")
+        whole.write_bytes(data)
+        whole.replace(path)
+
+
 def _put(folder: Path, files: dict[str, bytes]) -> None:
     """Make these the files of a folder, without touching unchanged ones."""
     for name, data in files.items():
@@ -105,20 +115,21 @@ def _put(folder: Path, files: dict[str, bytes]) -> None:
 
 
 def image_files(board: str) -> dict[str, bytes]:
-    """Return {module's path: content} of everything that is frozen into a board's image."""
+    """Return {module's path: content} of everything that is frozen into the image of a board's
+    chip."""
     processor = board_chip(board).processor
     files = board_modules(processor, board)
-    image = compiled("framestep_image.py", image_module(board, files).encode(), processor)
+    image = compiled("framestep_image.py", image_module(files).encode(), processor)
     return files | beginnings() | {"framestep_image.mpy": image}
 
 
-def image_module(board: str, modules: Mapping[str, bytes]) -> str:
-    """Return the source of framestep_image: the image's ID, its board, a hash of each module."""
+def image_module(modules: Mapping[str, bytes]) -> str:
+    """Return the source of framestep_image: the image's ID, a hash of each module."""
     hashes = b"".join(
         sorted(module_hash(*module) for module in {**modules, **beginnings()}.items())
     )
     ident = hashlib.sha256(hashes).hexdigest()[:8]
-    return f"ID = {ident!r}\nBOARD = {board!r}\nHASHES = {hashes!r}\n"
+    return f"ID = {ident!r}\nHASHES = {hashes!r}\n"
 
 
 def module_hash(name: str, content: bytes) -> bytes:
@@ -131,9 +142,14 @@ def beginnings() -> dict[str, bytes]:
     return {name: (FIRMWARE / source).read_bytes() for name, source in _BEGINNING.items()}
 
 
+def _definition(board: str) -> Path:
+    """Return the folder of MicroPython's definition of a board's chip."""
+    return ROOT / "boards" / str(board_data(board)["chip"])
+
+
 def _digest(board: str, files: dict[str, bytes]) -> str:
     """Return a digest that changes with the sources of an image."""
-    folder = ROOT / "boards" / board
+    folder = _definition(board)
     machinery = ROOT / "tools/micropython"
     recipe = [*machinery.glob("*.sh"), *machinery.glob("patches/*/*.patch")]
     common = [
@@ -153,59 +169,60 @@ def images_ready() -> dict[str, Path]:
     """Return {board: UF2 image} of images built from the present sources. Build nothing."""
     found = {}
     for board in image_boards():
-        build = CACHE / "build" / f"image-{board}"
-        stamp, image = build / "stamp", build / "firmware.uf2"
-        if (
-            stamp.exists()
-            and image.exists()
-            and stamp.read_text() == _digest(board, image_files(board))
-        ):
-            found[board] = image
+        build = CACHE / "build" / f"image-{board_data(board)['chip']}"
+        stamp = build / "stamp"
+        if stamp.exists() and stamp.read_text() == _digest(board, image_files(board)):
+            found[board] = _for_board(build, board).with_suffix(".uf2")
     return found
 
 
 def flash_left(firmware: bytes) -> int:
-    """Return the bytes between the end of a firmware and its file system in the same flash.
+    """Return the bytes between the end of a firmware and the block of the board's data, behind
+    which its file system begins.
 
-    Raises BuildError if they overlap: the file system would overwrite the end of the code.
+    Raises BuildError if they overlap: the block would overwrite the end of the code.
     """
-    area = from_flash(firmware, RP2040).file_system()
-    if area is None:
-        raise BuildError("the image does not say where its file system is")
-    left = area.address - FLASH - len(firmware)
+    end = board_block.address(from_flash(firmware, RP2040))
+    left = end - FLASH - len(firmware)
     if left < 0:
         raise BuildError(
-            f"the image is {-left} bytes too large: it ends at {len(firmware)} bytes, and its file "
-            f"system begins at {area.address - FLASH} (boards/framestep.h); leave something out "
-            "(boards/rp2040_port.h)"
+            f"the image is {-left} bytes too large: it ends at {len(firmware)} bytes, and the "
+            f"board's data before its file system begin at {end - FLASH} (boards/framestep.h); "
+            "leave something out (boards/rp2040_port.h)"
         )
     return left
 
 
-def frozen(board: str = "pico", checkout: str | None = None, show: bool = False) -> Path:
-    """Return a board's firmware with framestep in it, next to firmware.uf2. Build it if a source
-    has changed.
-
-    That takes two minutes the first time, later some twenty seconds. checkout: the MicroPython to
-    build, if not Debian's; show: print the steps on standard error. Several processes may call this
-    at once.
-    """
+def _family(board: str) -> str:
     family = board_chip(board).uf2_family
     if family is None:
         raise BuildError(f"there is no image for {board}: framestep install puts files onto it")
+    return family
+
+
+def frozen(board: str = "pico", checkout: str | None = None, show: bool = False) -> Path:
+    """Return a board's firmware with framestep in it, beside its .uf2 and the build's firmware.elf.
+    Build it if a source has changed.
+
+    That takes two minutes the first time, later some twenty seconds, and less than one for another
+    board with the same chip. checkout: the MicroPython to build, if not Debian's; show: print the
+    steps on standard error. Several processes may call this at once.
+    """
+    _family(board)
     files = image_files(board)
-    folder = ROOT / "boards" / board
+    folder = _definition(board)
     digest = _digest(board, files)
+    chip = folder.name
     name = (
-        board
+        chip
         if checkout is None
-        else f"{board}-{hashlib.sha256(os.path.realpath(checkout).encode()).hexdigest()[:8]}"
+        else f"{chip}-{hashlib.sha256(os.path.realpath(checkout).encode()).hexdigest()[:8]}"
     )
     build, modules = CACHE / "build" / f"image-{name}", CACHE / "frozen" / name
     product, stamp = build / "firmware.bin", build / "stamp"
     with _locked(CACHE / "frozen" / f"{name}.lock"):
         if checkout is None and product.exists() and stamp.exists() and stamp.read_text() == digest:
-            return product
+            return _for_board(build, board)
         stamp.unlink(missing_ok=True)
         _put(modules, files)
         _run(
@@ -219,10 +236,17 @@ def frozen(board: str = "pico", checkout: str | None = None, show: bool = False)
             MICROPYTHON=os.path.abspath(checkout) if checkout else "",
         )
         flash_left(product.read_bytes())
-        image = from_flash(product.read_bytes(), int(family, 16))
-        product.with_suffix(".uf2").write_bytes(image.packed())
         stamp.write_text(digest)
-    return product
+        return _for_board(build, board)
+
+
+def _for_board(build: Path, board: str) -> Path:
+    """Return the firmware of a build with a board's data in it, next to its .uf2."""
+    image = from_flash((build / "firmware.bin").read_bytes(), int(_family(board), 16))
+    board_block.write(image, board)
+    for suffix, content in ((".bin", image.flash()), (".uf2", image.packed())):
+        _put_file(build / f"{board}{suffix}", content)
+    return build / f"{board}.bin"
 
 
 def emulator_ready() -> Path:

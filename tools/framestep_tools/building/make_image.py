@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from ..errors import Command
-from .board_files import ROOT, CompileError, board_data
+from .board_files import ROOT, CompileError, board_data, image_boards
 from .images import BuildError, flash_left, frozen
 
 app = Command("image", expected=(BuildError, CompileError))
@@ -14,7 +14,7 @@ app = Command("image", expected=(BuildError, CompileError))
 
 @app.command()
 def main(
-    board: Annotated[str, typer.Option(help="a folder of boards/")] = "pico",
+    board: Annotated[str, typer.Option(help="a folder of boards/, or all that have one")] = "pico",
     micropython: Annotated[
         str | None,
         typer.Option(
@@ -22,14 +22,22 @@ def main(
         ),
     ] = None,
 ) -> None:
-    """Build the image of a board."""
+    """Build the image of a board. Boards with the same chip share all but a last second of it."""
+    for each in image_boards() if board == "all" else [board]:
+        make(each, micropython)
+
+
+def make(board: str, micropython: str | None) -> None:
     name = board_data(board)["name"]
     made = ROOT / "build" / f"{board}.uf2"
     made.parent.mkdir(exist_ok=True)
-    print(f"building for the {name} (some minutes the first time)", flush=True)
+    print(f"building for the {name} (some minutes the first time for its chip)", flush=True)
     product = frozen(board, micropython, show=True)
     shutil.copyfile(product.with_suffix(".uf2"), made)
-    print(f"{flash_left(product.read_bytes())} bytes are free between the image and the files")
+    print(
+        f"{flash_left(product.with_name('firmware.bin').read_bytes())} bytes are free"
+        " between the image and the files"
+    )
     print(
         f"{made.relative_to(ROOT)}, {made.stat().st_size // 1024} kB: "
         f"hold BOOTSEL while plugging in the {name}, "

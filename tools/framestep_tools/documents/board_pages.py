@@ -35,7 +35,18 @@ _KEYS = {
         "drivers",
         "gio",
     ),
-    *("outputs", "inputs", "stops", "led", "rgb", "jumper", "freed", "with_drivers", "page"),
+    *(
+        "outputs",
+        "inputs",
+        "stops",
+        "led",
+        "rgb",
+        "jumper",
+        "freed",
+        "with_drivers",
+        "page",
+        "flash_mhz",
+    ),
     *("chain", "buffers", "button", "uart", "usb", "flash"),
     *("hal", "ports", "pins", "clocks"),  # not in the file: board_files.board_data adds them
 }

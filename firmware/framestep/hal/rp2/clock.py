@@ -2,7 +2,7 @@
 
 RP2040: Raspberry Pi certifies 133 MHz at the core voltage of power-on, 1.10 V, and 200 MHz at
 1.15 V. MicroPython's machine.freq() keeps the flash below MICROPY_HW_FLASH_MAX_FREQ
-(boards/*/mpconfigboard.h). USB, timer and watchdog have clocks of their own. All else is set up
+(flash_mhz in board.json). USB, timer and watchdog have clocks of their own. All else is set up
 after this, from the new clock. The RP2350 has its 150 MHz from power-on.
 """
 

@@ -1,5 +1,0 @@
-# For MicroPython's build of the rp2 port (-DMICROPY_BOARD_DIR=boards/fysetc_erb)
-# RP2040 and a flash of 2 MB, as on a Pico
-set(PICO_BOARD "pico")
-set(PICO_PLATFORM "rp2040")
-include(${CMAKE_CURRENT_LIST_DIR}/../framestep.cmake)
