@@ -34,11 +34,20 @@ def spare(cases, but=()):
 
 
 def by_test(items):
-    """Return {(file, test): its cases}."""
+    """Return {(file, test, chip): its cases}."""
     found = {}
     for item in items:
-        found.setdefault((item.path, getattr(item, "originalname", item.name)), []).append(item)
+        name = getattr(item, "originalname", item.name)
+        found.setdefault((item.path, name, parameters(item).get("chip")), []).append(item)
     return found
+
+
+def one_of_each(items):
+    """Return a case of each test, if possible one that is in each run."""
+    return {
+        min(cases, key=lambda item: len(list(item.iter_markers("repeats"))))
+        for cases in by_test(items).values()
+    }
 
 
 def fewer_examples(items):

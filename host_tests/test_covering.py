@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import hypothesis
 from hypothesis import strategies
 
-from host_tests.covering import by_test, fewer_examples, spare
+from host_tests.covering import by_test, fewer_examples, one_of_each, spare
 
 
 class Case(SimpleNamespace):
@@ -34,6 +34,19 @@ def test_a_parameter_that_does_not_count_decides_nothing():
 def test_one_case_stays():
     assert spare([Case()]) == []
     assert by_test([]) == {}
+
+
+def test_the_case_that_stays_is_in_each_run_and_chips_do_not_count_as_cases():
+    def case(marks, **params):
+        return Case(
+            path="file",
+            name="test",
+            callspec=SimpleNamespace(params=params),
+            iter_markers=lambda name: iter(range(marks)),
+        )
+
+    cases = [case(2, chip=2, a=1), case(1, chip=2, a=2), case(1, chip=1, a=1), case(0, chip=1, a=2)]
+    assert one_of_each(cases) == {cases[1], cases[3]}
 
 
 def test_hypothesis_draws_the_first_third():

@@ -9,7 +9,7 @@ from framestep_tools.bench.moves import STEADY_RATES, STEEPEST, mixed_move
 from framestep_tools.bench.session import Session
 from framestep_tools.judge.trace import Trace
 from framestep_tools.payloads import HardStop, MotorSetSpeed, MotorStatus, RtEnd, RtGo
-from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.board.chips import on_pico
 from host_tests.covering import sweep
 
 WORST_MS = 10  # design.md's goal
@@ -20,8 +20,8 @@ APART_NS = 1000  # between the motors' first edges
 
 
 @pytest.fixture(scope="module")
-def session():
-    with EmulatedBoard(trace=False) as board:
+def session(chip):
+    with chip.emulated(trace=False) as board:
         session = Session(board)
         yield session
         assert not any(isinstance(event.message, HardStop) for event in session.client.events)
@@ -36,6 +36,7 @@ def test_a_question_at_rest_waits_for_no_pass(session):
     assert max(np.median(ask.ms[kind::kinds]) for kind in range(kinds)) < AT_REST_MS
 
 
+@on_pico
 def test_passes_go_on_after_half_a_turn_of_the_microseconds(session):
     """A board whose firmware starts minutes after its power-on."""
     session.repl("import time\nfrom framestep.boot import runner")

@@ -14,7 +14,7 @@ from framestep.protocol import messages as m
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.judge.judge import judge
 from framestep_tools.payloads import Ack, DeviceInfo, HardStop, MotorMove, RtEnd, RtGo
-from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.board.chips import on_pico
 from host_tests.end_to_end.session import Session, run_request
 
 FRAMES = 40
@@ -48,8 +48,8 @@ def assert_played(session, stands, positions):
 
 
 @pytest.fixture(scope="module")
-def session():
-    with EmulatedBoard() as board:
+def session(chip):
+    with chip.emulated() as board:
         yield Session(board, reply_s=0.1)
 
 
@@ -74,6 +74,7 @@ def assert_form(session, wide):
     assert answer.payload == int(Ack.ERR_GENERAL).to_bytes(len(ok), "little")
 
 
+@on_pico
 def test_form_of_the_answers(session):
     """Field note 1.4; the next host is greeted again (1.5) by a rig that has come to rest
     (1.11)."""
@@ -87,9 +88,10 @@ def test_form_of_the_answers(session):
     assert session.moving == []
 
 
+@on_pico
 @pytest.mark.repeats
-def test_form_of_the_answers_in_the_other_dialect():
-    with EmulatedBoard({"dialect": "dmc-lite"}, trace=False) as board:
+def test_form_of_the_answers_in_the_other_dialect(chip):
+    with chip.emulated({"dialect": "dmc-lite"}, trace=False) as board:
         assert_form(Session(board, reply_s=0.1), wide=True)
 
 
@@ -150,10 +152,10 @@ def test_nothing_is_allocated(session):
 
 
 @pytest.mark.repeats
-def test_one_port():
+def test_one_port(chip):
     """`ports: 1`: the protocol on the REPL's port. A move from upload to RT_END, then Ctrl-C
     returns to the REPL."""
-    with EmulatedBoard({"ports": 1}) as board:
+    with chip.emulated({"ports": 1}) as board:
         session = Session(board)
         positions = move(session, (1, 2))
         stands = load(session, positions)
@@ -184,12 +186,13 @@ def test_one_port():
         )
 
 
+@on_pico
 @pytest.mark.repeats
-def test_one_port_closed_within_a_frame():
+def test_one_port_closed_within_a_frame(chip):
     """There is no DTR. The beginning of a frame from an earlier client never has an effect, nor
     does a mixture of it with later bytes: at most that is damaged. The next client's first request
     gets its answer."""
-    with EmulatedBoard({"ports": 1}) as board:
+    with chip.emulated({"ports": 1}) as board:
         port = board.protocol
         left = (
             encode(m.MSG_MOTOR_MOVE, struct.pack("<Bi", 1, 500), 77),

@@ -22,7 +22,7 @@ from framestep.motors.positions import (
 from framestep.protocol import messages as m
 from framestep.pulse import stepper
 from framestep_tools import payloads as p
-from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.board.chips import on_both, on_pico
 from host_tests.end_to_end.session import Session, assert_within, deceleration, run_request
 
 VELOCITY, ACCELERATION = 10_000, 50_000
@@ -68,8 +68,8 @@ fifo = b.hal.engine.fifo(4)
 """
 
 
-def session():
-    found = Session(EmulatedBoard(RIG), motors=6, reply_s=0.1)
+def session(chip):
+    found = Session(chip.emulated(RIG), motors=6, reply_s=0.1)
     for motor in (1, 2, 3):
         found.speed(motor, VELOCITY, ACCELERATION)
         found.accept(p.MotorResetPosition(motor, 0))
@@ -122,13 +122,14 @@ def trust(found):
 
 
 @pytest.fixture(scope="module")
-def rig():
+def rig(chip):
     """Yield a session that all tests use in turn; each leaves it at rest."""
-    found = session()
+    found = session(chip)
     with found.board:
         yield found
 
 
+@on_pico
 def test_the_port_is_dropped_in_the_middle_of_a_run(rig):
     # 5760 steps/s from the seventh frame on
     path = np.cumsum(np.minimum(40 * np.arange(60), 240)).tolist()
@@ -154,13 +155,13 @@ def test_the_port_is_dropped_in_the_middle_of_a_run(rig):
     assert trust(rig)[:4] == [(KNOWN, SET)] * 3 + [(LOST, UNSET)]
 
 
-def test_a_queue_that_is_not_filled_in_time(rig):
+@on_both
+def test_a_queue_that_is_not_filled_in_time(rig, chip):
     """The main loop does something else for a second and a half, then continues."""
     before = start(rig, *away(rig))
     repl = rig.board.emulator.repl()
     repl.exec("import framestep.boot as b\nb.controller.axes.feed = lambda urgent: None")
-    # ENABLE of the watchdog's CTRL, RP2040 datasheet 4.7.6
-    watched = "print(machine.mem32[0x40058000] >> 30 & 1)"
+    watched = f"print(machine.mem32[{chip.watchdog}] >> 30 & 1)"  # its ENABLE
     assert repl.exec("import machine\n" + watched) == "1\n"
     failed = rig.now
     rig.run(1)
@@ -179,6 +180,7 @@ def test_a_queue_that_is_not_filled_in_time(rig):
     assert trust(rig)[:3] == [(KNOWN, SET)] * 3
 
 
+@on_both
 def test_a_command_that_finds_its_fifo_full(rig):
     """Of motor 5, which is at rest: its position is lost, all others ramp down and keep theirs."""
     before = start(rig, *away(rig))
@@ -195,6 +197,7 @@ def test_a_command_that_finds_its_fifo_full(rig):
     rig.forget()
 
 
+@on_pico
 @pytest.mark.repeats
 def test_a_host_that_takes_nothing(rig):
     """Its port is open, but it does not read: no request would get an answer, so nothing could stop
@@ -245,6 +248,7 @@ def test_positions_outlive_the_power(rig):
         rig.speed(motor, VELOCITY, ACCELERATION)
 
 
+@on_pico
 def test_an_exception_inside_a_handler(rig):
     """It ends the passes; a power cycle starts the board again."""
     before = start(rig, *away(rig))
@@ -337,6 +341,7 @@ def test_how_long_the_main_loop_may_be_away(rig, capsys):
     begun = rig.board.emulator.ns
     repl.exec("sum(range(60000))")
     took = (rig.board.emulator.ns - begun) / 1e6
+    rig.board.run_until(rig.board.emulator.ns)  # the session's time, too
     with capsys.disabled():
         print(
             "\nthe main loop may be away for, ms:", found, f"; sum(range(60000)) takes {took:.0f}"

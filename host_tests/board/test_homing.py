@@ -4,7 +4,7 @@ import pytest
 
 from framestep.motors.positions import HOMED, HOMING, KNOWN, LOST, NOT_FOUND, NOT_OPENED
 from framestep_tools import payloads as p
-from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.board.chips import on_pico
 from host_tests.covering import sweep
 from host_tests.end_to_end.motors.home_switches import trust
 from host_tests.end_to_end.session import Session
@@ -68,8 +68,8 @@ class Rail:
 
 
 @pytest.fixture(scope="module")
-def session():
-    with EmulatedBoard(RIG) as board:
+def session(chip):
+    with chip.emulated(RIG) as board:
         board.wire_switches()
         yield Session(board, reply_s=0.1)
 
@@ -96,6 +96,7 @@ def test_home(session):
     assert session.events(p.HardStop) == []
 
 
+@on_pico
 def test_stop(session):
     """In the fast approach; soft limits do not count, because the position is lost."""
     session.board.emulator.repl().exec(
@@ -120,6 +121,7 @@ def lost(session):
     session.forget()
 
 
+@on_pico
 @pytest.mark.parametrize(
     "bounce", sweep([(0, 1, 0), (1, 0, 1, 1, 0, 1, 0, 0, 1)], (1, 0, 1, 1, 0, 1, 0, 0, 1))
 )
@@ -137,6 +139,7 @@ def test_bounce(session, bounce):
     assert session.events(p.HardStop) == []
 
 
+@on_pico
 @pytest.mark.parametrize(
     ("at", "stuck", "reason", "low", "high"),
     [
@@ -158,7 +161,8 @@ def test_switch_that_does_not_work(session, at, stuck, reason, low, high):
     session.forget()
 
 
-def test_a_gantry():
+@on_pico
+def test_a_gantry(chip):
     """Two coupled motors; their switches are 70 steps apart."""
     second, at = 26, {1: -700, 2: -630}
     first = RIG["motors"][0]["home"]
@@ -169,7 +173,7 @@ def test_a_gantry():
             {"home": {**first, "limit": 2}},
         ],
     }
-    with EmulatedBoard(rig) as board:
+    with chip.emulated(rig) as board:
         board.wire_switches()
         session = Session(board, reply_s=0.1)
         session.accept(p.MotorConfigure(1, 0x11), p.Home(b"\1"))
@@ -202,9 +206,10 @@ class BothEnds(Rail):
             self.emulator.set_pin(SWITCH, self.coming.pop(0))
 
 
-def test_both_switches_on_one_input():
+@on_pico
+def test_both_switches_on_one_input(chip):
     """Homing begins on the upper one; then each end stops the motor."""
-    with EmulatedBoard({**RIG, "limits": [{"pin": SWITCH, "ends": "both"}]}) as board:
+    with chip.emulated({**RIG, "limits": [{"pin": SWITCH, "ends": "both"}]}) as board:
         board.wire_switches()
         session = Session(board, reply_s=0.1)
         rail = BothEnds(session, 2010, bounce=(0, 1, 0, 1))

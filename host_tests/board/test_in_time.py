@@ -7,14 +7,13 @@ import pytest
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
 from framestep_tools.judge.virtual_reference import Axis, Rig
-from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.covering import sweep
 from host_tests.end_to_end.session import Session, run_request
 from host_tests.end_to_end.virtual_axes.judging import BOOM_NODAL, XYZ
 from host_tests.observers.timing import Timing
 
 ESTOP, LIMIT = 19, 22
-RIG = {"clock_mhz": 125, "estop": "nc", "limits": [{"high": LIMIT, "contact": "nc"}]}
+RIG = {"estop": "nc", "limits": [{"high": LIMIT, "contact": "nc"}]}
 VELOCITY, ACCELERATION = 20_000, 50_000
 FAR = 2**31 - 1
 QUEUED_MS = 50  # queues must last for this; in 200 jogs of any rigs they lasted for 65 ms
@@ -22,8 +21,8 @@ MOTORS = range(1, 9)
 
 
 @pytest.fixture(scope="module")
-def session():
-    with EmulatedBoard(RIG) as board:
+def session(chip):
+    with chip.emulated({**RIG, "clock_mhz": chip.slow_mhz}) as board:
         board.wire_switches()
         session = Session(board, reply_s=0.2)
         session.timing = Timing(session)

@@ -8,16 +8,16 @@ from framestep.protocol import messages as m
 from framestep.pulse import stepper
 from framestep_tools import payloads as p
 from framestep_tools.client.wire import encode
-from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests import dmx_wire
+from host_tests.board.chips import on_both, on_pico
 from host_tests.end_to_end.session import Session, deceleration, run_request
 
 DMX_PIN, ESTOP_PIN, LIMIT_PIN = 0, 19, 22
 EIGHT = tuple(range(1, 9))
 
 
-def session(rig=None):
-    board = EmulatedBoard(rig)
+def session(chip, rig=None):
+    board = chip.emulated(rig)
     return Session(board), board
 
 
@@ -36,10 +36,10 @@ class Wire:
         return dmx_wire.frames(mine["t"].astype(np.int64), mine["level"])
 
 
-def test_dmx_on_the_wire():
+def test_dmx_on_the_wire(chip):
     """Standard: ANSI E1.11; 40 frames a second or more, and only complete states, whatever the
     motors do."""
-    board_session, board = session()
+    board_session, board = session(chip)
     with board:
         wire = Wire(board)
         levels = bytes((7 * c + 3) & 0xFF for c in range(512))
@@ -93,10 +93,10 @@ def check_timing(frames):
     assert 43.5 < 1e9 / periods.mean() < 44.5
 
 
-def ramp_edges(rig):
+def ramp_edges(chip, rig):
     """Return the times of the steps of four motors, and how late a tick came at worst meanwhile,
     microseconds."""
-    board_session, board = session(rig)
+    board_session, board = session(chip, rig)
     motors = (1, 2, 3, 4)
     with board:
         for motor in motors:
@@ -115,9 +115,12 @@ def ramp_edges(rig):
         )
 
 
-def test_ticks_are_not_delayed():
+def test_ticks_are_not_delayed(chip):
     """The intervals are the same with DMX ramping on all channels as without any."""
-    (with_dmx, late), (without, late_without) = ramp_edges(None), ramp_edges({"dmx": False})
+    (with_dmx, late), (without, late_without) = (
+        ramp_edges(chip, None),
+        ramp_edges(chip, {"dmx": False}),
+    )
     for a, b in zip(with_dmx, without, strict=True):
         assert len(a) == len(b) == 4000
         assert np.abs(np.diff(a) - np.diff(b)).max() < 100e-9
@@ -126,9 +129,10 @@ def test_ticks_are_not_delayed():
     assert max(late, late_without) < 150
 
 
-def test_pins():
+@on_both
+def test_pins(chip):
     board_session, board = session(
-        {"outputs": [{"pin": 22, "on": "low"}, {"pin": 26}], "shutter_on": "low"}
+        chip, {"outputs": [{"pin": 22, "on": "low"}, {"pin": 26}], "shutter_on": "low"}
     )
     with board:
         emulator = board.emulator
@@ -159,10 +163,11 @@ def test_pins():
         assert levels() == [1, 0, 1, 0]  # a lost host
 
 
+@on_pico
 @pytest.mark.repeats
-def test_estop():
+def test_estop(chip):
     """Press it while eight motors cruise, and in the middle of a run of two."""
-    board_session, board = session({"estop": "nc"})
+    board_session, board = session(chip, {"estop": "nc"})
     with board:
         board.emulator.set_pin(ESTOP_PIN, 0)
         for motor in EIGHT:
@@ -202,10 +207,10 @@ def test_estop():
 
 
 @pytest.mark.repeats
-def test_estop_while_motors_set_off():
+def test_estop_while_motors_set_off(chip):
     """Press it at many moments while a pass plans a jog, or eight motions. The host hears of the
     E-stop and of nothing else. Only motors that have begun by then make any pulses."""
-    board_session, board = session({"estop": "nc", "dmx": False})
+    board_session, board = session(chip, {"estop": "nc", "dmx": False})
     with board:
         board.emulator.set_pin(ESTOP_PIN, 0)
         board_session.run(0.05)
@@ -270,10 +275,11 @@ def release(board_session, board):
     board_session.wait_idle()
 
 
+@on_pico
 @pytest.mark.repeats
-def test_limit():
+def test_limit(chip):
     rig = {"limits": [{"high": LIMIT_PIN, "contact": "no"}], "outputs": [], "inputs": []}
-    board_session, board = session(rig)
+    board_session, board = session(chip, rig)
     with board:
         board_session.speed(3, 10_000, 50_000)
         board_session.accept(p.MotorSetLimits(3, 0, 0, 0, 0, 1))
@@ -295,10 +301,11 @@ def test_limit():
         assert board_session.position(3) == here - 500
 
 
-def test_an_exception():
+@on_pico
+def test_an_exception(chip):
     """It ends the main loop: motors ramp down, outputs go to their safe levels, and the host hears
     of it."""
-    board_session, board = session({"outputs": [{"pin": 26}, {"pin": 22, "safe": "on"}]})
+    board_session, board = session(chip, {"outputs": [{"pin": 26}, {"pin": 22, "safe": "on"}]})
     with board:
         for motor in (1, 2):
             board_session.speed(motor, 10_000, 50_000)

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from framestep_tools import payloads as p
-from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.covering import sweep
 from host_tests.end_to_end.session import Session
 
@@ -23,8 +22,8 @@ def light(after, us):
 
 
 @pytest.fixture(scope="module")
-def session():
-    with EmulatedBoard({"dmx": False}) as board:
+def session(chip):
+    with chip.emulated({"dmx": False}) as board:
         session = Session(board, reply_s=0.1)
         session.repl = board.emulator.repl()
         session.repl.exec(HOLD)

@@ -7,10 +7,10 @@ import sys
 
 import pytest
 
-from framestep_emulator import Emulator, edge_times
-from framestep_tools.building import images
+from framestep_emulator import edge_times
 from framestep_tools.client.client import Client
 from framestep_tools.payloads import Hi, MotorMove, MotorResetPosition, MotorSetSpeed, MotorStatus
+from host_tests.board.chips import on_both, on_pico
 
 PATIENCE_S = 600
 AGAIN_MS = 1800  # framestep is back after 1500
@@ -26,14 +26,15 @@ def mpremote(path, *arguments):
     return result.stdout
 
 
-def board(**options):
-    return Emulator(images.frozen("pico"), files={"/rig.json": json.dumps(RIG).encode()}, **options)
+def board(chip, **options):
+    rig = json.dumps(chip.settings(RIG)).encode()
+    return chip.emulator(files={"/rig.json": rig}, **options)
 
 
 @pytest.fixture(scope="module")
-def image():
+def image(chip):
     """Yield one board for several tests."""
-    with board() as emu:
+    with board(chip) as emu:
         emu.wait_usb(20_000, ports=2)
         yield emu
 
@@ -43,8 +44,9 @@ def answers(path):
         return client.request(Hi())
 
 
+@on_pico
 @pytest.mark.repeats
-def test_mpremote_finds_its_port_and_framestep_is_there_again(tmp_path):
+def test_mpremote_finds_its_port_and_framestep_is_there_again(chip, tmp_path):
     package = tmp_path / "hello"
     package.mkdir()
     (package / "hello.py").write_text("print('hello from a package')\n")
@@ -52,7 +54,7 @@ def test_mpremote_finds_its_port_and_framestep_is_there_again(tmp_path):
         json.dumps({"urls": [["hello.py", "hello.py"]], "version": "1"})
     )
     # no faster than a real board, so that it does not compute while mpremote starts
-    with board(lockstep=False, speed=1) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
+    with board(chip, lockstep=False, speed=1) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
         emu.wait_usb(ms=PATIENCE_S * 1000, ports=2)
         frames = answers(protocol).upload_frames
         emu.events(clear=True)
@@ -127,14 +129,13 @@ def test_in_motion(image):
     assert client.request(MotorStatus()).moving == []
 
 
-def test_lights_leave_memory_alone():
+def test_lights_leave_memory_alone(chip):
     """DMX512 runs by DMA, which MicroPython does not stop: boot.py does, also if framestep does not
     start again."""
-    busy = "[__import__('machine').mem32[0x5000000C + 64 * i] >> 24 & 1 for i in range(12)]"
-    with board() as emu:
+    with board(chip) as emu:
         emu.wait_usb(20_000, ports=2)
         repl = emu.repl()
-        assert dma_running(repl)
+        assert dma_running(repl, chip)
         repl.exec("open('/main.py', 'w').close()")
         repl.exec("import machine; machine.mem32[0x50100FC8] = 0")  # as if USB had not been active
         repl.enter()
@@ -142,13 +143,13 @@ def test_lights_leave_memory_alone():
         emu.advance(500)
         repl = emu.repl()
         assert repl.eval("'framestep.boot' in __import__('sys').modules") is False
-        assert repl.eval(busy) == [0] * 12
+        assert dma_running(repl, chip, enabled=0) == []
 
 
-def dma_running(repl):
-    """Return the DMA channels that are enabled and busy."""
-    code = "[i for i in range(12) if __import__('machine').mem32[0x5000000C + 64 * i] & 0x1000001]"
-    return repl.eval(code)
+def dma_running(repl, chip, enabled=1):
+    """Return the DMA channels that are busy or enabled."""
+    control = f"__import__('machine').mem32[0x5000000C + 64 * i] & {chip.dma_busy | enabled}"
+    return repl.eval(f"[i for i in range({chip.dma_channels}) if {control}]")
 
 
 # boot.py that framestep 0.1.0 copied onto a stock MicroPython
@@ -167,6 +168,7 @@ else:
 """
 
 
+@on_pico
 @pytest.mark.parametrize(
     ("beside", "modes"),  # raw, as by mpremote, and as by hand
     [
@@ -174,10 +176,11 @@ else:
         pytest.param("mine = 6 * 7\n", b"\x02", id="user's"),
     ],
 )
-def test_an_image_beside_a_boot_py(beside, modes):
+def test_an_image_beside_a_boot_py(chip, beside, modes):
     """It is a user's, or left from copied files: DMX512 and framestep continue after a soft
     reset."""
-    with Emulator(images.frozen("pico"), files={"/boot.py": beside}) as emu:
+    files = {"/boot.py": beside, "/rig.json": json.dumps(chip.settings()).encode()}
+    with chip.emulator(files=files) as emu:
         emu.wait_usb(20_000, ports=2)
         repl = emu.repl()
         for mode in modes:
@@ -187,7 +190,7 @@ def test_an_image_beside_a_boot_py(beside, modes):
             repl.serial.write(b"\x04")
             emu.advance(AGAIN_MS)
             repl = emu.repl()
-            assert len(dma_running(repl)) > 0, "DMX512 is dead"
+            assert len(dma_running(repl, chip)) > 0, "DMX512 is dead"
             emu.uart_start(0)
             emu.advance(200)
             slots, _ = emu.uart_read(0)
@@ -197,11 +200,12 @@ def test_an_image_beside_a_boot_py(beside, modes):
             assert Client(emu.serial(1)).request(Hi()).motors == 8
 
 
+@on_pico
 @pytest.mark.repeats
-def test_one_port_set_on_a_board_that_has_two():
+def test_one_port_set_on_a_board_that_has_two(chip):
     """mpremote's raw REPL comes: framestep does not take it over from within boot.py. After Ctrl-D
     or a reset framestep has the one port."""
-    with board() as emu:
+    with board(chip) as emu:
         emu.wait_usb(20_000, ports=2)
         repl = emu.repl()
         settings = '{"ports": 1, "name": "one"}'
@@ -222,21 +226,22 @@ def test_one_port_set_on_a_board_that_has_two():
         assert Client(repl.serial).request(Hi()).name == "one"
 
 
-def test_drivers_are_off_before_framestep_has_been_loaded():
+@on_both
+def test_drivers_are_off_before_framestep_has_been_loaded(chip):
     """At power-on MicroPython itself takes most of this time."""
-    with board(boot=False) as emu:
+    with board(chip, boot=False) as emu:
         emu.advance(310)
         assert emu.pin(ENABLE) == 1
 
 
-def test_a_boot_py_that_knows_nothing_of_framestep():
+def test_a_boot_py_that_knows_nothing_of_framestep(chip):
     """At its start framestep stops DMA left from a soft reset, before it takes memory, even if
     BOOTSEL prevents the start."""
-    with board() as emu:
+    with board(chip) as emu:
         emu.wait_usb(20_000, ports=2)
         repl = emu.repl()
         repl.exec("with open('/boot.py', 'w') as file: file.write('mine = 6 * 7\\n')")
-        assert dma_running(repl)
+        assert dma_running(repl, chip)
         repl.leave()
         emu.press_bootsel()
         repl.serial.write(b"\x04")
@@ -245,9 +250,10 @@ def test_a_boot_py_that_knows_nothing_of_framestep():
         assert b"BOOTSEL is held" in repl.serial.read_all()
         repl = emu.repl()
         assert repl.eval("mine") == 42
-        assert dma_running(repl) == []
+        assert dma_running(repl, chip) == []
 
 
+@on_pico
 @pytest.mark.repeats
 def test_a_host_that_closes_its_port_while_framestep_restarts(image):
     """Nobody hears it. The port counts as closed all the same, because nobody reads a packet: no

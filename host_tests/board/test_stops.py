@@ -11,7 +11,7 @@ from framestep_tools.payloads import (
     MotorStop,
     MotorStopAll,
 )
-from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.board.chips import on_pico
 from host_tests.covering import sweep
 from host_tests.end_to_end.session import Session
 
@@ -19,8 +19,8 @@ RIG = {"motors": [{"jerk": 0}, {"jerk": 0}, {"jerk": 100, "backlash": 24}, {"jer
 
 
 @pytest.fixture(scope="module")
-def session():
-    with EmulatedBoard(RIG) as board:
+def session(chip):
+    with chip.emulated(RIG) as board:
         session = Session(board, reply_s=0.1)
         for motor in 1, 2, 3, 4:
             session.speed(motor, 5000, 20_000)
@@ -28,6 +28,7 @@ def session():
         yield session
 
 
+@on_pico
 @pytest.mark.parametrize("motor", sweep([1, 3], 3))
 @pytest.mark.parametrize(
     "requests", [2 * [MotorStopAll()], [MotorStopAll()], []], ids=["hard stop", "stop", "move"]
