@@ -155,7 +155,6 @@ def test_the_port_is_dropped_in_the_middle_of_a_run(rig):
     assert trust(rig)[:4] == [(KNOWN, SET)] * 3 + [(LOST, UNSET)]
 
 
-@on_both
 def test_a_queue_that_is_not_filled_in_time(rig, chip):
     """The main loop does something else for a second and a half, then continues."""
     before = start(rig, *away(rig))

@@ -7,6 +7,7 @@ import pytest
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
 from framestep_tools.judge.virtual_reference import Axis, Rig
+from host_tests.board.chips import on_pico
 from host_tests.covering import sweep
 from host_tests.end_to_end.session import Session, run_request
 from host_tests.end_to_end.virtual_axes.judging import BOOM_NODAL, XYZ
@@ -65,6 +66,7 @@ def test_a_virtual_move_is_stopped(session, rig, stop):
             session.wait_idle()
 
 
+@on_pico
 @pytest.mark.repeats
 @pytest.mark.parametrize("velocity", sweep([5000, VELOCITY], VELOCITY))
 def test_a_virtual_jog_is_let_go(session, velocity):

@@ -206,6 +206,7 @@ def test_estop(chip):
         release(board_session, board)
 
 
+@on_pico
 @pytest.mark.repeats
 def test_estop_while_motors_set_off(chip):
     """Press it at many moments while a pass plans a jog, or eight motions. The host hears of the

@@ -7,8 +7,9 @@ import pytest
 
 from framestep.protocol import messages as m
 from framestep_tools.client.wire import FrameDecoder, encode
-from host_tests.board.chips import PICO, PICO2, on_pico
+from host_tests.board.chips import on_pico
 from host_tests.board.ports import answered, frame, port_files, power_cycle, run, stop
+from host_tests.covering import sweep
 
 SETUP = """
 import gc, time, micropython, sys
@@ -159,6 +160,7 @@ def test_a_bus_reset_after_a_soft_reset(usb):
         stop(repl)
 
 
+@on_pico
 @pytest.mark.repeats
 def test_every_length(usb):
     """Each frame is answered at once, whatever its length: also multiples of a packet, and frames
@@ -427,16 +429,8 @@ def test_what_is_sent_while_the_port_closes(usb):
     assert repl.eval("(echo.damaged, strays)") == (0, 0)
 
 
-@pytest.mark.parametrize(
-    ("chip", "clock_mhz"),
-    [
-        pytest.param(PICO, 125, marks=pytest.mark.repeats),
-        pytest.param(PICO, 200),
-        pytest.param(PICO2, 150, marks=pytest.mark.repeats),
-    ],
-    ids=lambda value: getattr(value, "board", value),
-    indirect=["chip"],
-)
+@on_pico
+@pytest.mark.parametrize("clock_mhz", sweep([125, 200], 200))
 def test_no_rest_of_an_answer_reaches_the_next_client(request, chip, clock_mhz):
     """At any moment in a frame of the bus, though the driver holds a packet back in the last 200 µs
     of each. With --all, every 20 µs, and with each number of questions."""
