@@ -18,7 +18,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node chromium micropython images demo try site sim emu check test test-all test-core test-runtime test-replay test-sessions test-board test-emulator test-console console-pictures fuzz lint types format \
-	plots bench profile flash image install release emulator-measure conform drawn-faults prove clean
+	plots bench profile flash image install release emulator-measure conform prove clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -138,9 +138,6 @@ bench: setup node micropython ## measure the firmware on the emulated board agai
 
 profile: setup node micropython ## where the processor's time goes: ARGS=upload, single-port, play, go or servos
 	@"$(PYTHON_VENV)" -m framestep_tools.bench.profile $(ARGS)
-
-drawn-faults: setup ## faults drawn at random, and which test finds each; ARGS="--try all" tries them again (an hour)
-	@"$(PYTHON_VENV)" -m host_tests.faults.drawn $(ARGS)
 
 conform: setup ## the conformance kit against the simulator and against seeded faults: both scores
 	@"$(PYTHON_VENV)" -m host_tests.conform.score

@@ -29,7 +29,7 @@ import json
 import math
 import os
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -54,6 +54,14 @@ class Recording:
     did: list[str] = field(default_factory=list)
 
 
+# A board with more passes is not recorded; which test made it decides how many they are
+MostPasses = Callable[[str], float]
+
+
+def _all(test: str) -> float:
+    return math.inf
+
+
 def board_data(board: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in board.items() if key != "page"}
 
@@ -68,23 +76,21 @@ class Recorder:
         data: dict[str, Any],
         broken: bool,
         flash: list[str] | None,
-        most_passes: float = math.inf,
+        most_passes: MostPasses = _all,
         weigh_ms: float = math.inf,
     ):
         """flash: content of its blocks when the board was made, in hex; None without a flash.
 
-        most_passes: a board with more passes is not recorded. weigh_ms: how often the replay prints
-        how much of the heap is taken.
+        weigh_ms: how often the replay prints how much of the heap is taken.
         """
-        self.left = most_passes
+        test = os.environ.get("PYTEST_CURRENT_TEST", "").rpartition(" (")[0]
+        self.left = most_passes(test)
         self.weigh_ms = self.weigh_at = weigh_ms
         self.board = board
         hal = self.hal = board.hal
         kernel = hal.kernel
         self.recording = Recording(
-            os.environ.get("PYTEST_CURRENT_TEST", "")
-            .removesuffix(" (setup)")
-            .removesuffix(" (call)"),
+            test,
             {
                 "rig": rig,
                 "board": board_data(data),
@@ -466,7 +472,7 @@ def growth(weights: list[int]) -> str:
 
 
 @contextlib.contextmanager
-def recorded(most_passes: float = math.inf, weigh_ms: float = math.inf):
+def recorded(most_passes: MostPasses = _all, weigh_ms: float = math.inf):
     """Record every HostBoard that is made within. Yields the list of their Recorders.
 
     most_passes, weigh_ms: of each Recorder.

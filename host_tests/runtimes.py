@@ -11,7 +11,7 @@ from typing import TypeVar
 import pytest
 
 from framestep_tools.building import images
-from framestep_tools.building.board_files import compiled_tree
+from framestep_tools.building.board_files import CACHE, compiled_tree
 
 T = TypeVar("T")
 
@@ -55,6 +55,13 @@ class Runtime:
         self._executable = images.micropython(self._processor.target)
         self._scratch = scratch
         self._core = compiled_tree(self._processor.march, engine)  # once: it takes long
+
+    @staticmethod
+    def missing(name: str) -> str:
+        """Return why this computer cannot build MicroPython for a processor; "" if it can. In CI it
+        must."""
+        why = CACHE / "build" / f"{name}.missing"
+        return why.read_text().strip() if why.exists() and not os.environ.get("CI") else ""
 
     @property
     def emulated(self) -> bool:

@@ -15,10 +15,8 @@ in RAM, as `framestep flash` does it with edited ones.
 import argparse
 import collections
 import contextlib
-import importlib
 import random
 import struct
-import sys
 import time
 from pathlib import Path
 
@@ -30,9 +28,9 @@ from framestep_tools.judge.virtual_reference import Axis, Rig
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_overlay import edited, ident_of, on_board
 from host_tests.observers.timing import LATE_US, MASKED_US, Timing
+from host_tests.script import parse
 
-RUNTIME = Path(__file__).parents[1] / "runtime"
-SCRIPTS = ("session_replay", "virtual_replay", "realtime_replay")
+SCRIPTS = Path(__file__).parents[1] / "fuzz" / "scripts"
 ODD = (0, 1, -1, 2, 255, 10_000, 2**30 - 1, 2**30, -(2**30) - 1, 2**31 - 1, -(2**31))
 RIG = {"estop": "nc", "outputs": [{"pin": 22}], "motor_count": 4}
 ESTOP = 19
@@ -101,18 +99,14 @@ class Broken(AssertionError):
 
 
 def pool():
-    """Return (type, payload) of every request in the scripts of host_tests/runtime."""
-    sys.path.insert(0, str(RUNTIME))
-    try:
-        scripts = [importlib.import_module(name).script() for name in SCRIPTS]
-    finally:
-        sys.path.remove(str(RUNTIME))
-    return [
-        (f.type, f.payload)
-        for script in scripts
-        for _, data in script
-        for f in FrameDecoder().feed(data)
-    ]
+    """Return (type, payload) of every request in the fuzzer's scripts."""
+    found = []
+    for path in sorted(SCRIPTS.glob("*.txt")):
+        decoder = FrameDecoder()
+        with path.open() as file:
+            sent = [data for _, verb, data in parse(file).events if verb == "rx"]
+        found += [(f.type, f.payload) for data in sent for f in decoder.feed(data)]
+    return found
 
 
 def words(*values):

@@ -1,7 +1,8 @@
 """32-bit MicroPython plays the sessions of these tests again, with the heap locked in each tick and
 every pass, and with all counters close to their end, so that they wrap on the way: byte by byte and
-millisecond by millisecond the result must be the same. Every run plays the short ones, all of them
-with --replay.
+millisecond by millisecond the result must be the same. Every run plays the short ones on x86, and
+those of tests marked `each_processor`. With --replay x86 plays all, with --all the other processors
+play the marked ones.
 """
 
 import math
@@ -18,20 +19,34 @@ from host_tests.end_to_end.runs.frame_jogs import FRAMES, PATH
 from host_tests.end_to_end.runs.uploaded_runs import MOVE
 from host_tests.end_to_end.session import DIALECTS, simulated
 from host_tests.recording import all_differences, recorded
+from host_tests.runtimes import PROCESSORS, Runtime
 
 _SHORT = 2500  # passes of a session that every run plays again
 
 
 @pytest.fixture(scope="module", autouse=True)
-def replayed(request):
+def replayed(request, tmp_path_factory):
     """Play again what a module recorded: set up before its boards, this comes after them all."""
-    most = math.inf if request.config.getoption("--replay") else _SHORT
-    runtime = request.getfixturevalue("unix32f")
-    scratch = request.getfixturevalue("tmp_path_factory").mktemp("replay")
+    marked = {
+        item.nodeid
+        for item in request.session.items
+        if item.path == request.path and item.get_closest_marker("each_processor")
+    }
+    everything = request.config.getoption("--replay")
+
+    def most(test):
+        return math.inf if everything or test in marked else _SHORT
+
     with recorded(most) as recorders:
         yield recorders
-    played = [recorder.finish() for recorder in recorders]
-    failures = all_differences(runtime, [each for each in played if each.head], scratch)
+    played = [each for each in (recorder.finish() for recorder in recorders) if each.head]
+    failures = []
+    for name in PROCESSORS if request.config.getoption("--all") else ["x86"]:
+        again = [each for each in played if name == "x86" or each.test in marked]
+        if again and not Runtime.missing(name):
+            scratch = tmp_path_factory.mktemp(f"replay-{name}")
+            found = all_differences(Runtime(name, scratch), again, scratch)
+            failures += [f"on {name}, {text}" for text in found]
     assert not failures, "\n\n".join(failures)
 
 

@@ -1,12 +1,10 @@
 """The tests that run on 32-bit MicroPython run on each processor: x86, ESP32's two, and the RISC-V
 cores of an RP2350."""
 
-import os
 from pathlib import Path
 
 import pytest
 
-from framestep_tools.building.board_files import CACHE
 from host_tests.covering import by_test, parameters, spare
 from host_tests.runtimes import PROCESSORS, Runtime
 
@@ -37,9 +35,8 @@ def _emulated(item):
 
 
 def _runtime(name, scratch, engine="pio"):
-    missing = CACHE / "build" / f"{name}.missing"
-    if missing.exists() and not os.environ.get("CI"):
-        pytest.skip(f"MicroPython for {name} is not built: {missing.read_text().strip()}")
+    if why := Runtime.missing(name):
+        pytest.skip(f"MicroPython for {name} is not built: {why}")
     return Runtime(name, scratch, engine)
 
 

@@ -216,6 +216,7 @@ def test_the_stricter_jerk():
         )
 
 
+@pytest.mark.each_processor
 def test_coupled_at_the_ends_of_the_range():
     session = simulated()
     session.accept(p.MotorResetPosition(1, 2**31 - 1), p.MotorResetPosition(2, -(2**31)))

@@ -275,6 +275,7 @@ def test_refused_jog_does_not_prolong(rig):
     assert rig.steps(1)[0][-1] - asked == pytest.approx(0.75, abs=0.012)
 
 
+@pytest.mark.each_processor
 def test_move_after_jog(rig):
     """A MOVE replaces a jog, and no jog's time-out ends it."""
     rig.accept(MotorJog(1, 10000, FARTHEST))

@@ -53,6 +53,7 @@ def test_name_of_the_rig_file():
     assert simulated({"name": "é" * 16}).ask(p.Hi()).name == "é" * 16
 
 
+@pytest.mark.each_processor
 def test_form_of_every_answer(both):
     """Acknowledgements have the request's ID and type and a code with the dialect's width; data has
     no flag."""
@@ -210,6 +211,7 @@ def test_retarget_storm(rig):
     assert_within(times, signs, 5000, 20000)
 
 
+@pytest.mark.each_processor
 def test_large_positions(both):
     """Positions that are no small integers of a 32-bit MicroPython."""
     for start, target in (

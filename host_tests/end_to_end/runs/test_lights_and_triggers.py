@@ -117,6 +117,7 @@ def test_no_room_for_more(monkeypatch):
     assert not edges(session, "dmx5"), "refused"
 
 
+@pytest.mark.each_processor
 def test_lights_left_alone():
     """SYNC DMX 0: neither levels nor triggers change."""
     session = loaded()

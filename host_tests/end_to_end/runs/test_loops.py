@@ -116,6 +116,7 @@ def test_stop_loop_late_in_a_lap(after, flags):
         assert_within(*session.steps(motor), VELOCITY, ACCELERATION)
 
 
+@pytest.mark.each_processor
 def test_stop_loop_on_the_way_back():
     """Between two laps of a loop: the rig ends at the start, an end point, and plays no further
     lap."""

@@ -129,6 +129,7 @@ def inside(session):
     )
 
 
+@pytest.mark.each_processor
 @pytest.mark.needs("inside")
 @pytest.mark.parametrize("state", realtime_answers.STATES)
 def test_refusals_and_questions(state):
@@ -164,6 +165,7 @@ def test_accepted(state):
         assert before[0] or not inside(session)[0]
 
 
+@pytest.mark.each_processor
 @pytest.mark.needs("inside")
 def test_landing():
     """A JOG_ALL that lands counts as running."""

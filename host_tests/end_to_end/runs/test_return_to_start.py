@@ -164,19 +164,3 @@ def test_the_way_back_keeps_to_limits(loaded):
     loaded.client.wait_event(p.RtEnd, 5)
     loaded.run(0.5)
     assert loaded.position(1) == 1540 + 60 + 360
-
-
-def test_the_last_period_and_the_ends_of_the_range(fast):
-    """0x18 if the last frame's period or the post-roll would exceed 32 bits, up and down, forward
-    and backward."""
-    top = 2**31 - 1
-    for steps, place in (
-        (top - 98 + 4 * np.arange(25), top - 98),
-        (98 - top - 4 * np.arange(25), 98 - top),
-    ):
-        fast.accept(p.MotorResetPosition(1, int(place)))
-        fast.upload({1: steps})
-        fast.refuse(p.Ack.ERR_POSTROLL, run_request(24, 1, 25, 500, 1000))
-        fast.refuse(p.Ack.ERR_POSTROLL, run_request(24, 1, 25, 500, 0, flags=2))
-        fast.accept(run_request(24, 1, 20, 100, 100))
-        fast.wait_idle()

@@ -145,6 +145,7 @@ def test_long_exposure(ready):
     assert_angles(ready, 1, before, opened, closed, -45, 405, 0, 12000)
 
 
+@pytest.mark.each_processor
 def test_pairs_of_several_motors(ready):
     before, _, opened, closed = shoot(
         ready,
@@ -355,6 +356,7 @@ def test_window_from_the_path(ready, frame, kind):
         )
 
 
+@pytest.mark.each_processor
 def test_pairs_and_path(ready):
     """SHOOT_FRAME2 with a pair for one motor: the other blurs along the path."""
     before, _, opened, closed = shoot(

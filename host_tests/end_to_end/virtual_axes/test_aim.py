@@ -151,6 +151,7 @@ def test_enabling_does_not_jump_and_keeps_the_offset():
     assert np.abs(beside(BOOM_FINE, Track(session, before), POINT, offset)).max() < 0.01
 
 
+@pytest.mark.each_processor
 def test_the_safe_distance():
     """Field notes 3.2 and 9.7: a vertical cylinder, when aiming is enabled and on a path."""
     rig = NODAL_FINE

@@ -80,6 +80,7 @@ def test_refused_from_the_acknowledgement_on(rig, start, operation):
     assert code_of(refused) == m.ERR_MOVING
 
 
+@pytest.mark.each_processor
 @pytest.mark.parametrize("start", STARTS, ids=names(STARTS))
 def test_go_while_the_motors_set_out(rig, start):
     """Field note 6.1: they are no longer where the run begins."""
@@ -149,6 +150,7 @@ def test_a_motor_of_a_line_keeps_its_driver(rig, motor, flags):
     assert [code_of(payload) for payload in (begun, refused, same)] == [m.OK, m.ERR_MOVING, m.OK]
 
 
+@pytest.mark.each_processor
 def test_a_motor_of_a_line_keeps_its_driver_while_others_take_up_their_play():
     session = simulated({"motors": [{"backlash": 400}]}, motors=4)
     for motor in range(1, 5):
