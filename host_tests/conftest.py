@@ -27,7 +27,7 @@ from framestep_emulator import Emulator, Pool
 from framestep_tools.building import images
 from framestep_tools.building.board_files import CACHE, FIRMWARE, ROOT, compiled_tree
 from host_tests import targets
-from host_tests.covering import by_test, fewer_examples, parameters, spare
+from host_tests.covering import fewer_examples, left_out_repeats
 from host_tests.near import Near
 from host_tests.processor_time import ProcessorTime
 from host_tests.runtimes import Runtime
@@ -73,8 +73,18 @@ def pytest_addoption(parser):
     parser.addoption("--share", type=int, default=1, help="only every n-th test")
     parser.addoption(
         "--all",
-        action="store_true",
+        action="store_const",
+        dest="repeats",
+        const=1,
+        default=0,
         help="tests as well that repeat with other values what others show",
+    )
+    parser.addoption(
+        "--third",
+        action="store_const",
+        dest="repeats",
+        const=3,
+        help="a third of the tests that repeat with other values what others show",
     )
     parser.addoption("--near", help="only tests that what has changed since this commit reaches")
     parser.addoption("--seconds", type=float, default=45, help="with --near: begin none later")
@@ -124,14 +134,11 @@ def _turns(items):
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config, items):
     """Order the files for the processors; within a file tests stay in order."""
-    if not config.getoption("--all"):
+    if (repeats := config.getoption("repeats")) != 1:
         fewer_examples(items)
-        for cases in by_test(items).values():
-            for item in spare(cases) if len(parameters(cases[0])) > 1 else ():
-                item.add_marker(pytest.mark.repeats)
-        repeating = [item for item in items if item.get_closest_marker("repeats")]
-        config.hook.pytest_deselected(items=repeating)
-        items[:] = [item for item in items if not item.get_closest_marker("repeats")]
+        left_out = left_out_repeats(items, repeats)
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in left_out]
     turns = _turns(items)
     items.sort(key=lambda item: turns[item.path])
 

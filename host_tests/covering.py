@@ -1,9 +1,11 @@
 """Choose enough of a test's parameters and of their combinations."""
 
+import zlib
+
 import hypothesis
 import pytest
 
-_SHARE = 3  # each run has one of this many examples that hypothesis draws with --all
+_SHARE = 5  # each run has one of this many examples that hypothesis draws with --all
 
 
 def sweep(values, *kept):
@@ -50,8 +52,22 @@ def one_of_each(items):
     }
 
 
+def left_out_repeats(items, one_in):
+    """Return the tests to leave out of a run: of those that repeat what others show it plays one in
+    `one_in`, the same each time, or none with 0."""
+    for cases in by_test(items).values():
+        for item in spare(cases) if len(parameters(cases[0])) > 1 else ():
+            item.add_marker(pytest.mark.repeats)
+    return {
+        item
+        for item in items
+        if item.get_closest_marker("repeats")
+        and not (one_in and zlib.crc32(item.nodeid.encode()) % one_in == 0)
+    }
+
+
 def fewer_examples(items):
-    """Have hypothesis draw the first third of its examples."""
+    """Have hypothesis draw the first of its examples only."""
     for function in {getattr(item.obj, "__func__", item.obj) for item in items}:
         # hypothesis' own decorator passes them in this way
         whole = getattr(function, "_hypothesis_internal_use_settings", None)

@@ -6,7 +6,13 @@ from types import SimpleNamespace
 import hypothesis
 from hypothesis import strategies
 
-from host_tests.covering import by_test, fewer_examples, one_of_each, spare
+from host_tests.covering import (
+    by_test,
+    fewer_examples,
+    left_out_repeats,
+    one_of_each,
+    spare,
+)
 
 
 class Case(SimpleNamespace):
@@ -31,6 +37,26 @@ def test_a_parameter_that_does_not_count_decides_nothing():
     assert len(spare(cases, ("on",))) == 2
 
 
+def test_a_share_of_what_repeats_is_the_same_in_each_run():
+    def items():
+        return [
+            Case(path="f", name=f"t{i}", nodeid=f"f::t{i}", get_closest_marker=mark)
+            for i in range(300)
+            for mark in ([lambda name: name == "repeats", lambda name: None][i % 2],)
+        ]
+
+    def left(items, one_in):
+        return {item.name for item in items} - {i.name for i in left_out_repeats(items, one_in)}
+
+    always = {f"t{i}" for i in range(1, 300, 2)}
+    assert left(items(), 0) == always
+    assert left(items(), 1) == {item.name for item in items()}
+    third = left(items(), 3)
+    assert third == left(items()[::-1], 3)
+    assert third > always
+    assert 30 < len(third - always) < 70
+
+
 def test_one_case_stays():
     assert spare([Case()]) == []
     assert by_test([]) == {}
@@ -49,7 +75,7 @@ def test_the_case_that_stays_is_in_each_run_and_chips_do_not_count_as_cases():
     assert one_of_each(cases) == {cases[1], cases[3]}
 
 
-def test_hypothesis_draws_the_first_third():
+def test_hypothesis_draws_the_first_examples():
     drawn = []
 
     @hypothesis.settings(max_examples=31)
@@ -62,4 +88,4 @@ def test_hypothesis_draws_the_first_third():
     fewer_examples([SimpleNamespace(obj=draw)])
     draw()
     assert len(every) == 31
-    assert drawn == every[:11]
+    assert drawn == every[:7]

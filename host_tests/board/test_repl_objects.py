@@ -92,9 +92,7 @@ def repl():
         yield repl
 
 
-@pytest.mark.parametrize(
-    "command", sweep(("pass", "status()", "home(1)", "help()"), "pass", "status()")
-)
+@pytest.mark.parametrize("command", sweep(("pass", "status()", "home(1)", "help()"), "status()"))
 def test_every_module_and_class_answers(repl, command):
     """Also after commands, which may have deleted entries. The next test has more of them."""
     repl.exec(command)

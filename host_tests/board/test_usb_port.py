@@ -434,7 +434,7 @@ def test_what_is_sent_while_the_port_closes(usb):
 def test_no_rest_of_an_answer_reaches_the_next_client(request, chip, clock_mhz):
     """At any moment in a frame of the bus, though the driver holds a packet back in the last 200 µs
     of each. With --all, every 20 µs, and with each number of questions."""
-    step_us, more = (20, 1) if request.config.getoption("--all") else (60, 2)
+    step_us, more = (20, 1) if request.config.getoption("repeats") == 1 else (60, 2)
     with chip.emulated({"clock_mhz": clock_mhz}, trace=False) as board:
         port = board.protocol
         port.open_port(True)

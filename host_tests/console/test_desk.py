@@ -256,7 +256,7 @@ TOUCH = """events => {
 }"""  # noqa: E501
 
 
-@pytest.mark.parametrize("size", sweep(SIZES, (1280, 800), (390, 844)), ids=str)
+@pytest.mark.parametrize("size", sweep(SIZES, (390, 844)), ids=str)
 def test_each_state_keeps_its_places(stage, size):
     """No overlap and no scrolling; no region moves; axe-core finds nothing. Every second size is
     dark, a desk's and a phone's."""

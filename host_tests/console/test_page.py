@@ -51,7 +51,7 @@ def served(shared_stage):
 def test_every_view_fits_and_everything_in_it_has_a_name(request, served, stage, looks):
     """axe-core also finds mistakes in contrast, in the order of headings, and in roles. It takes
     half of the time, so that without --all it looks at one of them."""
-    axe = looks == "dark" or request.config.getoption("--all")
+    axe = looks == "dark" or request.config.getoption("repeats") == 1
     options = {}
     for look in looks.split():
         options |= LOOKS[look]

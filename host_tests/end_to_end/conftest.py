@@ -41,7 +41,7 @@ def replayed(request, tmp_path_factory):
         yield recorders
     played = [each for each in (recorder.finish() for recorder in recorders) if each.head]
     failures = []
-    for name in PROCESSORS if request.config.getoption("--all") else ["x86"]:
+    for name in PROCESSORS if request.config.getoption("repeats") == 1 else ["x86"]:
         again = [each for each in played if name == "x86" or each.test in marked]
         if again and not Runtime.missing(name):
             scratch = tmp_path_factory.mktemp(f"replay-{name}")

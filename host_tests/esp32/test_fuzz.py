@@ -4,13 +4,13 @@ found in the firmware, and faults behind the shift registers are."""
 import pytest
 
 from framestep_tools.simulator.esp32_board import Esp32Board
+from host_tests.covering import sweep
 from host_tests.fuzz import fuzz
 from host_tests.fuzz.chip_player import BOARD
 from host_tests.fuzz.findings import Finding
 from host_tests.fuzz.sessions import Host, coupled, limited, moves, outputs_on, run
 
 SEED = "chip/58"
-REQUESTS = 150
 RIG = {"motor_count": 2, "motors": [{"jerk": 200, "invert": True}]}
 
 
@@ -40,10 +40,11 @@ def test_nothing_is_found_where_nothing_is_wrong(host, session):
     assert host.trial.counts["runs judged"] == (session is run)
 
 
-def test_random_requests():
-    trial, finding = fuzz.session(SEED, REQUESTS, board=BOARD)
+@pytest.mark.parametrize("requests", sweep((100, 150), 100))
+def test_random_requests(requests):
+    trial, finding = fuzz.session(SEED, requests, board=BOARD)
     assert finding is None
-    assert trial.counts["requests"] >= REQUESTS
+    assert trial.counts["requests"] >= requests
     assert trial.counts["edges"] > 1000
     assert trial.counts["runs judged"] > 0
 

@@ -11,10 +11,10 @@ from framestep_tools.building.board_files import ROOT
 @pytest.mark.parametrize(
     "first, sessions, checks",
     [
-        (0, 12, []),
-        pytest.param(12, 12, [], marks=pytest.mark.repeats),
-        (24, 6, ["--int32"]),
-        pytest.param(30, 6, ["--int32"], marks=pytest.mark.repeats),
+        (0, 8, []),
+        pytest.param(8, 16, [], marks=pytest.mark.repeats),
+        (24, 3, ["--int32"]),
+        pytest.param(27, 9, ["--int32"], marks=pytest.mark.repeats),
     ],
 )
 def test_sessions(first, sessions, checks):

@@ -56,8 +56,8 @@ def test_what_the_fuzzer_has_found(request, runtime, tmp_path):
         with path.open() as file:
             scripts[path.name] = parse(file)
     names = sorted(scripts, key=lambda name: scripts[name].end)
-    if not request.config.getoption("--all"):
-        names = names[: len(names) // 3]
+    if request.config.getoption("repeats") != 1:
+        names = names[: len(names) // 6]
     elif runtime.emulated:  # it takes minutes for the long ones
         names = names[: 2 * len(names) // 3]
     recordings = []

@@ -4,4 +4,4 @@ from host_tests.targets.shares import play
 
 
 def test_share(request):
-    play("esp32", 10 if request.config.getoption("--all") else 40)
+    play("esp32", 10 if request.config.getoption("repeats") == 1 else 60)

@@ -5,4 +5,4 @@ from host_tests.targets.shares import play
 
 def test_share():
     """Of the subject that takes the least time there."""
-    play("rp2350", 80, "motors")
+    play("rp2350", 160, "motors")
