@@ -1,69 +1,29 @@
 """A trial of a session that is conducted by somebody else."""
 
 from operator import itemgetter
-from types import SimpleNamespace
 
-from framestep.hal.host import CYCLES, pin_names
-from framestep.motors.backlash import LOAD
 from host_tests.fuzz.findings import Finding
+from host_tests.fuzz.shown import CYCLE_NS, MS_NS, Shown
 from host_tests.fuzz.trial import Trial
 from host_tests.observers import Tolerances, timing
 from host_tests.observers.timing import Ticks
 from host_tests.script import Script
 
-_MS = 1_000_000
-_NS = _MS // CYCLES  # of a cycle
 
-
-class _Shown:
-    """What a board has shown by a millisecond, with the interface of script_player.Player."""
-
-    recorder = None
-    full = False
-    links = False
-    _held = _off = 0
+class _Shown(Shown):
+    """What a board has shown by a millisecond. What it does next is up to somebody else."""
 
     def __init__(self, rig, motors, levels, within: Tolerances):
+        super().__init__(rig, motors, levels, is_open=True)
         self.lag_ms, self.report_s = within.lag_ms, within.report_s
-        self.ms = 0
-        self.now_ns = 0
-        self.sent: list[tuple[int, bytes]] = []
         self.arrived = b""  # in the present millisecond
-        board = rig.board
-        self._levels = levels
-        self.board = SimpleNamespace(
-            rig=rig,
-            hal=SimpleNamespace(
-                motors=motors,
-                engines=[SimpleNamespace(on_step=None) for _ in range(motors)],
-                port=SimpleNamespace(open=True, outgoing=b""),
-                names=pin_names(board),
-                levels=lambda: self._levels,
-                cycle=lambda: self.now_ns // _NS,
-            ),
-            controller=SimpleNamespace(
-                axes=[SimpleNamespace(backlash={LOAD: 0}) for _ in range(motors)],
-                faults=SimpleNamespace(fault=0),
-            ),
-        )
-        self._pins = {name: pin for pin, name in self.board.hal.names.items()}
 
     def happen(self, verb, argument=None):
         """Take what the host has done."""
         if verb in ("open", "close"):
             self.board.hal.port.open = verb == "open"
         elif verb == "pin":
-            name, level = argument
-            self.level(self._pins.get(name, name), level)
-
-    def level(self, pin, level):
-        if isinstance(pin, int):
-            self._levels = self._levels & ~(1 << pin) | level << pin
-
-    def signal(self, name, value):
-        """Take another level of an output."""
-        if name in self._pins:
-            self.level(self._pins[name], value)
+            self.level(*argument)
 
     def step(self):
         if self.arrived:
@@ -187,7 +147,7 @@ class Watch:
         self._seen.sort(key=itemgetter(0), reverse=True)
         for ns, verb, argument in noted:
             self._until(ns)
-            if verb == "tx" and self._shown.ms > ns // _MS:  # a second answer in a millisecond
+            if verb == "tx" and self._shown.ms > ns // MS_NS:  # a second answer in a millisecond
                 self.trial.moving = 0
                 self.trial.link.heard(argument)
             elif verb == "tx":
@@ -209,10 +169,10 @@ class Watch:
         while seen and seen[-1][0] + earlier <= ns:
             at, signal, value = seen.pop()
             if signal in steps:
-                steps[signal].append((at + earlier) // _NS << 1 | (value > 0))
+                steps[signal].append((at + earlier) // CYCLE_NS << 1 | (value > 0))
             else:
-                shown.signal(signal, value)
-        end = ns // _MS
+                shown.level(signal, value)
+        end = ns // MS_NS
         while shown.ms < end:
             stops = trial.stops
             looks = [end, *(ms for ms in (stops.rest_by, stops.safe_at) if ms is not None)]
