@@ -1,8 +1,6 @@
-"""The firmware as on a board: both dialects, the REPL during a run, no allocation, one port for
-both.
+"""The firmware as on a board: the REPL during a run, no allocation, one port for both.
 
-test_realtime.py tests how the motors move; the ports alone are the subject of test_usb_port.py
-and test_stdin_port.py.
+The ports alone are the subject of test_usb_port.py and test_stdin_port.py.
 """
 
 import struct
@@ -13,7 +11,7 @@ import pytest
 from framestep.protocol import messages as m
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.judge.judge import judge
-from framestep_tools.payloads import Ack, DeviceInfo, HardStop, MotorMove, RtEnd, RtGo
+from framestep_tools.payloads import Ack, HardStop, MotorMove, RtEnd, RtGo
 from host_tests.board.chips import on_pico
 from host_tests.end_to_end.session import Session, run_request
 
@@ -51,48 +49,6 @@ def assert_played(session, stands, positions):
 def session(chip):
     with chip.emulated() as board:
         yield Session(board, reply_s=0.1)
-
-
-def assert_form(session, wide):
-    ok = int(Ack.OK).to_bytes(4 if wide else 2, "little")
-    for kind, payload in (
-        (m.MSG_MOTOR_STOP, b"\1"),
-        (m.MSG_MOTOR_STOP_ALL, b""),
-        (m.MSG_MOTOR_CONFIGURE, b"\1\1"),
-    ):
-        answer = session.answer_to(kind, payload)
-        assert answer.is_ack
-        assert answer.payload == ok
-    answer = session.answer_to(m.MSG_MOTOR_MOVE, struct.pack("<Bi", 2, 2**31 - 1))
-    assert (answer.is_ack, answer.payload) == ((True, ok) if wide else (False, b"\1"))
-    for kind, size in ((m.MSG_HI, 51), (m.MSG_MOTOR_STATUS, 5), (m.MSG_MOTOR_GET_POSITION, 36)):
-        answer = session.answer_to(kind)
-        assert not answer.is_ack
-        assert len(answer.payload) == size
-    answer = session.answer_to(m.MSG_RT_GO)
-    assert answer.is_ack
-    assert answer.payload == int(Ack.ERR_GENERAL).to_bytes(len(ok), "little")
-
-
-@on_pico
-def test_form_of_the_answers(session):
-    """Field note 1.4; the next host is greeted again (1.5) by a rig that has come to rest
-    (1.11)."""
-    assert_form(session, wide=False)
-    session.leave()
-    session.board.run_until(session.board.now_ns + 10**9)
-    session.come_back()
-    hello = [f for f in session.bytes_for(b"", 0.1) if f.type == m.MSG_HI]
-    assert len(hello) == 1
-    assert DeviceInfo.unpack(hello[0].payload).name == "framestep"
-    assert session.moving == []
-
-
-@on_pico
-@pytest.mark.repeats
-def test_form_of_the_answers_in_the_other_dialect(chip):
-    with chip.emulated({"dialect": "dmc-lite"}, trace=False) as board:
-        assert_form(Session(board, reply_s=0.1), wide=True)
 
 
 def test_repl_beside_a_run(session):
