@@ -1,7 +1,8 @@
 """Faults on the emulated board: every edge until the motors rest, the outputs, and the messages to
 the host.
 
-E-stop and limit switches in motion and an exception in the main loop are in test_io.py.
+The E-stop in motion and an exception in the main loop are in test_io.py, limit switches in
+end_to_end/io/test_stop_inputs.py.
 """
 
 import numpy as np

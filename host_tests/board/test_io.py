@@ -1,5 +1,5 @@
-"""The emulated board: DMX decoded from the wire, pins, E-stop and limit switches during motion,
-with every edge judged."""
+"""The emulated board: DMX decoded from the wire, pins, the E-stop and an exception in motion, with
+every edge judged."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from host_tests import dmx_wire
 from host_tests.board.chips import on_both, on_pico
 from host_tests.end_to_end.session import Session, deceleration, run_request
 
-DMX_PIN, ESTOP_PIN, LIMIT_PIN = 0, 19, 22
+DMX_PIN, ESTOP_PIN = 0, 19
 EIGHT = tuple(range(1, 9))
 
 
@@ -274,32 +274,6 @@ def release(board_session, board):
     assert not any(board_session.made(motor) for motor in EIGHT)  # nothing starts by itself
     assert board_session.ask(p.MotorMove(1, 0)).moving
     board_session.wait_idle()
-
-
-@on_pico
-@pytest.mark.repeats
-def test_limit(chip):
-    rig = {"limits": [{"high": LIMIT_PIN, "contact": "no"}], "outputs": [], "inputs": []}
-    board_session, board = session(chip, rig)
-    with board:
-        board_session.speed(3, 10_000, 50_000)
-        board_session.accept(p.MotorSetLimits(3, 0, 0, 0, 0, 1))
-        board_session.accept(p.MotorMove(3, 30_000), p.MotorMove(4, 8000))
-        board_session.run(0.6)
-        hit = board_session.now
-        board.emulator.set_pin(LIMIT_PIN, 0)
-        board_session.run(0.3)
-        assert tuple(board_session.moving) == (4,)
-        assert [message for _, message in board_session.events(p.HardStop)] == [p.HardStop(1, 3)]
-        times, signs = board_session.steps(3)
-        assert times[-1] - hit < 10_000 / 200_000 + 0.004
-        assert deceleration(times, signs, hit + 0.004) == pytest.approx(200_000, rel=0.05)
-        here = board_session.position(3)
-        assert signs.sum() == here
-        board_session.refuse(m.ERR_HARD_UP, p.MotorMove(3, here + 1))
-        board_session.accept(p.MotorMove(3, here - 500))
-        board_session.wait_idle()
-        assert board_session.position(3) == here - 500
 
 
 @on_pico
