@@ -2,13 +2,17 @@
 valid."""
 
 import copy
+import json
 import re
+import shutil
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 
 from framestep.rig import Rig
 from framestep.rig.pins import fitted
+from framestep_tools import paths
 from framestep_tools.board.esp32_flash import VERSION
 from framestep_tools.board.rig_file import read
 from framestep_tools.building.board_files import (
@@ -28,19 +32,12 @@ BOARDS = board_names()
 
 
 def test_the_boards_that_there_are():
-    """boards/README.md links to each of them, and the front page to three and to that page."""
-    assert {"fysetc_erb", "pico", "pico2", "skr_pico", "esp32_s3_595"} <= set(BOARDS)
+    """The front page has three of them, and links to the list."""
+    assert {"pico", "skr_pico", "esp32_s3_595"} <= set(BOARDS)
     text = (ROOT / "README.md").read_text()
     assert len(re.findall(r"^\| .*\]\(boards/\w+/README\.md\) \|", text, re.MULTILINE)) == 3
     assert "](boards/README.md)" in text
-    readme = (ROOT / "boards/README.md").read_text()
     for name in BOARDS:
-        count = board_data(name)["motors"]
-        found = re.search(rf"^\| \[.*\]\({name}/README\.md\) \| {count} \|", readme, re.MULTILINE)
-        assert found, (
-            "add a line to the table of boards/README.md: "
-            f"| [...]({name}/README.md) | {count} | ..."
-        )
         same = [other for other in BOARDS if board_data(other)["name"] == board_data(name)["name"]]
         assert same == [name], f"give each board a name of its own in board.json: {same}"
 
@@ -107,6 +104,11 @@ FOUR_MOTORS = {
             "not enough state machines for 2 driver UARTs and the RGB LED",
         ),
         (change("skr_pico", leds=[1]), "leds: no such entry"),
+        (change("skr_pico", page={}), "page.drivers is missing: the column in the table of"),
+        (
+            change("skr_pico", page={"price": "$1"}),
+            "page.price: no such entry, only costs, drivers, header, labels, printed,",
+        ),
     ],
 )
 def test_a_mistake_is_found(data, complaint):
@@ -115,14 +117,9 @@ def test_a_mistake_is_found(data, complaint):
     )
 
 
-@pytest.mark.parametrize("name", BOARDS)
-def test_page_and_drawing_are_up_to_date(name):
-    old = [
-        str(path.relative_to(ROOT))
-        for path, text in board_pages.page(name).items()
-        if path.read_text() != text
-    ]
-    assert not old, f"run python -m framestep_tools.documents.board_pages: {', '.join(old)}"
+def test_all_that_is_made_from_the_boards_is_up_to_date():
+    old = board_pages.outdated()
+    assert not old, f"run {board_pages.COMMAND}: {', '.join(old)} no longer fit boards/"
 
 
 @pytest.mark.parametrize("name", BOARDS)
@@ -213,3 +210,100 @@ def test_motors_free_pins():
     # the UART's pins step motor 11
     assert "drivers" not in fitted(pico2, 11, True)
     assert "drivers" in fitted(pico2, 10, True)
+
+
+MADE_UP = board_data("skr_pico") | {"name": "Made-up Board"}
+README = f"""# Made-up Board
+
+Written by hand.
+
+<!-- pins: made by {board_pages.COMMAND} -->
+<!-- end of pins -->
+
+Also by hand.
+"""
+
+
+@pytest.fixture
+def copy_with_a_board(tmp_path, monkeypatch):
+    """Return a copy of what is made from the boards, with a folder of a board that is new."""
+    for path in board_pages.files():
+        copied = tmp_path / path.relative_to(ROOT)
+        copied.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, copied)
+    for path in (ROOT / "boards").rglob("*.json"):
+        shutil.copy(path, tmp_path / path.relative_to(ROOT))
+    folder = tmp_path / "boards/made_up"
+    folder.mkdir()
+    added = {key: MADE_UP[key] for key in MADE_UP if key not in ("hal", "ports", "pins", "clocks")}
+    (folder / "board.json").write_text(json.dumps(added))
+    (folder / "rig.json").write_text('{"name": "made up"}')
+    (folder / "README.md").write_text(README)
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(paths, "BOARDS", tmp_path / "boards")
+    return tmp_path
+
+
+def nav_pages(nav):
+    """Return {title: page} of a site's navigation, without pages that have no title there."""
+    found = {}
+    for entry in nav:
+        for title, inside in entry.items() if isinstance(entry, dict) else ():
+            found |= nav_pages(inside) if isinstance(inside, list) else {title: inside}
+    return found
+
+
+def test_a_board_takes_three_files(copy_with_a_board):
+    """The command adds it wherever boards are listed, and changes nothing else."""
+    places = {
+        "boards/made_up/README.md",
+        "boards/made_up/wiring.svg",
+        "boards/README.md",
+        "tools/framestep_tools/site/mkdocs.yml",
+        ".github/ISSUE_TEMPLATE/fault.yml",
+    }
+    assert set(board_pages.outdated()) == places
+    assert board_pages.app.status([]) == 0
+    assert board_pages.outdated() == []
+    texts = {place: (copy_with_a_board / place).read_text() for place in places}
+    page = texts["boards/made_up/README.md"]
+    assert "| GPIO 11 | motor 1 step | socket X, address 0 |\n" in page
+    assert page.replace(board_pages.table(MADE_UP), "") == README
+    assert "Made-up Board" in texts["boards/made_up/wiring.svg"]
+    rows = [line for line in texts["boards/README.md"].splitlines() if line[:3] == "| ["]
+    row = "| [Made-up Board](made_up/README.md) | 4 | $25 | TMC2209 on the board | image |"
+    assert rows[2] == row, "by name, those with an image first"
+    site = re.sub(r"!\S+", "", texts["tools/framestep_tools/site/mkdocs.yml"])
+    assert nav_pages(yaml.safe_load(site)["nav"])["Made-up Board"] == "boards/made_up/README.md"
+    form = yaml.safe_load(texts[".github/ISSUE_TEMPLATE/fault.yml"])
+    fields = {part.get("id"): part["attributes"] for part in form["body"]}
+    assert "Made-up Board" in fields["board"]["options"]
+    for place in ("boards/README.md", ".github/ISSUE_TEMPLATE/fault.yml"):
+        lines = texts[place].splitlines()
+        kept = [line for line in lines if "made_up" not in line and "Made-up" not in line]
+        assert kept == (ROOT / place).read_text().splitlines()
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "said"),
+    [
+        ("README.md", None, "boards/made_up needs README.md"),
+        ("rig.json", None, "boards/made_up needs rig.json"),
+        ("README.md", "# Made-up Board\n", "boards/made_up/README.md needs one comment with"),
+        ("board.json", '"drivers": "TMC2209', "boards/made_up/board.json: page.drivers is missing"),
+    ],
+)
+def test_a_mistake_in_the_three_files_changes_nothing(copy_with_a_board, capsys, file, text, said):
+    path = copy_with_a_board / "boards/made_up" / file
+    if text is None:
+        path.unlink()
+    elif file == "board.json":
+        path.write_text(path.read_text().replace(text, text.replace("drivers", "printed")))
+    else:
+        path.write_text(text)
+    before = {path: path.read_text() for path in copy_with_a_board.rglob("*") if path.is_file()}
+    assert board_pages.app.status([]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+    after = {path: path.read_text() for path in copy_with_a_board.rglob("*") if path.is_file()}
+    assert after == before

@@ -1,10 +1,12 @@
-"""Make the table of pins and the drawing of each board's page from boards/<board>/board.json, and
-check that data.
+"""Check boards/<board>, and make from it what else the repository says of boards: the table of pins
+and the drawing of each board's page, and the lists of boards.
 
-python -m framestep_tools.documents.board_pages          put them into every boards/<board>
+python -m framestep_tools.documents.board_pages          write all of them
 """
 
 import html
+import json
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -12,11 +14,17 @@ from typing import Any, NamedTuple
 
 from framestep.rig.pins import fitted
 
-from ..building.board_files import ROOT, board_data, board_names
+from .. import paths
+from ..building.board_files import board_chip, board_data, board_names
 from ..chips import chips
+from ..errors import Command, ToolError
 
-BEGIN = "<!-- pins: made by python -m framestep_tools.documents.board_pages -->\n"
-END = "<!-- end of pins -->"
+COMMAND = "python -m framestep_tools.documents.board_pages"
+# What is made stands in a file between a comment with "made by <COMMAND>" and one with "end of".
+_MADE = re.compile(
+    rf"^([^\n]*: made by {re.escape(COMMAND)}[^\n]*\n).*?(?=^[^\n]*end of (?:pins|boards)\b)",
+    re.DOTALL | re.MULTILINE,
+)
 _ADDRESSES = 4  # that MS1 and MS2 of a TMC2209 can set
 
 _KEYS = {
@@ -49,6 +57,12 @@ _KEYS = {
     ),
     *("chain", "buffers", "button", "uart", "usb", "flash"),
     *("hal", "ports", "pins", "clocks"),  # not in the file: board_files.board_data adds them
+}
+# Keys of `page`, and which of them every board has
+_PAGE_KEYS = {"printed", "drivers", "costs", "header", "sockets", "labels", "variants"}
+_PAGE_NEEDS = {
+    "printed": "what a user reads on the board",
+    "drivers": "the column in the table of boards/README.md",
 }
 
 
@@ -197,7 +211,16 @@ def state_machines(board: Mapping[str, Any]) -> int:
 
 def complaints(board: Mapping[str, Any]) -> list[str]:
     """List the mistakes in a board's data as text; empty if it is valid."""
+    page = board.get("page", {})
     found = [f"{key}: no such entry" for key in board if key not in _KEYS]
+    found += [
+        f"page.{key}: no such entry, only {', '.join(sorted(_PAGE_KEYS))}"
+        for key in page
+        if key not in _PAGE_KEYS
+    ]
+    found += [
+        f"page.{key} is missing: {what}" for key, what in _PAGE_NEEDS.items() if key not in page
+    ]
     if board["chip"] not in chips():
         return [*found, f"chip: {board['chip']} is none of {', '.join(chips())}"]
     chip = chips()[board["chip"]]
@@ -435,18 +458,83 @@ def drawing(board: Mapping[str, Any]) -> str:
 # ---- the files -----------------------------------------------------------------------------------
 
 
+def filled(path: Path, made: str) -> str:
+    """Return a file's text with `made` in the place for it."""
+    text, count = _MADE.subn(lambda found: found[1] + made, path.read_text())
+    if count != 1:
+        raise ToolError(
+            f'{path.relative_to(paths.ROOT)} needs one comment with "made by {COMMAND}" and '
+            'below it one with "end of", as boards/pico/README.md has them'
+        )
+    return text
+
+
 def page(name: str) -> dict[Path, str]:
     """Return {file: text} of a board's page as it should be."""
-    board = board_data(name)
-    folder = ROOT / "boards" / name
-    before, rest = (folder / "README.md").read_text().split(BEGIN)
-    return {
-        folder / "README.md": before + BEGIN + table(board) + END + rest.split(END, 1)[1],
-        folder / "wiring.svg": drawing(board),
+    board, folder = board_data(name), paths.BOARDS / name
+    readme = folder / "README.md"
+    return {readme: filled(readme, table(board)), folder / "wiring.svg": drawing(board)}
+
+
+def lists() -> dict[Path, str]:
+    """Return {file: text} of the lists of boards as they should be: those with an image first."""
+    boards = {name: board_data(name) for name in board_names()}
+    image = {name: board_chip(name).uf2_family is not None for name in boards}
+    rows, entries, options = "| board | motors | costs about | drivers | firmware |\n", "", ""
+    rows += "|---|---|---|---|---|\n"
+    for name, board in sorted(
+        boards.items(), key=lambda item: (not image[item[0]], item[1]["name"])
+    ):
+        rows += (
+            f"| [{board['name']}]({name}/README.md) | {board['motors']} "
+            f"| {board['page'].get('costs', '–')} | {board['page']['drivers']} "
+            f"| {'image' if image[name] else 'files for MicroPython'} |\n"
+        )
+        quoted = json.dumps(board["name"], ensure_ascii=False)  # YAML takes it as well
+        entries += f"      - {quoted}: boards/{name}/README.md\n"
+        options += f"        - {quoted}\n"
+    made = {
+        "boards/README.md": rows,
+        "tools/framestep_tools/site/mkdocs.yml": entries,
+        ".github/ISSUE_TEMPLATE/fault.yml": options,
     }
+    return {paths.ROOT / file: filled(paths.ROOT / file, text) for file, text in made.items()}
+
+
+def files() -> dict[Path, str]:
+    """Return {file: text} of all that is made from the boards' folders, as it should be.
+
+    Raises ToolError if a folder lacks a file, or its data have a mistake.
+    """
+    found: dict[Path, str] = {}
+    for name in board_names():
+        for file in ("README.md", "rig.json"):
+            if not (paths.BOARDS / name / file).exists():
+                raise ToolError(f"boards/{name} needs {file}: begin with another board's")
+        for complaint in complaints(board_data(name)):
+            raise ToolError(f"boards/{name}/board.json: {complaint}")
+        found |= page(name)
+    return found | lists()
+
+
+def outdated() -> list[str]:
+    """List the files that are not as they should be."""
+    return [
+        str(path.relative_to(paths.ROOT))
+        for path, text in files().items()
+        if not path.exists() or path.read_text() != text
+    ]
+
+
+app = Command("board_pages")
+
+
+@app.command()
+def main() -> None:
+    """Write all that is made from the boards' folders."""
+    for path, text in files().items():
+        path.write_text(text)
 
 
 if __name__ == "__main__":
-    for board_name in board_names():
-        for file, content in page(board_name).items():
-            file.write_text(content)
+    app()
