@@ -114,9 +114,11 @@ else
 	@"$(PYTHON_VENV)" -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(if $(BOARD),--board esp32_s3_595) $(ARGS)
 endif
 
-lint: setup ## style (ruff), spelling (codespell), and subjects of commits
+lint: setup ## style (ruff, oxlint, shellcheck), spelling (codespell), and subjects of commits
 	@"$(PYTHON_VENV)" -m ruff check --show-files | grep -q '[.]py$$' || { echo "ruff finds no Python file to check"; exit 1; }
 	@"$(PYTHON_VENV)" -m ruff check --quiet && "$(PYTHON_VENV)" -m ruff format --check --quiet
+	@"$(CACHE)/venv/bin/oxlint" --format=unix
+	@git ls-files -z -- "*.sh" .ci/run | xargs -0 "$(CACHE)/venv/bin/shellcheck" --severity=warning
 	@git ls-files -z | xargs -0 "$(PYTHON_VENV)" -m codespell_lib
 	@tools/check_subjects.sh
 

@@ -47,7 +47,7 @@ python_packages() {
     fi
     [ -x "$VENV/bin/python" ] || step venv "making a Python environment in $VENV" "$python" -m venv "$VENV"
     step pip "installing the Python packages" \
-        "$VENV/bin/python" -m pip install -c "$ROOT/tools/constraints.txt" -e "$ROOT[dev]"
+        "$VENV/bin/python" -m pip install -c "$ROOT/tools/constraints.txt" -e "${ROOT}[dev]"
     rm -rf "$CACHE/stubs"
     step stubs "installing MicroPython's type stubs" "$VENV/bin/python" -m pip install --no-deps --target "$CACHE/stubs" "$STUBS"
     stamp >"$VENV/.complete"

@@ -1,3 +1,4 @@
+# shellcheck shell=bash
 # Sourced by setup.sh and micropython/build.sh: steps that show their progress, and host packages.
 
 ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)

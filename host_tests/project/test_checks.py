@@ -5,6 +5,7 @@ import importlib.util
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -53,6 +54,32 @@ def test_style_is_that_of_all_modules():
         check=True,
     )
     assert {str(path) for path in modules(".")} <= set(shown.stdout.splitlines())
+
+
+OXLINT = [Path(sys.executable).with_name("oxlint"), "-c", ROOT / ".oxlintrc.json"]
+
+
+def test_style_of_scripts_is_that_of_all_of_them():
+    tracked = subprocess.run(
+        ["git", "ls-files", "--", "*.js", "*.mjs"], cwd=ROOT, capture_output=True, text=True
+    )
+    shown = subprocess.run(OXLINT, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert f" on {len(tracked.stdout.split())} files" in shown.stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ("export const f = () => known;\n", "no-undef"),
+        ("export function f() {\n  const unused = 1;\n}\n", "no-unused-vars"),
+        ("export const f = (a) => a == 1;\n", "eqeqeq"),
+    ],
+)
+def test_a_mistake_in_a_script_is_found(tmp_path, text, rule):
+    (tmp_path / "page.js").write_text(text)
+    shown = subprocess.run(OXLINT, cwd=tmp_path, capture_output=True, text=True)
+    assert shown.returncode == 1
+    assert f"eslint({rule})" in shown.stdout
 
 
 @pytest.mark.parametrize("target", ["lint", "test-core", "test-emulator"])

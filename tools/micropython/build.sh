@@ -19,7 +19,7 @@
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/../steps.sh"
 
-MICROPYTHON_SUITE=sid       MICROPYTHON_VERSION='1.26.1+ds-1'
+MICROPYTHON_VERSION='1.26.1+ds-1'
 TESTED='1.26.1 1.28.0'      # versions that Debian may have instead later
 RELEASE=1.26.1              # with all its libraries, if Debian has none of these
 RELEASE_SHA256=12be6514df6272c0fcb328122b534af6b12abdd52435c19f40ee1707cc43ac98
@@ -60,7 +60,7 @@ apt_sources() {
 
 # Print the Debian mirror that the machine already uses.
 mirror() {
-    local id= VERSION_CODENAME= url=
+    local id='' VERSION_CODENAME='' url=''
     if [ -n "${FRAMESTEP_DEBIAN_MIRROR:-}" ]; then
         printf '%s\n' "${FRAMESTEP_DEBIAN_MIRROR%/}"
         return
@@ -185,7 +185,7 @@ sources() {
     fetch_deb tinyusb "tinyusb-source/$TINYUSB_SUITE" usr/src/tinyusb
     fetch_source mbedtls "mbedtls/$MBEDTLS_SUITE"
     for lib in pico-sdk tinyusb mbedtls; do
-        rm -rf "$MP/lib/$lib"
+        rm -rf "${MP:?}/lib/$lib"
         mv "$CACHE/src/$lib" "$MP/lib/$lib"
     done
     mkdir -p "$MP/lib/micropython-lib"

@@ -46,10 +46,10 @@ FAST=(
 
 # A name that the compiler or another version of MicroPython does not know has no effect, and nobody would notice.
 check() {
-    local nm=$1 build=$2 tree=$3 symbols address kind name wrong=() wanted=("${FUNCTIONS[@]}")
+    local nm=$1 build=$2 tree=$3 symbols address name wrong=() wanted=("${FUNCTIONS[@]}")
     declare -A found
     symbols=$("$nm" "$build/firmware.elf")
-    while read -r address kind name; do found[$name]=$address; done <<<"$symbols"
+    while read -r address _ name; do found[$name]=$address; done <<<"$symbols"
     for name in "${ELSEWHERE[@]}"; do
         if grep -rqw --include='*.c' "$name" "$tree/py" "$tree/shared" "$tree/ports"; then wanted+=("$name"); fi
     done

@@ -6,7 +6,6 @@ import fs from 'node:fs';
 import net from 'node:net';
 import os from 'node:os';
 import path from 'node:path';
-import { fileURLToPath } from 'node:url';
 import { parseArgs } from 'node:util';
 import { Worker } from 'node:worker_threads';
 import { Board } from './lib/board.mjs';
@@ -14,8 +13,6 @@ import { chipOf } from './lib/binary_info.mjs';
 import { ControlServer } from './lib/control.mjs';
 import { Pico2 } from './lib/rp2350/board.mjs';
 import { Runner } from './lib/runner.mjs';
-
-const HERE = path.dirname(fileURLToPath(import.meta.url));
 
 const USAGE = `usage: emu.mjs --firmware fw.bin [options]
   --fs IMG            littlefs image for the board's file system

@@ -48,7 +48,7 @@ function licences() {
   return [...packages].sort().map((name) => {
     const folder = path.join(MODULES, name);
     const { version, license } = JSON.parse(fs.readFileSync(path.join(folder, 'package.json')));
-    const file = fs.readdirSync(folder).find((each) => /^LICENSE/.test(each));
+    const file = fs.readdirSync(folder).find((each) => each.startsWith('LICENSE'));
     return `${name} ${version} (${license})\n\n${fs.readFileSync(path.join(folder, file), 'utf8').trim()}\n`;
   });
 }

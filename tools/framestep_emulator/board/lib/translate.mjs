@@ -535,7 +535,8 @@ class Translation {
       code.get(B).i32(kind ? by - 1 : 32 - by).op('shrU').i32(1).op('and').put(AT.c, X);
     }
     if (kind === 0) code.get(B).i32(amount).op('shl');
-    else if (kind === 1) amount ? code.get(B).i32(amount).op('shrU') : code.i32(0);
+    else if (kind === 1 && amount) code.get(B).i32(amount).op('shrU');
+    else if (kind === 1) code.i32(0);
     else code.get(B).i32(Math.min(by, 31)).op('shrS');
     if (need & FLAGS.nz) code.tee(RES).put(AT.nz, X).get(RES);
     this.write(d);

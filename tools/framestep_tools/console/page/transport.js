@@ -183,7 +183,7 @@ export class Transport {
   }
 
   async #prepareRun() {
-    const { operation, work } = this.#desk;
+    const { work } = this.#desk;
     const [start, end, fps, preroll, postroll] = [this.#start, this.#end, this.#fps, this.#preroll, this.#postroll].map(read);
     if ([start, end, fps].includes(null)) return;
     const loop = LOOPS[this.#loop.value];

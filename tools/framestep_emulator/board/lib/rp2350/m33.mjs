@@ -9,7 +9,6 @@ const RAM_BASE = 0x20000000;
 const FLASH_BASE = 0x10000000;
 const ROM_SIZE = 0x8000;
 const DPRAM_BASE = 0x50100000;
-const IRQS = 52;
 const EXC_NMI = 2;
 const EXC_HARDFAULT = 3;
 const EXC_SVCALL = 11;
@@ -217,7 +216,7 @@ export class M33 {
     this.codeEnd = 0;
   }
 
-  flashChanged(from, to) {
+  flashChanged(from) {
     if (from < this.codeEnd) this.restored(); // else no code is there
   }
 
@@ -1020,12 +1019,11 @@ export class M33 {
     // GPIO: op 0 put, 1 xor, 2 set, 3 clear on all pins; 4 to 7 the same on one pin; c0 OUT, c4 OE
     this.sync(k);
     const oe = crm === 4;
-    let mask = low;
     if (op >= 4) {
       const bit = low < 32 ? 1 << low : 0;
       if (op === 4) this.chip.sio.coprocessor(oe, high & 1 ? 2 : 3, bit);
       else if (high & 1) this.chip.sio.coprocessor(oe, op - 4, bit);
-    } else this.chip.sio.coprocessor(oe, op, mask);
+    } else this.chip.sio.coprocessor(oe, op, low);
     this.after();
   }
   mrrc(cp, op, crm, other, k) {

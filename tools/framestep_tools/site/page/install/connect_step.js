@@ -1,6 +1,6 @@
 // Step 2: the board's two ports, and what the board says of itself.
 
-import { h, setText } from "framestep-console/dom.js";
+import { h } from "framestep-console/dom.js";
 import { VERSION } from "framestep-console/protocol.js";
 import { serialIsThere } from "framestep-console/serial_link.js";
 

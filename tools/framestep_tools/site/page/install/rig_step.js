@@ -12,7 +12,6 @@ export class RigStep {
   title = "3. Rig file";
   worksAlone = true;
   element = h("section");
-  #device;
   #work;
   #board;
   #schema = null;
@@ -29,7 +28,6 @@ export class RigStep {
 
   /** board: returns the chosen board's entry; next: shows the next step. */
   constructor(device, board, next) {
-    this.#device = device;
     this.#work = new RigWork(device, () => board().foreground);
     this.#board = board;
     const button = (text, work, main = false) => {
