@@ -50,6 +50,7 @@ def test_what_hi_says():
     session.accept(RtUploadMoveEnd())
 
 
+@pytest.mark.each_processor
 @pytest.mark.needs("lights")
 def test_lights_at_once():
     session = simulated()
@@ -58,6 +59,7 @@ def test_lights_at_once():
     assert session.ask(MotorStatus()).dmx == 0
 
 
+@pytest.mark.each_processor
 @pytest.mark.needs("lights")
 def test_a_ramp_is_a_straight_line_of_half_a_second():
     session = simulated()
@@ -104,6 +106,7 @@ def test_lights_that_are_not_there(payload):
 # ---------------------------------------------------------------- inputs and outputs
 
 
+@pytest.mark.each_processor
 def test_outputs():
     session = simulated()
     session.accept(GioOut(2), GioOut(0xFFFFFFFF), GioOut(0), GioOut(0x80000001))
@@ -121,6 +124,7 @@ def test_camera():
     assert [level for _, level in shown(session, "meter")] == [0, 1]
 
 
+@pytest.mark.each_processor
 def test_inputs_are_reported_once_per_change():
     session = simulated()
     assert inputs(session) == 0

@@ -126,6 +126,7 @@ def test_requests_that_move_nothing_are_answered_while_the_estop_is_held():
     assert session.ask(Hi()).motors == 8
 
 
+@pytest.mark.each_processor
 @pytest.mark.parametrize("swap", [0, m.HW_SET_SWAP])
 @pytest.mark.parametrize("direction", [1, -1])
 def test_limit(direction, swap):

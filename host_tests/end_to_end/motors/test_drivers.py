@@ -1,6 +1,8 @@
 """TMC2209 drivers behind the whole controller, in virtual time: enabled only after their set-up,
 refused while they do not work, and the effect of a fault in motion."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from framestep_tools.payloads import (
     RtPositionFrame,
 )
 from framestep_tools.simulator.boards import SimulatedBoard
+from framestep_tools.simulator.driver_chips import STANDSTILL
 from host_tests.end_to_end.session import Session, deceleration, run_request
 
 pytestmark = pytest.mark.needs("boards")
@@ -68,6 +71,7 @@ def test_enabled_only_once_set_up():
     assert not said(board)
 
 
+@pytest.mark.each_processor
 def test_a_dead_driver_holds_up_its_motor_and_every_run():
     talk, board = session(dead=(2,))
     talk.run(SET_UP_S)
@@ -126,6 +130,7 @@ def assert_stopped(talk, board, at, lost):
     assert talk.position(other) == talk.made(other)
 
 
+@pytest.mark.each_processor
 @pytest.mark.provokes("fault")
 def test_too_hot_in_motion():
     talk, board = session()
@@ -179,6 +184,7 @@ def test_a_fault_of_a_driver_that_is_off_stops_nothing():
     assert trust(talk, 4) == (positions.KNOWN, positions.SET)
 
 
+@pytest.mark.each_processor
 def test_a_warning_stops_nothing():
     talk, board = session()
     under_way(talk)
@@ -187,6 +193,36 @@ def test_a_warning_stops_nothing():
     assert said(board) == ["driver of motor 1 is hot, close to switching off"]
     assert tuple(talk.moving) == (1, 2)
     assert not talk.events(HardStop)
+
+
+@pytest.mark.each_processor
+def test_what_is_lost_on_the_wire_is_sent_again():
+    """Every fifth write, question and answer."""
+    talk, board = session()
+    counts = Counter()
+
+    def spoil(direction, data):
+        kind = direction, len(data)
+        counts[kind] += 1
+        return data if counts[kind] % 5 else data[:-1]
+
+    board._board.hal.driver_wire.spoil = spoil
+    talk.run(1.5)
+    assert talk.ask(GetCondition()).bits == 0
+    assert all(chip.bridges_on and len(chip.writes) == 12 for chip in board.chips)
+    assert len(counts) == 3
+    assert min(counts.values()) > 5
+    assert not said(board)
+
+
+@pytest.mark.each_processor
+def test_each_open_coil_is_reported_once():
+    talk, board = session()
+    talk.run(SET_UP_S)
+    for status in (0x40, STANDSTILL, 0x80):  # coil A, then B
+        board.chips[0].status = status
+        talk.run(1)
+    assert said(board) == ["driver of motor 1 finds no motor on one of its coils"] * 2
 
 
 def test_drivers_of_a_pico():

@@ -252,6 +252,7 @@ def test_bloop_outlives_a_stop(after, ms):
         assert_bloop(session, changes(session, "gio1")[0][0], ms)
 
 
+@pytest.mark.each_processor
 @pytest.mark.needs("lights")
 @pytest.mark.needs("lights")
 def test_bloop_and_another_run():
