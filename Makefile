@@ -5,7 +5,6 @@ PYTHON_VENV := $(CACHE)/venv/bin/python
 PROCESSES := $(shell echo $$(($$(nproc) + 2))) # more than processors: some tests wait for a page or a port
 PYTEST := PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n $(PROCESSES) --dist loadfile --no-loadscope-reorder
 LAYERS := runtime esp32 board emulator console
-IMAGES := pico pico2 skr_pico fysetc_erb # boards that tests emulate
 ARGS ?=
 BOARD ?= pico
 TARGET ?= esp32
@@ -35,8 +34,8 @@ chromium: ## a browser for the tests of the console, if none is installed
 micropython: setup ## build MicroPython for the RP2040 and for 32-bit tests on this computer (three minutes, once)
 	@tools/micropython/build.sh all
 
-images: micropython # images of the boards that tests emulate; the build takes a minute the first time, then some seconds
-	@"$(PYTHON_VENV)" -m framestep_tools.building.images $(IMAGES)
+images: micropython # the boards' images, which tests need; the build takes a minute the first time, then some seconds
+	@"$(PYTHON_VENV)" -m framestep_tools.building.images
 
 try: setup node ## static pages: framestep on an emulated board in the browser (build/site/try), and its installer (build/site/install)
 	@"$(PYTHON_VENV)" -m framestep_tools.site.try_page
@@ -44,7 +43,7 @@ try: setup node ## static pages: framestep on an emulated board in the browser (
 site: setup node ## the documents as a web site, with the pages of make try in it (build/site); builds without network
 	@"$(PYTHON_VENV)" -m framestep_tools.site.documents
 
-demo: setup ## play a camera move on the emulated board, check every edge, plot it (build/demo); BOARD=pico
+demo: setup ## play a camera move on the emulated board, check every edge, plot it (build/demo); BOARD=pico or all
 	@if tools/setup.sh node && "$(PYTHON_VENV)" -m framestep_tools.building.make_image --board $(BOARD); then where=; \
 	else echo "The emulated board is not available here; the demo runs on the host simulation instead." >&2; where=--host; fi; \
 	"$(PYTHON_VENV)" -m framestep_tools.demo --board $(BOARD) $$where $(ARGS)

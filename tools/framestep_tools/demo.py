@@ -153,7 +153,9 @@ app = Command("demo")
 
 @app.command()
 def main(
-    board: Annotated[str, typer.Option(help="a folder in boards/")] = "pico",
+    board: Annotated[
+        str, typer.Option(help="a folder in boards/, or all that are emulated")
+    ] = "pico",
     host: Annotated[
         bool, typer.Option("--host", help="simulated on this computer instead of emulated")
     ] = False,
@@ -166,6 +168,12 @@ def main(
     ] = _RESULT_FOLDER,
 ) -> int:
     """Play a camera move and check every edge."""
+    boards = emulated_boards() if board == "all" else [board]
+    return max(play_on(each, host, fps, move_file, out) for each in boards)
+
+
+def play_on(board: str, host: bool, fps: float, move_file: Path, out: Path) -> int:
+    """Play the move on one board, check it, plot it, and return the exit status."""
     console = Console(highlight=False)
     data = board_data(board)
     if not host and board not in emulated_boards():

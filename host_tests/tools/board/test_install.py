@@ -9,6 +9,7 @@ import pytest
 from framestep_tools import cli
 from framestep_tools.board import bootsel_drive, install
 from framestep_tools.board.bootsel_drive import Drive, DriveError
+from framestep_tools.building.board_files import board_data, board_names
 from framestep_tools.simulator.boards import SimulatedBoard
 from framestep_tools.simulator.serve import Server
 from host_tests.tools.board.test_uf2 import uf2_file
@@ -133,12 +134,15 @@ def test_it_copies_the_image_and_asks_the_board_who_it_is(board_behind, tmp_path
     assert got[0].read_bytes() == image.read_bytes()
 
 
+RP2040_BOARDS = [name for name in board_names() if board_data(name)["chip"] == "rp2040"]
+
+
 @pytest.mark.parametrize(
     ("args", "complaint"),
     [
         (
             ["--board", "pico2"],
-            "has an RP2040, pico2 an RP2350: --board fysetc_erb or pico or skr_pico",
+            f"has an RP2040, pico2 an RP2350: --board {' or '.join(RP2040_BOARDS)}",
         ),
         (["--board", "nano"], "no board 'nano'"),
         (["--image", "/not/there.uf2"], "cannot read /not/there.uf2: No such file"),

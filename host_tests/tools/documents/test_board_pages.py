@@ -5,6 +5,7 @@ import copy
 import json
 import re
 import shutil
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -27,6 +28,7 @@ from framestep_tools.building.board_files import (
     march,
 )
 from framestep_tools.documents import board_pages
+from framestep_tools.prove import report, work
 
 BOARDS = board_names()
 
@@ -241,6 +243,9 @@ def copy_with_a_board(tmp_path, monkeypatch):
     (folder / "README.md").write_text(README)
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setattr(paths, "BOARDS", tmp_path / "boards")
+    monkeypatch.setattr(report, "EMULATED", Path(shutil.copy(report.EMULATED, tmp_path)))
+    # measuring takes minutes
+    monkeypatch.setattr(work, "renew", lambda name, say: report.renew(name, 4, {"late_us": 7}))
     return tmp_path
 
 
@@ -254,7 +259,7 @@ def nav_pages(nav):
 
 
 def test_a_board_takes_three_files(copy_with_a_board):
-    """The command adds it wherever boards are listed, and changes nothing else."""
+    """The command adds it wherever boards are listed, changes nothing else, and measures it."""
     places = {
         "boards/made_up/README.md",
         "boards/made_up/wiring.svg",
@@ -262,7 +267,7 @@ def test_a_board_takes_three_files(copy_with_a_board):
         "tools/framestep_tools/site/mkdocs.yml",
         ".github/ISSUE_TEMPLATE/fault.yml",
     }
-    assert set(board_pages.outdated()) == places
+    assert set(board_pages.outdated()) == {*places, "made_up in emulated.json"}
     assert board_pages.app.status([]) == 0
     assert board_pages.outdated() == []
     texts = {place: (copy_with_a_board / place).read_text() for place in places}
@@ -282,6 +287,7 @@ def test_a_board_takes_three_files(copy_with_a_board):
         lines = texts[place].splitlines()
         kept = [line for line in lines if "made_up" not in line and "Made-up" not in line]
         assert kept == (ROOT / place).read_text().splitlines()
+    assert report.emulated_boards()["made_up"] == (4, 125, {"late_us": 7})
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,15 @@
 the measurements."""
 
 import json
+import shutil
 from contextlib import nullcontext
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from framestep_tools.building import board_files
 from framestep_tools.building.board_files import ROOT, board_data, emulated_boards
 from framestep_tools.cli import app
 from framestep_tools.client import port_finder
@@ -124,9 +127,8 @@ def test_the_motors_of_a_run_begin_and_end_at_rest(fps_milli):
 def test_every_figure_is_known_of_the_emulated_boards_and_explained():
     """Except for DMX on a board without it."""
     boards = report.emulated_boards()
-    emulated = emulated_boards()
-    assert sorted(boards) == emulated
-    for name in emulated:
+    assert not report.outdated(), 'run make prove ARGS="--board NAME --renew"'
+    for name in emulated_boards():
         dmx = "dmx" in board_data(name)
         figures = {f.key for f in FIGURES if dmx or not f.key.startswith("dmx")}
         assert set(boards[name].figures) == figures
@@ -160,6 +162,41 @@ def test_a_folder_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(report.ToolError, match="cannot write"):
         a_report().write(tmp_path / "file")
+
+
+@pytest.fixture
+def figures(tmp_path, monkeypatch):
+    """Let the figures be in a file that a test may change."""
+    copied = Path(shutil.copy(report.EMULATED, tmp_path))
+    monkeypatch.setattr(report, "EMULATED", copied)
+    return copied
+
+
+@pytest.mark.parametrize("key", ["clock_mhz", "motors"])
+def test_figures_of_another_clock_or_count_are_out_of_date(figures, monkeypatch, key):
+    assert report.outdated() == []
+    board_data = board_files.board_data
+    monkeypatch.setattr(
+        board_files,
+        "board_data",
+        lambda name: board_data(name) | ({key: 1} if name == "pico2" else {}),
+    )
+    assert report.outdated() == ["pico2"]
+    report.renew("pico2", 1 if key == "motors" else 12, {"late_us": 7.0})
+    assert report.outdated() == []
+    assert report.emulated_boards()["pico2"].figures == {"late_us": 7.0}
+
+
+def test_figures_of_a_new_version_and_of_the_boards_that_there_are(figures, monkeypatch):
+    text = figures.read_text()
+    figures.write_text(text.replace('"skr_pico"', '"gone"'))
+    assert report.outdated() == ["skr_pico"]
+    report.renew("skr_pico", 4, {})
+    assert sorted(report.emulated_boards()) == emulated_boards()
+    monkeypatch.setattr(report, "version", lambda: "9.9.9")
+    assert report.outdated() == emulated_boards()
+    report.renew("pico", 8, {})
+    assert list(report.emulated_boards()) == ["pico"]
 
 
 def test_figures_of_another_version_are_not_compared(tmp_path, monkeypatch):

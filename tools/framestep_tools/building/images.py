@@ -1,6 +1,6 @@
 """Builds of MicroPython, made by tools/micropython/build.sh if they are missing.
 
-`python -m framestep_tools.building.images BOARD...` builds the images of boards.
+`python -m framestep_tools.building.images BOARD...` builds the images of boards, by default of all.
 """
 
 import hashlib
@@ -260,5 +260,5 @@ def emulator_ready() -> Path:
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:]:
+    for name in sys.argv[1:] or image_boards():
         frozen(name, show=True)

@@ -1,7 +1,7 @@
 """Check boards/<board>, and make from it what else the repository says of boards: the table of pins
-and the drawing of each board's page, and the lists of boards.
+and the drawing of each board's page, the lists of boards, and the figures of emulated boards.
 
-python -m framestep_tools.documents.board_pages          write all of them
+python -m framestep_tools.documents.board_pages          bring all of them up to date
 """
 
 import html
@@ -18,6 +18,7 @@ from .. import paths
 from ..building.board_files import board_chip, board_data, board_names
 from ..chips import chips
 from ..errors import Command, ToolError
+from ..prove import report, work
 
 COMMAND = "python -m framestep_tools.documents.board_pages"
 # What is made stands in a file between a comment with "made by <COMMAND>" and one with "end of".
@@ -469,6 +470,11 @@ def filled(path: Path, made: str) -> str:
     return text
 
 
+def without_made(text: str) -> str:
+    """Return a file's text without what is made."""
+    return _MADE.sub(lambda found: found[1], text)
+
+
 def page(name: str) -> dict[Path, str]:
     """Return {file: text} of a board's page as it should be."""
     board, folder = board_data(name), paths.BOARDS / name
@@ -518,11 +524,11 @@ def files() -> dict[Path, str]:
 
 
 def outdated() -> list[str]:
-    """List the files that are not as they should be."""
+    """List what is not as it should be: files, and boards in the file of figures."""
+    old = [path for path, text in files().items() if not path.exists() or path.read_text() != text]
     return [
-        str(path.relative_to(paths.ROOT))
-        for path, text in files().items()
-        if not path.exists() or path.read_text() != text
+        *(str(path.relative_to(paths.ROOT)) for path in old),
+        *(f"{name} in {report.EMULATED.name}" for name in report.outdated()),
     ]
 
 
@@ -531,9 +537,12 @@ app = Command("board_pages")
 
 @app.command()
 def main() -> None:
-    """Write all that is made from the boards' folders."""
+    """Write all that is made from the boards' folders, and measure emulated boards that have no
+    figures yet (minutes)."""
     for path, text in files().items():
         path.write_text(text)
+    for name in report.outdated():
+        work.renew(name, print)
 
 
 if __name__ == "__main__":

@@ -5,12 +5,10 @@ from typing import Annotated
 
 import typer
 
-from ..building import images
 from ..building.board_files import ROOT, board_data, emulated_boards
 from ..errors import Command, ToolError
-from . import report
+from . import report, work
 from .board import emulated
-from .work import Options, prove
 
 app = Command("prove")
 
@@ -21,7 +19,9 @@ def main(
         bool, typer.Option("--renew", help="store the figures for comparison with other boards")
     ] = False,
     short: Annotated[bool, typer.Option("--short", help="fewer moves")] = False,
-    board: Annotated[str, typer.Option(help="folder in boards/ of the board")] = "pico",
+    board: Annotated[
+        str, typer.Option(help="folder in boards/ of the board, or all that are emulated")
+    ] = "pico",
     chip: Annotated[
         str | None, typer.Option(help="stepping of an RP2040: B1 or B2; by default B2")
     ] = None,
@@ -30,19 +30,21 @@ def main(
     / "prove",
 ) -> None:
     """Measure an emulated board as `framestep lab prove` measures a real one."""
-    data = board_data(board)
-    if board not in emulated_boards():
-        raise ToolError(f"{data['name']} is not emulated: its chip is {data['chip']}")
-    images.frozen(board)
-    with emulated(("--chip", chip) if chip else (), board) as measured:
-        beside = {} if renew else report.emulated_boards()
-        found = prove(measured, Options(short=short), beside, print)
-        count = len(measured.layout.measured)
-    if renew:
-        found.raise_broken_off()
-        report.renew(board, count, found.figures)
-        print(f"{report.EMULATED} has {len(found.figures)} figures of {board}")
-        return
+    for each in emulated_boards() if board == "all" else [board]:
+        data = board_data(each)
+        if each not in emulated_boards():
+            raise ToolError(f"{data['name']} is not emulated: its chip is {data['chip']}")
+        if renew:
+            work.renew(each, print)
+        else:
+            compare(each, work.Options(short=short), ("--chip", chip) if chip else (), out)
+
+
+def compare(board: str, options: work.Options, args: tuple[str, ...], out: Path) -> None:
+    """Measure an emulated board. Raises ToolError if a figure is worse than the stored one. args:
+    options of the emulator; out: folder for the report."""
+    with emulated(args, board) as measured:
+        found = work.prove(measured, options, report.emulated_boards(), print)
     report.show(found)
     paths = found.write(out)
     print(*paths, sep="\n")

@@ -8,6 +8,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..building import board_files
 from ..errors import BROKEN_OFF, ToolError
 from ..paths import BOARDS, version
 from .figures import FIGURES, OF_THE_RIG, WORSE
@@ -149,6 +150,7 @@ class Emulated(NamedTuple):
     """Figures of an emulated board. motors: number of its measured motors."""
 
     motors: int
+    clock_mhz: int
     figures: Mapping[str, float]
 
     def beside(self, motors: int, plain: bool) -> dict[str, float]:
@@ -167,17 +169,33 @@ def emulated_boards() -> dict[str, Emulated]:
     if found["framestep"] != version():
         raise ToolError(
             f"the emulated boards' figures are of framestep {found['framestep']}, this is "
-            f"{version()}: make prove ARGS=--renew measures them again, for each board"
+            f'{version()}: make prove ARGS="--board all --renew" measures them again'
         )
     return {name: Emulated(**board) for name, board in found["boards"].items()}
 
 
+def outdated() -> list[str]:
+    """List the emulated boards without figures of this version and of their board.json."""
+    found = json.loads(EMULATED.read_text(encoding="utf-8"))
+    known = emulated_boards() if found["framestep"] == version() else {}
+    wanted = {name: board_files.board_data(name) for name in board_files.emulated_boards()}
+    return [
+        name
+        for name, data in wanted.items()
+        if name not in known
+        or (known[name].motors, known[name].clock_mhz) != (data["motors"], data["clock_mhz"])
+    ]
+
+
 def renew(board: str, motors: int, figures: Mapping[str, float]) -> None:
-    """Store the figures of an emulated board, and drop those of other versions."""
+    """Store the figures of an emulated board, and drop those of other versions and of boards that
+    are gone."""
     rounded = {key: float(f"{value:.6g}") for key, value in figures.items()}
     found = json.loads(EMULATED.read_text(encoding="utf-8"))
     boards = found["boards"] if found["framestep"] == version() else {}
-    boards[board] = {"motors": motors, "figures": rounded}
+    boards = {name: boards[name] for name in boards if name in board_files.emulated_boards()}
+    clock_mhz = board_files.board_data(board)["clock_mhz"]
+    boards[board] = {"motors": motors, "clock_mhz": clock_mhz, "figures": rounded}
     text = json.dumps({"framestep": version(), "boards": dict(sorted(boards.items()))}, indent=2)
     EMULATED.write_text(text + "\n", encoding="utf-8")
 

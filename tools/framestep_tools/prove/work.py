@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from typing import NamedTuple
 
-from .board import Board
+from . import report
+from .board import Board, emulated
 from .measure import Measuring
 from .report import Emulated, Report
 
@@ -29,10 +30,10 @@ class Options(NamedTuple):
 def prove(
     board: Board,
     options: Options,
-    emulated: Mapping[str, Emulated],
+    beside: Mapping[str, Emulated],
     say: Callable[[str], None],
 ) -> Report:
-    """Measure a board. emulated: boards to compare it with; say: called with what comes next.
+    """Measure a board. beside: boards to compare it with; say: called with what comes next.
 
     If the measurement breaks off, by Ctrl-C as well, the report has the figures so far and the
     reason in `broken_off`. Raises the reason if there are no figures.
@@ -47,7 +48,7 @@ def prove(
         if "upload_frames" not in measuring.figures:  # the first figure
             raise
         broken_off = error
-    known = emulated.get(board.folder)
+    known = beside.get(board.folder)
     count, plain = len(board.layout.measured), is_plain(board)
     remarks = _remarks(board, known, count, plain)
     if broken_off:
@@ -63,6 +64,15 @@ def prove(
         remarks,
         broken_off,
     )
+
+
+def renew(board: str, say: Callable[[str], None]) -> None:
+    """Measure an emulated board and store its figures, with which reports are compared."""
+    with emulated(board=board) as measured:
+        found = prove(measured, Options(), {}, say)
+        found.raise_broken_off()
+        report.renew(board, len(measured.layout.measured), found.figures)
+    say(f"{report.EMULATED} has {len(found.figures)} figures of {board}")
 
 
 def is_plain(board: Board) -> bool:
