@@ -14,7 +14,6 @@ from framestep_tools.payloads import (
     Positions,
     RtEnd,
     RtGo,
-    RtJogAll,
     RtPositionFrame,
     RtShootFrame,
     RtShootFrame2,
@@ -197,29 +196,3 @@ def test_ping_pong(session):
                     == level(time + 1 / FPS - 0.001)
                     == TRIGGERS.get(int(frame), 0) >> bit & 1
                 )
-
-
-def test_jog_all(session):
-    """Along the path, STOP lands on a whole frame; motor 1 makes 60 steps from one to the next."""
-    session.accept(RtPositionFrame(3))
-    session.wait_idle()
-    session.forget()
-    session.accept(RtJogAll(6000, 24))
-    session.run(1.3)
-    session.accept(MotorStopAll())
-    session.wait_idle()
-    times, signs = session.steps(1)
-    frame = 3 + signs.sum() / 60
-    assert frame == round(frame)
-    assert 6 < frame < 20
-    assert session.positions[1] == MOVE[1][round(frame) - 1]
-    assert session.positions[2] == MOVE[2][round(frame) - 1]
-    # the other motor is on the path whenever this one is on a frame
-    at, turned = session.steps(2)
-    places = MOVE[2][2] + np.concatenate(([0], np.cumsum(turned)))
-    for k in range(60, len(times) + 1, 60):
-        near = places[
-            np.searchsorted(at, times[k - 1] - 3e-5) : np.searchsorted(at, times[k - 1] + 3e-5) + 1
-        ]
-        assert np.abs(near - MOVE[2][2 + k // 60]).min() <= 1
-    assert not session.events(RtEnd)
