@@ -17,19 +17,15 @@ from framestep_tools.payloads import (
     RtPositionFrame,
     RtShootFrame,
     RtShootFrame2,
-    RtStopLoop,
 )
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.realtime import (
     ACCELERATION,
     MOVE,
     VELOCITY,
-    Levels,
     changes,
-    frame_times,
     judge_lap,
     laps_seen,
-    turning,
     upload,
 )
 from host_tests.end_to_end.session import Session, deceleration, run_request
@@ -159,40 +155,3 @@ def test_loop_bloop_video_and_two_stops(session):
         assert pulses[2][0] == pytest.approx(stopped, abs=0.02)
         assert pulses[3][0] - pulses[2][0] == pytest.approx(0.1, abs=0.005)
     session.speed(1, VELOCITY, ACCELERATION)
-
-
-def test_ping_pong(session):
-    """Three laps over nine frames, with stills and triggers, STOP_LOOP in the third; each meets
-    its frames."""
-    more = {"flags": 0x21, "open_angle": 90, "close_angle": 270, "sync_dmx": 1}
-    session.ready(run_request(FPS, 1, 9, 200, 200, **more))
-    before = session.positions
-    session.forget()
-    session.accept(RtGo())
-    session.run(0.2 + 2 * (8 / FPS + 0.4) + 0.1)
-    session.accept(RtStopLoop())
-    session.client.wait_event(RtEnd, 5)
-    session.run(0.3)
-    assert not session.events(RtEnd)
-    assert not session.moving
-    reported = laps_seen(session)
-    assert [(p[0][1], p[-1][1]) for p in reported] == [(2, 9), (8, 1), (2, 9)]
-    openings = [t for t, v in changes(session, "shutter") if v]
-    assert len(openings) == 27
-    assert changes(session, "shutter")[-1][1] == 0
-    for i, p in enumerate(reported):
-        frames = turning(1, 9) if i % 2 == 0 else turning(9, 1)
-        positions = {m: steps[frames - 1] for m, steps in MOVE.items()}
-        verdict = judge_lap(
-            session, p[0][0] - 1 / FPS - 0.1, p[-1][0] + 0.1, before, positions, FPS
-        )
-        times = frame_times(verdict, FPS, 9)
-        assert np.abs(openings[9 * i : 9 * i + 9] - (times + 0.25 / FPS)).max() < 0.001
-        for bit in (0, 1):
-            level = Levels(session, f"gio{bit + 1}")
-            for time, frame in zip(times, frames - 1, strict=True):
-                assert (
-                    level(time + 0.001)
-                    == level(time + 1 / FPS - 0.001)
-                    == TRIGGERS.get(int(frame), 0) >> bit & 1
-                )

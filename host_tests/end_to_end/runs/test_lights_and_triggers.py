@@ -13,12 +13,14 @@ from host_tests.end_to_end.realtime import (
     MASK,
     MOVE,
     PING_PONG,
+    STILLS,
     TRIGGERS,
     VELOCITY,
     Levels,
     assert_held,
     assert_levels,
     assert_triggers,
+    camera,
     changes,
     edges,
     frame_times,
@@ -77,6 +79,30 @@ def test_lights_in_a_loop(flags):
         times = frame_times(verdict, 24)
         assert_levels(session, times, frames)
         assert_triggers(session, times, frames)
+
+
+@pytest.mark.parametrize("flags", [LOOP, PING_PONG])
+def test_triggers_and_stills_in_a_loop(flags):
+    session = rig()
+    upload(session, triggers=TRIGGERS)
+    more = {"flags": flags | STILLS, "open_angle": 90, "close_angle": 270}
+    before = go(session, run_request(24, 1, FRAMES, 300, 300, sync_dmx=1, **more))
+    session.run(3.5)
+    session.accept(p.RtStopLoop())
+    to_the_end(session)
+    openings = np.array(camera(session))
+    for verdict, reported in zip(
+        judged(session, before, roll=0.3), laps_seen(session), strict=True
+    ):
+        frames = turning(1, FRAMES) - 1
+        if reported[0][1] > reported[-1][1]:
+            frames = frames[::-1]
+        times = frame_times(verdict, 24)
+        assert_triggers(session, times, frames)
+        wanted = times[:, np.newaxis] + np.array([90, 270]) / 360 / 24
+        assert np.abs(openings[:FRAMES] - wanted).max() < 0.001
+        openings = openings[FRAMES:]
+    assert not len(openings)
 
 
 @pytest.mark.needs("little memory")
