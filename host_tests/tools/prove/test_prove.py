@@ -143,6 +143,17 @@ def test_what_depends_on_the_rig_file_is_compared_with_the_same_only():
     assert pico.beside(8, False) == pico.beside(4, True)
 
 
+def test_a_run_without_an_edge_at_constant_velocity_has_no_such_figure():
+    """The ERB's two motors at 23.976 frames/s; another rate gives the figure."""
+    measuring = Measuring.__new__(Measuring)
+    measuring.figures = {}
+    for values in ([], [np.nan]):
+        measuring._note_largest("edge_steady_us", np.array(values))
+        assert measuring.figures == {}
+    measuring._note_largest("edge_steady_us", np.array([1.0, np.nan, 3.0, 2.0]))
+    assert measuring.figures == {"edge_steady_us": 3.0}
+
+
 def a_report(**figures):
     emulated = report.emulated_boards()["pico"].figures
     return report.Report(

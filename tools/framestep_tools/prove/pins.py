@@ -232,10 +232,16 @@ class Pins(Gathering):
         self.complaints += [f"{fps_milli / 1000} fps: {text}" for text in verdict.complaints]
         played = Played(verdict, path, {}, 0, [])
         self._note(key, verdict.worst_time_us, max)
-        self._note("edge_ramp_us", float(np.nanmax(played.errors_us(ramps=True))), max)
-        self._note("edge_steady_us", float(np.nanmax(played.errors_us(ramps=False))), max)
+        self._note_largest("edge_ramp_us", played.errors_us(ramps=True))
+        # none if the frames of no motor are equally many steps apart: smoothing bends its path
+        self._note_largest("edge_steady_us", played.errors_us(ramps=False))
         began = (board.instrument.begun_us - own) % WRAP_US / 1000 + verdict.origin_ns / 1e6
         self._note("go_ms", began - (gone[0] - host) * 1000 - ROLL_MS, max)
+
+    def _note_largest(self, key: str, values: np.ndarray) -> None:
+        """Note the largest value, if there is any."""
+        if not np.isnan(values).all():
+            self._note(key, float(np.nanmax(values)), max)
 
     def _dmx(self) -> None:
         """Measure frames on the DMX pin with all levels 0: each slot is low for 36 µs, high for
