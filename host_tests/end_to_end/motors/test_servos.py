@@ -31,7 +31,7 @@ def test_no_pulses_before_it_is_to_move():
     rises, widths = pulses(session)
     assert widths[0] == pytest.approx(1500, abs=5)
     assert widths[-3:] == pytest.approx([1750] * 3, abs=LEAST_US)
-    assert np.diff(rises) == pytest.approx(0.02, abs=1e-6)
+    assert np.diff(rises) == pytest.approx(0.02, abs=1e-5)  # a chip divides its clock
 
 
 @pytest.mark.needs("boards", "servo edges")

@@ -37,6 +37,7 @@ KEYS = [
     "reply_ms_max",
     "go_ms_median",
     "go_ms_spread",
+    "stop_ms_worst",
     "virtual_reply_ms_max",
     "heap_bytes_per_hour",
     "virtual_update_us",

@@ -172,6 +172,15 @@ FIGURES = (
     ),
     Figure("go_ms_spread", "ms", None, 1, "the longest of these minus the shortest"),
     Figure(
+        "stop_ms_worst",
+        "ms",
+        None,
+        2,
+        "emulated clock, the tick's own velocities: from the host writing STOP_ALL or a STOP to "
+        "the first slower tick of each motor that it stops; in moves of eight motors and in runs, "
+        "at 24 random moments",
+    ),
+    Figure(
         "virtual_reply_ms_max",
         "ms",
         None,

@@ -41,6 +41,7 @@ from .late import worst_late_us
 from .moves import MOTORS, STEADY_RATES, STEEPEST, WINDOW, mixed_move, steady_move
 from .session import Session
 from .smoothness import smoothing_figures
+from .stops import stop_times
 from .virtual_cost import virtual_update_us
 
 _CHANNELS = 512
@@ -214,6 +215,8 @@ def measure(
         times = go_times(session)
         figures["go_ms_median"] = float(np.median(times))
         figures["go_ms_spread"] = max(times) - min(times)
+        say("stops")
+        figures["stop_ms_worst"] = max(stop_times(session))
         say("virtual axes")
         figures["virtual_update_us"] = virtual_update_us(session.repl)
         figures["virtual_reply_ms_max"] = max(virtual_replies(session))
