@@ -1,43 +1,68 @@
-# framestep: `make help` lists the targets. Builds and caches live in .cache (FRAMESTEP_CACHE moves it), results in build/.
+# framestep: `make help` lists the targets that most need, `make help-all` all of them. Builds and caches live in .cache (FRAMESTEP_CACHE moves it), results in build/.
 SHELL := /bin/bash
 CACHE := $(abspath $(or $(FRAMESTEP_CACHE),.cache))
 PYTHON_VENV := $(CACHE)/venv/bin/python
 PROCESSES := $(shell echo $$(($$(nproc) + 2))) # more than processors: some tests wait for a page or a port
 PYTEST := PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n $(PROCESSES) --dist loadfile --no-loadscope-reorder
-LAYERS := runtime esp32 board emulator console
+
+# The layers of make test: what each needs first, and its files
+NEEDS_core := setup
+NEEDS_runtime := runtimes
+NEEDS_board := node images
+NEEDS_emulator := node images
+NEEDS_console := node images chromium
+FILES_runtime := host_tests/runtime host_tests/esp32
+FILES_board := host_tests/board
+FILES_emulator := host_tests/emulator
+FILES_console := host_tests/console
+FILES_core := $(foreach layer,runtime board emulator console,$(FILES_$(layer):%=--ignore=%))
+
 ARGS ?=
+LAYER ?=
 BOARD ?= pico
 TARGET ?= esp32
 
+ifneq ($(LAYER),)
+ifeq ($(NEEDS_$(LAYER)),)
+$(error LAYER=$(LAYER) is none of core, runtime, board, emulator, console)
+endif
+endif
+
 # A target's ARGS do not count for the targets that its recipe makes: `make test ARGS=-x` makes an image, too.
 MAKEOVERRIDES :=
-unexport ARGS BOARD TARGET PORT SECONDS SEED MICROPYTHON
+unexport ARGS LAYER BOARD TARGET PORT SECONDS SEED MICROPYTHON
 # Compiled modules are kept: each process of tests would compile them again, for seconds.
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup node chromium micropython images demo try site sim emu check test test-all test-core test-runtime test-replay test-sessions test-board test-emulator test-console console-pictures fuzz lint types format \
+.PHONY: help help-all setup node chromium micropython runtimes images demo try site sim emu check test test-all test-sessions console-pictures fuzz lint types format \
 	plots bench profile flash image install release emulator-measure conform prove clean
 
 help: ## show this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*[^#]## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+help-all: ## show all targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-setup: ## Python packages in .cache/venv; nothing to do the second time
+setup: ### Python packages in .cache/venv; nothing to do the second time
 	@tools/setup.sh python
 
-node: ## the emulator's node package
+node: ### the emulator's node package
 	@tools/setup.sh node
 
-chromium: ## a browser for the tests of the console, if none is installed
+chromium: ### a browser for the tests of the console, if none is installed
 	@tools/setup.sh chromium
 
-micropython: setup ## build MicroPython for the RP2040 and for 32-bit tests on this computer (three minutes, once)
+micropython: setup ### build MicroPython for the RP2040 and for 32-bit tests on this computer (three minutes, once)
 	@tools/micropython/build.sh all
+
+runtimes: setup # MicroPython for tests on this computer
+	@tools/micropython/build.sh runtimes
 
 images: micropython # the boards' images, which tests need; the build takes a minute the first time, then some seconds
 	@"$(PYTHON_VENV)" -m framestep_tools.building.images
 
-try: setup node ## static pages: framestep on an emulated board in the browser (build/site/try), and its installer (build/site/install)
+try: setup node ### static pages: framestep on an emulated board in the browser (build/site/try), and its installer (build/site/install)
 	@"$(PYTHON_VENV)" -m framestep_tools.site.try_page
 
 site: setup node ## the documents as a web site, with the pages of make try in it (build/site); builds without network
@@ -64,44 +89,25 @@ image: setup ## MicroPython with framestep in it: build/BOARD.uf2; BOARD=pico or
 install: setup ## build the image and put it on a board plugged in with BOOTSEL held: BOARD=pico
 	@"$(PYTHON_VENV)" -m framestep_tools install --board $(BOARD) $(ARGS)
 
-release: setup node ## the files of a release (build/release): the package for pip, images, pages, sums, notes
+release: setup node ### the files of a release (build/release): the package for pip, images, pages, sums, notes
 	@"$(PYTHON_VENV)" -m framestep_tools.site.release
 
-test: lint types node images chromium ## everything: style, types, and every layer of tests
-	@$(PYTEST) $(ARGS)
+test: $(if $(LAYER),$(NEEDS_$(LAYER)),lint types node images chromium) ## everything: style, types, and every layer of tests; LAYER=core, runtime, board, emulator or console: that one
+	@$(PYTEST) $(FILES_$(LAYER)) $(ARGS)
 
-test-all: lint types node images chromium ## make test, and a third of the tests with other values and on other processors; ARGS=--all plays them all
+test-all: lint types node images chromium ### make test, and a third of the tests with other values and on other processors; ARGS=--all plays them all
 	@$(PYTEST) --third $(ARGS)
 
 check: lint types ## while you work: style, types, and the tests nearest to your changes since main, in a minute
 	@PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n $(PROCESSES) --near=main $(ARGS)
 
-test-core: setup ## the core on CPython
-	@$(PYTEST) $(LAYERS:%=--ignore=host_tests/%) $(ARGS)
-
-test-runtime: setup ## the core on 32-bit MicroPython: x86, and ESP32's processors by QEMU
-	@tools/micropython/build.sh runtimes
-	@$(PYTEST) host_tests/runtime host_tests/esp32 $(ARGS)
-
-test-replay: setup ## the end-to-end sessions once more on 32-bit MicroPython, with the heap locked
-	@tools/micropython/build.sh unix32f
-	@$(PYTEST) --replay host_tests/end_to_end $(ARGS)
-
-test-sessions: setup node ## the end-to-end scenarios on another target: TARGET=esp32, rp2040, rp2350, or device with PORT=; ARGS="--share 10" plays every tenth
+test-sessions: setup node ### the end-to-end scenarios on another target: TARGET=esp32, rp2040, rp2350, device with PORT=, or replay (again on 32-bit MicroPython, the heap locked); ARGS="--share 10" plays every tenth
+	$(if $(filter replay,$(TARGET)),@tools/micropython/build.sh unix32f)
 	$(if $(filter esp32,$(TARGET)),@tools/micropython/build.sh esp32)
 	$(if $(filter rp2%,$(TARGET)),@tools/micropython/build.sh rp2 && "$(PYTHON_VENV)" -m framestep_tools.building.images pico pico2)
-	@$(if $(filter device,$(TARGET)),"$(PYTHON_VENV)" -m pytest -q --port $(PORT),$(PYTEST)) --target $(TARGET) host_tests/end_to_end $(ARGS)
+	@$(if $(filter device,$(TARGET)),"$(PYTHON_VENV)" -m pytest -q --port $(PORT),$(PYTEST)) $(if $(filter replay,$(TARGET)),--replay,--target $(TARGET)) host_tests/end_to_end $(ARGS)
 
-test-board: node images ## the firmware on the emulated board, end to end
-	@$(PYTEST) host_tests/board $(ARGS)
-
-test-emulator: node images ## the emulator itself
-	@$(PYTEST) host_tests/emulator $(ARGS)
-
-test-console: node images chromium ## the page of `framestep console` in a real browser
-	@$(PYTEST) host_tests/console $(ARGS)
-
-console-pictures: setup chromium ## take pictures of the console, to look at (build/console); ARGS=--states: of each state in each size and theme
+console-pictures: setup chromium ### take pictures of the console, to look at (build/console); ARGS=--states: of each state in each size and theme
 	@"$(PYTHON_VENV)" -m host_tests.console.pictures $(ARGS)
 
 fuzz: setup ## random sessions, checked for what must never happen: SECONDS=60, SEED=7, ARGS="--minutes 15 --replay", or BOARD=emulator or esp32; failures become scripts in build/fuzz
@@ -113,7 +119,7 @@ else
 	@"$(PYTHON_VENV)" -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(if $(BOARD),--board esp32_s3_595) $(ARGS)
 endif
 
-lint: setup ## style (ruff, oxlint, shellcheck), spelling (codespell), and subjects of commits
+lint: setup ### style (ruff, oxlint, shellcheck), spelling (codespell), and subjects of commits
 	@"$(PYTHON_VENV)" -m ruff check --show-files | grep -q '[.]py$$' || { echo "ruff finds no Python file to check"; exit 1; }
 	@"$(PYTHON_VENV)" -m ruff check --quiet && "$(PYTHON_VENV)" -m ruff format --check --quiet
 	@"$(CACHE)/venv/bin/oxlint" --format=unix
@@ -121,13 +127,13 @@ lint: setup ## style (ruff, oxlint, shellcheck), spelling (codespell), and subje
 	@git ls-files -z | xargs -0 "$(PYTHON_VENV)" -m codespell_lib
 	@tools/check_subjects.sh
 
-types: setup ## types of the host tools, and of all code of the board against MicroPython's stubs (mypy)
+types: setup ### types of the host tools, and of all code of the board against MicroPython's stubs (mypy)
 	@"$(PYTHON_VENV)" tools/check_types.py
 
-format: setup ## bring the source into ruff's form
+format: setup ### bring the source into ruff's form
 	@"$(PYTHON_VENV)" -m ruff check --fix --quiet; "$(PYTHON_VENV)" -m ruff format --quiet
 
-plots: setup chromium ## draw the pictures in docs again
+plots: setup chromium ### draw the pictures in docs again
 	@"$(PYTHON_VENV)" -m framestep_tools.documents.plot_interpolation
 	@"$(PYTHON_VENV)" -m framestep_tools.documents.plot_virtuals
 	@"$(PYTHON_VENV)" -m framestep_tools.documents.rig_picture
@@ -137,19 +143,19 @@ plots: setup chromium ## draw the pictures in docs again
 bench: setup node micropython ## measure the firmware on the emulated board against its goals (build/bench.json); ARGS=--explain
 	@"$(PYTHON_VENV)" -m framestep_tools.bench $(ARGS)
 
-profile: setup node micropython ## where the processor's time goes: ARGS=upload, single-port, play, go or servos
+profile: setup node micropython ### where the processor's time goes: ARGS=upload, single-port, play, go or servos
 	@"$(PYTHON_VENV)" -m framestep_tools.bench.profile $(ARGS)
 
-conform: setup ## the conformance kit against the simulator and against seeded faults: both scores
+conform: setup ### the conformance kit against the simulator and against seeded faults: both scores
 	@"$(PYTHON_VENV)" -m host_tests.conform.score
 
-prove: setup node micropython ## the emulated board measures itself, like a real one with `framestep lab prove` (build/prove); ARGS="--chip B1" or --renew
+prove: setup node micropython ### the emulated board measures itself, like a real one with `framestep lab prove` (build/prove); ARGS="--chip B1" or --renew
 	@"$(PYTHON_VENV)" -m framestep_tools.prove $(ARGS)
 
-emulator-measure: setup node micropython ## measure the emulated boards themselves (three minutes)
+emulator-measure: setup node micropython ### measure the emulated boards themselves (three minutes)
 	@tools/micropython/build.sh rp2350
 	@"$(PYTHON_VENV)" -m framestep_emulator.measure --pico "$(CACHE)/build/rp2/firmware.bin" \
 		--pico2 "$(CACHE)/build/rp2350/firmware.bin" --benchmarks "$(CACHE)/src/micropython/tests/perf_bench" $(ARGS)
 
-clean: ## remove build/ and .cache, everything that can be made again
+clean: ### remove build/ and .cache, everything that can be made again
 	rm -rf build .cache tools/framestep_emulator/board/node_modules framestep.egg-info
