@@ -18,7 +18,7 @@ FILES_console := host_tests/console
 FILES_core := $(foreach layer,runtime board emulator console,$(FILES_$(layer):%=--ignore=%))
 
 ARGS ?=
-LAYER ?=
+LAYER :=
 BOARD ?= pico
 TARGET ?= esp32
 

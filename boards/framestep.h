@@ -6,9 +6,10 @@
 // the built image: firmware/image_board.py
 #define MICROPY_HW_BOARD_NAME "framestep " FRAMESTEP_AS_TEXT(FRAMESTEP_VERSION)
 
-// The highest clock that the board's flash bears; as pico-sdk has it, if the block is not there or does not say
+// The highest clock that the board's flash bears; as pico-sdk has it, if the block is not there
+// or does not say a clock from 20 to 133 MHz
 #define FRAMESTEP_FLASH_HZ (*(const volatile unsigned int *)(XIP_BASE + MICROPY_HW_FLASH_STORAGE_BASE - 2048 + 12))
-#define MICROPY_HW_FLASH_MAX_FREQ ((int)(FRAMESTEP_FLASH_HZ - 1 < 133000000 ? FRAMESTEP_FLASH_HZ : SYS_CLK_HZ / PICO_FLASH_SPI_CLKDIV))
+#define MICROPY_HW_FLASH_MAX_FREQ ((int)(FRAMESTEP_FLASH_HZ - 20000000u <= 113000000u ? FRAMESTEP_FLASH_HZ : SYS_CLK_HZ / PICO_FLASH_SPI_CLKDIV))
 
 // Windows and macOS show this name for the ports; manufacturer, vendor and product IDs are MicroPython's
 #define MICROPY_HW_USB_PRODUCT_FS_STRING "framestep"

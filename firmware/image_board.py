@@ -12,13 +12,14 @@ from binascii import crc32
 
 from uctypes import bytearray_at
 
+_MEND = ": put the board's image on it (framestep install --board NAME)"
 _machine = sys.implementation._machine
 _head = bytearray_at(0x100FF800 if "RP2350" in _machine else 0x1009F800, 2048)
 _magic, _sum, _flash_hz, _size = struct.unpack("<8sIII", _head)
 if _magic != b"framestp":
-    raise ValueError("the image has no board's data: framestep install puts a whole image on it")
+    raise ValueError("the image has no board's data" + _MEND)
 if _size > 2028 or crc32(memoryview(_head)[12 : 20 + _size]) != _sum:
-    raise ValueError("the board's data in the image are damaged: framestep install renews them")
+    raise ValueError("the board's data in the image are damaged" + _MEND)
 FOLDER, BOARD = json.loads(memoryview(_head)[20 : 20 + _size])  # type: ignore[arg-type]  # any buffer will do
 if BOARD["chip"].upper() not in _machine:
     raise ValueError("the board's data in the image are those of a board with another chip")

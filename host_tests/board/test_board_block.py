@@ -41,6 +41,11 @@ def with_size(content, size):
     [
         pytest.param(lambda c: changed(c, b"\xff" * 2048), "has no board's data", id="none"),
         pytest.param(flipped, "are damaged", id="a bit"),
+        pytest.param(
+            lambda c: changed(c, struct.pack("<12xI", 64)),
+            "has no board's data",
+            id="64 Hz",
+        ),
         pytest.param(lambda c: with_size(c, 2029), "are damaged", id="too long"),
         pytest.param(lambda c: with_size(c, 0xFFFFFFFF), "are damaged", id="no number"),
         pytest.param(
@@ -76,7 +81,7 @@ def test_a_pico_2_without_data_says_so(tmp_path):
         printed = emu.repl().exec("import framestep.boot as b\nb.start()")
     assert printed == (
         "framestep: not started, the image has no board's data: "
-        "framestep install puts a whole image on it\n"
+        "put the board's image on it (framestep install --board NAME)\n"
     )
 
 
@@ -133,5 +138,8 @@ def test_an_overlay_cannot_change_the_board_s_data():
     image = overlay.Image("0", "pico", b"", data | {"estop": 29})
     with pytest.raises(DeviceError, match=r"board\.json differs from the data in the image"):
         overlay.edited(image, {})
+    fewer = {key: value for key, value in data.items() if key != "estop"}
+    with pytest.raises(DeviceError, match=r"board\.json differs from the data in the image"):
+        overlay.edited(image._replace(data=fewer), {})
     with pytest.raises(KeyError):  # goes on to the modules, of which there is none here
         overlay.edited(image._replace(data=data), {})

@@ -168,8 +168,9 @@ def main(
     ] = _RESULT_FOLDER,
 ) -> int:
     """Play a camera move and check every edge."""
-    boards = emulated_boards() if board == "all" else [board]
-    return max(play_on(each, host, fps, move_file, out) for each in boards)
+    if board != "all":
+        return play_on(board, host, fps, move_file, out)
+    return max(play_on(each, host, fps, move_file, out / each) for each in emulated_boards())
 
 
 def play_on(board: str, host: bool, fps: float, move_file: Path, out: Path) -> int:

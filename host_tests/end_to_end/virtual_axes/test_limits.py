@@ -163,7 +163,12 @@ def test_no_motor_takes_up_its_play_after_stop_all(stop_s):
     assert not session.events(HardStop)
 
 
-def test_a_limit_switch_or_the_e_stop_in_a_move():
+@pytest.mark.needs("ramped E-stop", only=("E-stop",))
+@pytest.mark.parametrize(
+    ("pin", "low", "high"),
+    [pytest.param(22, 1, 0, id="switch"), pytest.param("estop", 0, 1, id="E-stop")],
+)
+def test_a_limit_switch_or_the_e_stop_in_a_move(pin, low, high):
     """All motors of the rig come to rest, each by its own ramp, and the one at the switch by a hard
     stop."""
     session = simulated({"limits": [{"high": 22, "low": 26, "contact": "no"}], "estop": "nc"})
@@ -173,21 +178,20 @@ def test_a_limit_switch_or_the_e_stop_in_a_move():
     for motor in range(1, 7):
         session.speed(motor, 20_000, 50_000)
     session.accept(VirtConfig.unpack(XYZ.payload()), MotorSetLimits(3, 0, 0, 0, 0, 1))
-    for pin, low, high, factor in ((22, 1, 0, 4), ("estop", 0, 1, 4)):
-        session.forget()
-        session.accept(VirtMove(m.VIRT_MOTOR_TRACK, 400 * 100000))
-        session.run(0.8)
-        struck = session.now
-        board.set_input(pin, high)
-        session.run(1.0)
-        assert session.moving == []
-        assert len(session.events(HardStop)) == 1
-        assert session.steps(3)[0][-1] - struck < 20_000 / 50_000 / factor + 0.02
-        session.refuse(
-            Ack.ERR_GENERAL if pin == "estop" else Ack.ERR_HARD_UP, VirtMove(1, 500 * 100000)
-        )
-        board.set_input(pin, low)
-        session.run(0.1)
-        session.accept(VirtMove(m.VIRT_MOTOR_TRACK, 300 * 100000))
-        session.wait_idle()
-        assert session.position(3) == 0
+    session.forget()
+    session.accept(VirtMove(m.VIRT_MOTOR_TRACK, 400 * 100000))
+    session.run(0.8)
+    struck = session.now
+    board.set_input(pin, high)
+    session.run(1.0)
+    assert session.moving == []
+    assert len(session.events(HardStop)) == 1
+    assert session.steps(3)[0][-1] - struck < 20_000 / 50_000 / 4 + 0.02
+    session.refuse(
+        Ack.ERR_GENERAL if pin == "estop" else Ack.ERR_HARD_UP, VirtMove(1, 500 * 100000)
+    )
+    board.set_input(pin, low)
+    session.run(0.1)
+    session.accept(VirtMove(m.VIRT_MOTOR_TRACK, 300 * 100000))
+    session.wait_idle()
+    assert session.position(3) == 0

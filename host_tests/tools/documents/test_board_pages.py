@@ -106,6 +106,8 @@ FOUR_MOTORS = {
             "not enough state machines for 2 driver UARTs and the RGB LED",
         ),
         (change("skr_pico", leds=[1]), "leds: no such entry"),
+        (change("pico", flash_mhz=150), "flash_mhz: 150 is no whole number from 20 to 133"),
+        (change("pico", flash_mhz="133"), "flash_mhz: '133' is no whole number from 20 to 133"),
         (change("skr_pico", page={}), "page.drivers is missing: the column in the table of"),
         (
             change("skr_pico", page={"price": "$1"}),

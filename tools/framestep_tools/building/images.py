@@ -170,8 +170,10 @@ def images_ready() -> dict[str, Path]:
     found = {}
     for board in image_boards():
         build = CACHE / "build" / f"image-{board_data(board)['chip']}"
-        stamp = build / "stamp"
-        if stamp.exists() and stamp.read_text() == _digest(board, image_files(board)):
+        stamp, product = build / "stamp", build / "firmware.bin"
+        if not stamp.exists() or not product.exists():
+            continue
+        if stamp.read_text() == _digest(board, image_files(board)):
             found[board] = _for_board(build, board).with_suffix(".uf2")
     return found
 
@@ -242,10 +244,15 @@ def frozen(board: str = "pico", checkout: str | None = None, show: bool = False)
 
 def _for_board(build: Path, board: str) -> Path:
     """Return the firmware of a build with a board's data in it, next to its .uf2."""
-    image = from_flash((build / "firmware.bin").read_bytes(), int(_family(board), 16))
+    family = int(_family(board), 16)
+    image = from_flash((build / "firmware.bin").read_bytes(), family)
     board_block.write(image, board)
-    for suffix, content in ((".bin", image.flash()), (".uf2", image.packed())):
-        _put_file(build / f"{board}{suffix}", content)
+    content = image.flash()
+    # Without a gap: the RP2040's boot ROM counts blocks to know which sectors are still to be
+    # erased (erratum RP2040-E14).
+    packed = from_flash(content, family).packed()
+    for suffix, made in ((".bin", content), (".uf2", packed)):
+        _put_file(build / f"{board}{suffix}", made)
     return build / f"{board}.bin"
 
 

@@ -222,6 +222,8 @@ def complaints(board: Mapping[str, Any]) -> list[str]:
     found += [
         f"page.{key} is missing: {what}" for key, what in _PAGE_NEEDS.items() if key not in page
     ]
+    if (mhz := board.get("flash_mhz", 133)) not in range(20, 134):
+        found.append(f"flash_mhz: {mhz!r} is no whole number from 20 to 133")
     if board["chip"] not in chips():
         return [*found, f"chip: {board['chip']} is none of {', '.join(chips())}"]
     chip = chips()[board["chip"]]
