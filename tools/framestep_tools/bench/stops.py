@@ -104,10 +104,12 @@ def stop_times(session: Session, runs: int = 6) -> list[float]:
     for motor in range(1, MOTORS + 1):
         client.request(MotorSetSpeed(motor, _VELOCITY, RAMP))
         client.request(MotorResetPosition(motor, 0))
-    for number in range(runs):
+    target = _VELOCITY  # over a second away
+    for _ in range(runs):
         for request in (MotorStopAll(), MotorStop(1)):
             for motor in range(1, MOTORS + 1):
-                client.request(MotorMove(motor, -_VELOCITY if number % 2 else _VELOCITY))
+                client.request(MotorMove(motor, target))
+            target = -target
             client.pump(random.uniform(0.1, 0.8))
             stop(request)
     positions = session.prepare(mixed_move(), max(STEADY_RATES) * 11 // 10)
