@@ -53,8 +53,8 @@ def one_of_each(items):
 
 
 def left_out_repeats(items, one_in):
-    """Return the tests to leave out of a run: of those that repeat what others show it plays one in
-    `one_in`, the same each time, or none with 0."""
+    """Return the tests that a run leaves out. All of these repeat what others show. A run plays one
+    in `one_in` of such tests, always the same ones; with 0 it plays none."""
     for cases in by_test(items).values():
         for item in spare(cases) if len(parameters(cases[0])) > 1 else ():
             item.add_marker(pytest.mark.repeats)

@@ -6,6 +6,7 @@ play the marked ones.
 """
 
 import math
+import warnings
 
 import pytest
 
@@ -43,7 +44,11 @@ def replayed(request, tmp_path_factory):
     failures = []
     for name in PROCESSORS if request.config.getoption("repeats") == 1 else ["x86"]:
         again = [each for each in played if name == "x86" or each.test in marked]
-        if again and not Runtime.missing(name):
+        if why := again and Runtime.missing(name):
+            warnings.warn(
+                f"not played again: MicroPython for {name} is not built: {why}", stacklevel=1
+            )
+        elif again:
             scratch = tmp_path_factory.mktemp(f"replay-{name}")
             found = all_differences(Runtime(name, scratch), again, scratch)
             failures += [f"on {name}, {text}" for text in found]

@@ -7,7 +7,7 @@ import subprocess
 from framestep_tools.building.board_files import ROOT, board_data, board_names
 from framestep_tools.documents import board_pages
 
-MANY, NEAR = 3, 8  # so many boards named within so many lines are a list
+MANY, NEAR = 3, 8  # a list names at least 3 boards within 8 lines
 # Files that may name several boards, because a new one need not be among them
 ALLOWED = {
     "CHANGELOG.md": "what was new in a version",
@@ -44,7 +44,7 @@ def by_hand(name):
     """Return a file's text without what board_pages makes; "" if it is no text."""
     try:
         return board_pages.without_made((ROOT / name).read_text())
-    except (UnicodeDecodeError, FileNotFoundError):  # as git may list what has been removed
+    except (UnicodeDecodeError, FileNotFoundError):  # git may list a removed file
         return ""
 
 
