@@ -78,11 +78,16 @@ class Image:
         return self.read(FLASH, max(self.pages, default=FLASH) + PAGE - FLASH)
 
     def packed(self) -> bytes:
-        """Return the image as a UF2 file."""
+        """Return the image as a UF2 file.
+
+        It has no gap, because the RP2040's boot ROM counts blocks to know which sectors are still
+        to be erased (erratum RP2040-E14).
+        """
         blocks = list(self.others)
-        for i, address in enumerate(sorted(self.pages)):
-            data = self.pages[address]
-            head = (*_MAGIC[:2], _HAS_FAMILY, address, len(data), i, len(self.pages), self.family)
+        pages = range(min(self.pages), max(self.pages) + PAGE, PAGE)
+        for i, address in enumerate(pages):
+            data = self.pages.get(address, b"\xff" * PAGE)
+            head = (*_MAGIC[:2], _HAS_FAMILY, address, len(data), i, len(pages), self.family)
             blocks.append(_BLOCK.pack(*head, data, _MAGIC[2]))
         return b"".join(blocks)
 

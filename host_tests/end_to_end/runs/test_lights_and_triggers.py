@@ -62,6 +62,17 @@ def test_lights_and_triggers(fps, first, last):
         assert Levels(session, signal)(times[-1] + 1 / fps + 0.002) == 0
 
 
+def laps(session, before):
+    """Yield the times and the numbers of the frames of each lap."""
+    for verdict, reported in zip(
+        judged(session, before, roll=0.3), laps_seen(session), strict=True
+    ):
+        frames = turning(1, FRAMES) - 1
+        if reported[0][1] > reported[-1][1]:
+            frames = frames[::-1]
+        yield frame_times(verdict, 24), frames
+
+
 @pytest.mark.needs("lights")
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG])
 def test_lights_in_a_loop(flags):
@@ -70,13 +81,7 @@ def test_lights_in_a_loop(flags):
     session.run(3.5)
     session.accept(p.RtStopLoop())
     to_the_end(session)
-    for verdict, reported in zip(
-        judged(session, before, roll=0.3), laps_seen(session), strict=True
-    ):
-        frames = turning(1, FRAMES) - 1
-        if reported[0][1] > reported[-1][1]:
-            frames = frames[::-1]
-        times = frame_times(verdict, 24)
+    for times, frames in laps(session, before):
         assert_levels(session, times, frames)
         assert_triggers(session, times, frames)
 
@@ -91,13 +96,7 @@ def test_triggers_and_stills_in_a_loop(flags):
     session.accept(p.RtStopLoop())
     to_the_end(session)
     openings = np.array(camera(session))
-    for verdict, reported in zip(
-        judged(session, before, roll=0.3), laps_seen(session), strict=True
-    ):
-        frames = turning(1, FRAMES) - 1
-        if reported[0][1] > reported[-1][1]:
-            frames = frames[::-1]
-        times = frame_times(verdict, 24)
+    for times, frames in laps(session, before):
         assert_triggers(session, times, frames)
         wanted = times[:, np.newaxis] + np.array([90, 270]) / 360 / 24
         assert np.abs(openings[:FRAMES] - wanted).max() < 0.001

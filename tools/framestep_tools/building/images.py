@@ -244,15 +244,10 @@ def frozen(board: str = "pico", checkout: str | None = None, show: bool = False)
 
 def _for_board(build: Path, board: str) -> Path:
     """Return the firmware of a build with a board's data in it, next to its .uf2."""
-    family = int(_family(board), 16)
-    image = from_flash((build / "firmware.bin").read_bytes(), family)
+    image = from_flash((build / "firmware.bin").read_bytes(), int(_family(board), 16))
     board_block.write(image, board)
-    content = image.flash()
-    # Without a gap: the RP2040's boot ROM counts blocks to know which sectors are still to be
-    # erased (erratum RP2040-E14).
-    packed = from_flash(content, family).packed()
-    for suffix, made in ((".bin", content), (".uf2", packed)):
-        _put_file(build / f"{board}{suffix}", made)
+    for suffix, content in ((".bin", image.flash()), (".uf2", image.packed())):
+        _put_file(build / f"{board}{suffix}", content)
     return build / f"{board}.bin"
 
 
