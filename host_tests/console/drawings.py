@@ -154,6 +154,7 @@ def drawings(stage: Stage, folder: Path) -> Iterator[tuple[str, str]]:
     expect(_card(page, "Connect")).to_contain_text("answers: firmware")
     yield "page-2-connect", drawing(_card(page, "Connect"), "The board answers at its port")
     go_to(page, "3. Rig file")
+    expect(page.get_by_label("motor_count", exact=True)).to_be_attached()  # the form has been made
     page.evaluate("document.querySelectorAll('details').forEach((fold) => { fold.open = true; })")
     for key, value in (("motor_count", "1"), ("estop", '"nc"'), ("estop_cuts_power", "true")):
         field = page.get_by_label(key, exact=True)
@@ -174,6 +175,7 @@ def drawings(stage: Stage, folder: Path) -> Iterator[tuple[str, str]]:
     go_to(page, "4. Motors")
     tried = _card(page, "One motor at a time")
     tried.get_by_label("The load is off").check()
+    expect(tried.get_by_text("0", exact=True)).to_be_visible()  # its position has come
     yield "page-4-motors", drawing(tried, "One motor moves while a button is held")
     go_to(page, "5. First move")
     page.get_by_role("button", name="Move there and back").click()

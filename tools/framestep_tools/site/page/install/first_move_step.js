@@ -39,10 +39,10 @@ export class FirstMoveStep {
   async #run() {
     const far = read(this.#far);
     const motor = Number(this.#motor.value);
-    const begin = this.#device.state.positions[motor - 1];
-    if (far === null || begin === undefined) return;
+    if (far === null) return;
     this.#go.disabled = true;
     try {
+      const begin = await this.#position(motor);
       for (const target of [begin + far, begin]) {
         setText(this.#said, `Motor ${motor} goes to ${target}.`);
         const at = await this.#move(motor, target);
@@ -65,7 +65,11 @@ export class FirstMoveStep {
     for (;;) {
       await new Promise((resolve) => setTimeout(resolve, LOOK_MS));
       const { motor_bits: moving } = await this.#device.demand("MotorStatus");
-      if (!((moving >>> (motor - 1)) & 1)) return (await this.#device.demand("MotorGetPosition")).steps[motor - 1];
+      if (!((moving >>> (motor - 1)) & 1)) return this.#position(motor);
     }
+  }
+
+  async #position(motor) {
+    return (await this.#device.demand("MotorGetPosition")).steps[motor - 1];
   }
 }
