@@ -19,12 +19,16 @@ the end frame as in POSITION_FRAME.
 
 from framestep.base.clock import HALF, after, elapsed, reached
 from framestep.base.native import const, micropython, ptr32
+from framestep.base.results import ERR_GENERAL, ERR_NOT_IN_POSITION, ERR_RANGE, OK
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.motors.motor import MAX_ACCELERATION
 from framestep.moves.frame_clock import FrameClock
+from framestep.moves.on_frame import find_blocking_switch
+from framestep.moves.operation import Operation
 from framestep.moves.path import registers
+from framestep.moves.path.move_check import FASTEST_FPS
 from framestep.moves.path.registers import (
     FRAME_SPEED,
     FRAME_TICKS,
@@ -34,7 +38,14 @@ from framestep.moves.path.registers import (
     TOPS,
     ZERO,
 )
-from framestep.moves.run_plan import PreparedRun
+from framestep.moves.run_plan import (
+    DEFAULT_CLOSE,
+    DEFAULT_OPEN,
+    LONGEST_ROLL,
+    Plan,
+    RunPlanner,
+)
+from framestep.moves.upload.store import READY as UPLOADED
 from framestep.pulse import stepper
 
 _AHEAD = const(3)  # the next phase is queued when fewer than this wait
@@ -66,12 +77,22 @@ _WAIT = formula(
 )
 
 
-class RunMove(PreparedRun):
-    """A RUN_MOVE; see operation.Operation."""
+class RunMove(Operation):
+    """A RUN_MOVE; see operation.Operation. run_outputs: lights, triggers and camera."""
 
     def __init__(self, operations, run_outputs):
-        PreparedRun.__init__(self, operations)
-        self.run_outputs = run_outputs  # lights, triggers and camera: moves/run_outputs.py
+        Operation.__init__(self, operations)
+        self.player = operations.player
+        self.store = operations.store
+        self.run_outputs = run_outputs
+        self.planner = RunPlanner(self.player, self.store)
+        self.plan = Plan(self.player.count)
+        self.draft = Plan(self.player.count)
+        self.looping = False
+        self.first = 0  # of this lap: ping-pong alternates
+        self.step = 1
+        self.begin_ms = 0
+        self.end_ms = 0
         self.queued = 0
         self.unclosed = 0  # bits of motors that have yet to get their post-roll
         self.unqueued = 0  # bits of motors that have yet to get the queued frame
@@ -82,6 +103,112 @@ class RunMove(PreparedRun):
         self.clock = FrameClock()  # of the queued frames
         self.report_clock = FrameClock()
         self.end = 0  # index of the frame at the end of the last queued lap
+
+    # ---------------------------------------------------------------- the request
+
+    def prepare(self, fps_milli, start, end, pre_ms, post_ms, open_angle, close_angle):
+        """Check a run of scene frames start … end, and move the motors to where it begins.
+
+        pre_ms, post_ms: 0 for the shortest that each motor can do. open_angle, close_angle: of the
+        shutter, 0 … 360 degrees, for stills. The caller has filled in the draft's loops, turns,
+        video, stills, sync and bloop fields. Return a code; nothing changes unless it is OK.
+        """
+        store = self.store
+        player = self.player
+        if store.state != UPLOADED:
+            return ERR_GENERAL
+        if fps_milli > FASTEST_FPS:
+            return player.refuse_rate(fps_milli)
+        if fps_milli < 1 or pre_ms < 0 or post_ms < 0:
+            return ERR_RANGE
+        if pre_ms > LONGEST_ROLL or post_ms > LONGEST_ROLL or open_angle > 360 or close_angle > 360:
+            return ERR_RANGE
+        if start < store.start or start > store.end or end < store.start or end > store.end:
+            return ERR_RANGE
+        plan = self.draft
+        plan.bits = player.motors()
+        plan.pre_asked = pre_ms
+        plan.post_asked = post_ms
+        plan.first = start - store.start
+        plan.step = -1 if end < start else 1
+        plan.frames = (end - start) * plan.step
+        plan.fps_milli = fps_milli
+        if open_angle >= close_angle:  # field note 6.9: as if the request had none
+            open_angle = DEFAULT_OPEN
+            close_angle = DEFAULT_CLOSE
+        plan.open_angle = open_angle
+        plan.close_angle = close_angle
+        code = self.planner.settle(plan)
+        if code == OK:
+            code = find_blocking_switch(self.player, self.operations.safety, plan.bits, plan.begins)
+        if code != OK:
+            self._restore()
+            return code
+        self.draft = self.plan
+        self.plan = plan
+        self.bits = plan.bits
+        self.first = plan.first
+        self.step = plan.step
+        self.begin_ms = plan.pre_ms
+        self.end_ms = plan.post_ms
+        self.looping = plan.loops or plan.turns
+        self.operations.prepare(self, plan.begins, plan.begin_directions, start)
+        return OK
+
+    def recheck(self, waiting):
+        player = self.player
+        old = self.plan
+        plan = self.draft
+        plan.bits = player.motors() if waiting else old.bits
+        plan.pre_asked = old.pre_asked
+        plan.post_asked = old.post_asked
+        plan.first = old.first
+        plan.step = old.step
+        plan.frames = old.frames
+        plan.fps_milli = old.fps_milli
+        plan.loops = old.loops
+        plan.turns = old.turns
+        plan.video = old.video
+        plan.stills = old.stills
+        plan.open_angle = old.open_angle
+        plan.close_angle = old.close_angle
+        plan.sync = old.sync
+        plan.bloop_bits = old.bloop_bits
+        plan.bloop_channel = old.bloop_channel
+        plan.bloop_ms = old.bloop_ms
+        code = self.planner.settle(plan)
+        if code == OK and waiting:
+            for motor in range(player.count):
+                if (plan.bits >> motor) & 1 and not player.axes[motor].rests_on(
+                    plan.begins, motor, plan.begin_directions[motor]
+                ):
+                    code = ERR_NOT_IN_POSITION
+        if code != OK:
+            self._restore()
+            return code
+        self.draft = old
+        self.plan = plan
+        self.bits = plan.bits
+        onward = self.step == plan.step
+        self.begin_ms = plan.pre_ms if onward else plan.post_ms
+        self.end_ms = plan.post_ms if onward else plan.pre_ms
+        self.operations.start_positions = plan.begins if onward else plan.ends
+        self.operations.directions = plan.begin_directions if onward else plan.end_directions
+        return OK
+
+    def _restore(self):
+        """After a refusal of the draft, set the registers for the plan again."""
+        if self.plan.fps_milli:
+            self.player.set_frame_rate(self.plan.fps_milli)
+            self.planner.set_durations(self.plan.fps_milli)
+
+    def heading(self, motor):
+        plan = self.plan
+        position = self.player.position
+        self.store.position(motor, plan.first, position, 0)
+        return reals.order_words(position, 0, plan.begins, motor) or self.player.first_direction(
+            motor, plan.first, plan.step, plan.frames + 1, True
+        )
 
     def stop_loop(self):
         """Make this lap the last one (spec: MSG_RT_STOP_LOOP).
@@ -97,7 +224,7 @@ class RunMove(PreparedRun):
         player = self.player
         plan = self.plan
         player.set_frame_rate(plan.fps_milli)
-        self.set_durations(plan.fps_milli)
+        self.planner.set_durations(plan.fps_milli)
         self.clock.begin(plan.fps_milli, 0)
         self.queued = 0
         self.unclosed = 0
@@ -209,9 +336,11 @@ class RunMove(PreparedRun):
                     beyond = self._possible(
                         player.velocity(FRAME_SPEED, motor, self.end, self.step), motor
                     )
-                self.find_end(motor, self.end)
-                axis.append_coasting_phase(self.period, own, own, r, self.lasts, motor, 0, beyond)
-                positions = self.rests
+                self.planner.find_end(motor, self.end)
+                axis.append_coasting_phase(
+                    self.period, own, own, r, self.planner.lasts, motor, 0, beyond
+                )
+                positions = self.planner.rests
             if reals.sign(r, ROLL_TICKS):
                 axis.append_coasting_phase(ROLL_TICKS, own, ZERO, r, positions, motor)
         if not self.unclosed:
@@ -299,4 +428,4 @@ class RunMove(PreparedRun):
         self.run_outputs.end()
 
     def leave_end(self):
-        self.operations.return_to_frame(self.store.start + self.end, self.lasts, self.bits)
+        self.operations.return_to_frame(self.store.start + self.end, self.planner.lasts, self.bits)

@@ -1,4 +1,4 @@
-"""Preparing a run: the request, whether the motors can do it, and where they wait.
+"""Plans of runs: whether the motors can do what is asked, and where they wait.
 
 The run itself is in run.py. A lap begins with each motor's pre-roll, from rest to its velocity at
 the first frame, and ends with its post-roll (field note 6.2).
@@ -8,11 +8,8 @@ from array import array
 
 from framestep.base.native import const
 from framestep.base.results import (
-    ERR_GENERAL,
-    ERR_NOT_IN_POSITION,
     ERR_POSTROLL,
     ERR_PREROLL,
-    ERR_RANGE,
     EXCEEDED_POSTROLL,
     EXCEEDED_PREROLL,
     OK,
@@ -23,12 +20,8 @@ from framestep.motion.formula import formula
 from framestep.motors.backlash import BACKLASH
 from framestep.motors.motor import MAX_ACCELERATION
 from framestep.moves.frame_clock import MICROSECONDS
-from framestep.moves.on_frame import find_blocking_switch
-from framestep.moves.operation import Operation
 from framestep.moves.path import registers
-from framestep.moves.path.move_check import FASTEST_FPS
 from framestep.moves.path.registers import FRAME_SPEED, FRAME_TICKS, ROLL_TICKS, SPEEDS
-from framestep.moves.upload.store import READY as UPLOADED
 
 LONGEST_ROLL = const(600000)  # ms
 DEFAULT_OPEN = const(90)  # degrees, for stills whose request has no angles (field note 6.9)
@@ -99,75 +92,18 @@ class Plan:
         self.end_directions = array("i", [0] * motors)
 
 
-class PreparedRun(Operation):
-    """The plan of a RunMove, and the registers and positions derived from it."""
+class RunPlanner:
+    """Computes plans: whether the motors can do them, and where they wait and come to rest."""
 
-    def __init__(self, operations):
-        Operation.__init__(self, operations)
-        self.player = operations.player
-        self.store = operations.store
-        self.plan = Plan(operations.axes.count)
-        self.draft = Plan(operations.axes.count)
-        self.looping = False
-        self.first = 0  # of this lap: ping-pong alternates
-        self.step = 1
-        self.begin_ms = 0
-        self.end_ms = 0
+    def __init__(self, player, store):
+        self.player = player
+        self.store = store
         # for each motor, in the last lap: position at the end of the end frame, and where it comes
         # to rest
-        self.lasts = array("i", [0] * operations.axes.count)
-        self.rests = array("i", [0] * operations.axes.count)
+        self.lasts = array("i", [0] * player.count)
+        self.rests = array("i", [0] * player.count)
 
-    def prepare(self, fps_milli, start, end, pre_ms, post_ms, open_angle, close_angle):
-        """Check a run of scene frames start … end, and move the motors to where it begins.
-
-        pre_ms, post_ms: 0 for the shortest that each motor can do. open_angle, close_angle: of the
-        shutter, 0 … 360 degrees, for stills. The caller has filled in the draft's loops, turns,
-        video, stills, sync and bloop fields. Return a code; nothing changes unless it is OK.
-        """
-        store = self.store
-        player = self.player
-        if store.state != UPLOADED:
-            return ERR_GENERAL
-        if fps_milli > FASTEST_FPS:
-            return player.refuse_rate(fps_milli)
-        if fps_milli < 1 or pre_ms < 0 or post_ms < 0:
-            return ERR_RANGE
-        if pre_ms > LONGEST_ROLL or post_ms > LONGEST_ROLL or open_angle > 360 or close_angle > 360:
-            return ERR_RANGE
-        if start < store.start or start > store.end or end < store.start or end > store.end:
-            return ERR_RANGE
-        plan = self.draft
-        plan.bits = player.motors()
-        plan.pre_asked = pre_ms
-        plan.post_asked = post_ms
-        plan.first = start - store.start
-        plan.step = -1 if end < start else 1
-        plan.frames = (end - start) * plan.step
-        plan.fps_milli = fps_milli
-        if open_angle >= close_angle:  # field note 6.9: as if the request had none
-            open_angle = DEFAULT_OPEN
-            close_angle = DEFAULT_CLOSE
-        plan.open_angle = open_angle
-        plan.close_angle = close_angle
-        code = self._settle(plan)
-        if code == OK:
-            code = find_blocking_switch(self.player, self.operations.safety, plan.bits, plan.begins)
-        if code != OK:
-            self._restore()
-            return code
-        self.draft = self.plan
-        self.plan = plan
-        self.bits = plan.bits
-        self.first = plan.first
-        self.step = plan.step
-        self.begin_ms = plan.pre_ms
-        self.end_ms = plan.post_ms
-        self.looping = plan.loops or plan.turns
-        self.operations.prepare(self, plan.begins, plan.begin_directions, start)
-        return OK
-
-    def _settle(self, plan):
+    def settle(self, plan):
         """Check a plan, and find where the motors begin and end. Return a code."""
         player = self.player
         fps_milli = plan.fps_milli
@@ -186,61 +122,6 @@ class PreparedRun(Operation):
         if code == OK:
             code = self._rolls(plan, plan.pre_asked, plan.post_asked)
         return code
-
-    def _restore(self):
-        """After a refusal of the draft, set the registers for the plan again."""
-        if self.plan.fps_milli:
-            self.player.set_frame_rate(self.plan.fps_milli)
-            self.set_durations(self.plan.fps_milli)
-
-    def recheck(self, waiting):
-        player = self.player
-        old = self.plan
-        plan = self.draft
-        plan.bits = player.motors() if waiting else old.bits
-        plan.pre_asked = old.pre_asked
-        plan.post_asked = old.post_asked
-        plan.first = old.first
-        plan.step = old.step
-        plan.frames = old.frames
-        plan.fps_milli = old.fps_milli
-        plan.loops = old.loops
-        plan.turns = old.turns
-        plan.video = old.video
-        plan.stills = old.stills
-        plan.open_angle = old.open_angle
-        plan.close_angle = old.close_angle
-        plan.sync = old.sync
-        plan.bloop_bits = old.bloop_bits
-        plan.bloop_channel = old.bloop_channel
-        plan.bloop_ms = old.bloop_ms
-        code = self._settle(plan)
-        if code == OK and waiting:
-            for motor in range(player.count):
-                if (plan.bits >> motor) & 1 and not player.axes[motor].rests_on(
-                    plan.begins, motor, plan.begin_directions[motor]
-                ):
-                    code = ERR_NOT_IN_POSITION
-        if code != OK:
-            self._restore()
-            return code
-        self.draft = old
-        self.plan = plan
-        self.bits = plan.bits
-        onward = self.step == plan.step
-        self.begin_ms = plan.pre_ms if onward else plan.post_ms
-        self.end_ms = plan.post_ms if onward else plan.pre_ms
-        self.operations.start_positions = plan.begins if onward else plan.ends
-        self.operations.directions = plan.begin_directions if onward else plan.end_directions
-        return OK
-
-    def heading(self, motor):
-        plan = self.plan
-        position = self.player.position
-        self.store.position(motor, plan.first, position, 0)
-        return reals.order_words(position, 0, plan.begins, motor) or self.player.first_direction(
-            motor, plan.first, plan.step, plan.frames + 1, True
-        )
 
     def _find_directions(self, plan, directions, index, step):
         """directions[motor] = the direction in which it starts from the frame `index` in steps of
