@@ -130,9 +130,9 @@ class Controller:
         self.begun_at = 0  # time of the first bytes of an incomplete frame
         self.beat = 0
         if rig.virtuals:
-            from framestep.virtual_axes.requests import Virtuals
+            from framestep.virtual_axes.requests import VirtualAxes
 
-            self.virtuals = Virtuals(
+            self.virtuals = VirtualAxes(
                 rig,
                 self.reader,
                 self.writer,

@@ -2,7 +2,7 @@
 
 
 class NoVirtuals:
-    """Stand-in for requests.Virtuals."""
+    """Stand-in for requests.VirtualAxes."""
 
     capabilities = 0
     engaged = 0
