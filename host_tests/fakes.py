@@ -142,6 +142,7 @@ class OperationBench:
         self.run_outputs = RecordedOutputs()
         self.operations = OperationRunner(self.axes, self.store, self.safety)
         self.player = self.operations.player
+        self.move_check = self.operations.move_check
         self.reported = []  # MOVE TIME of each reported frame
         self.ends = 0  # RT_ENDs
 

@@ -86,10 +86,9 @@ class Controller:
         self.reports = Reports(hal, rig, self.writer, self.axes, self.io)
         self.gate = Gate(hal, rig, self.axes, self.drivers, self.faults)
         self.moves = Moves(
-            hal,
+            rig,
             self.reader,
             self.axes,
-            self.safety,
             self.io,
             self.gate,
             self.faults,
@@ -105,11 +104,6 @@ class Controller:
         self._merge(self.moves)
         self._merge(self.io)
         self.operations = self.moves.operations
-        self.operations.player.strict = rig.strict_moves
-        if rig.smoothing:
-            from framestep.moves.path.smoothing import velocity
-
-            self.operations.player.smooth(velocity)
         self.next_shot = None
         if rig.shoot_input:
             from framestep.moves.next_shot import NextShot

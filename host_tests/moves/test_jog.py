@@ -114,7 +114,7 @@ def test_a_path_too_steep_for_a_motor_at_four_frames_per_second_squared_is_gone_
     """field note 5.5"""
     jog = Jog(EVEN, acceleration=acceleration)
     assert jog.to(61, 24) == m.OK
-    assert jog.bench.player.rate == pytest.approx(rate, abs=2)
+    assert jog.bench.move_check.rate == pytest.approx(rate, abs=2)
 
 
 def test_to_where_it_stands_nothing_moves():

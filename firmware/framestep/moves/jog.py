@@ -95,6 +95,7 @@ class JogAll(Operation):
     def __init__(self, operations):
         Operation.__init__(self, operations)
         self.player = operations.player
+        self.move_check = operations.move_check
         self.store = operations.store
         self.last_queued = 0  # index of the last frame queued
         self.destination = 0  # index of the frame to come to rest on
@@ -125,7 +126,7 @@ class JogAll(Operation):
         if store.state != UPLOADED:
             return ERR_GENERAL
         if fps_milli > FASTEST_FPS:
-            return self.player.refuse_rate(fps_milli)
+            return self.move_check.refuse_rate(fps_milli)
         if fps_milli < 1 or frame < store.start or frame > store.end:
             return ERR_RANGE
         under_way = operations.running
@@ -153,7 +154,9 @@ class JogAll(Operation):
             return ERR_MOVING
         if not going:
             self._find_directions(self.draft, bits, at, step, frames)
-        code = self.player.check(bits, at, frames, fps_milli, step, self.draft, ACCELERATION, going)
+        code = self.move_check.check(
+            bits, at, frames, fps_milli, step, self.draft, ACCELERATION, going
+        )
         if code == OK and not under_way:
             code = find_switch_on_path(self.player, operations.safety, bits, at, to, self.positions)
         if code != OK:
@@ -214,8 +217,7 @@ class JogAll(Operation):
 
     def recheck(self, waiting):
         frames = (self.destination - self.last_queued) * self.step + 1
-        player = self.player
-        code = player.check(
+        code = self.move_check.check(
             self.bits,
             self.last_queued,
             frames,
@@ -231,7 +233,7 @@ class JogAll(Operation):
     def _top(self):
         """Set TOP to the rate that the check has found possible."""
         r = self.player.numbers
-        reals.put(r, TOP, self.player.rate, 0)
+        reals.put(r, TOP, self.move_check.rate, 0)
         compute(r, _RATES)
 
     def _retarget(self, to):

@@ -30,8 +30,7 @@ class Moves:
     gate: a Gate. faults: a FaultLog. acknowledge(code): answers a request before it is carried out.
     """
 
-    def __init__(self, hal, reader, axes, safety, io, gate, faults, acknowledge):
-        self.hal = hal
+    def __init__(self, rig, reader, axes, io, gate, faults, acknowledge):
         self.reader = reader
         self.gate = gate
         self.faults = faults
@@ -40,8 +39,12 @@ class Moves:
         self.levels = LightLevels()
         self.triggers = Triggers()
         self.store = UploadStore(axes.count)
-        self.operations = OperationRunner(axes, self.store, safety, gate.send)
+        self.operations = OperationRunner(axes, self.store, io.safety, gate.send, rig.strict_moves)
         self.player = self.operations.player
+        if rig.smoothing:
+            from framestep.moves.path.smoothing import velocity
+
+            self.player.smooth(velocity)
         self.run_outputs = RunOutputs(axes, io, self.levels, self.triggers)
         self.run = RunMove(self.operations, self.run_outputs)
         self.shoot = ShootFrame(self.operations, self.run_outputs)
@@ -65,7 +68,7 @@ class Moves:
 
     def take_memory(self):
         """Allocate the memory for positions, light levels and triggers, at the end of boot."""
-        self.store.allocate(self.hal.upload_bytes)
+        self.store.allocate(self.axes.hal.upload_bytes)
         self.levels.allocate(self.store)
         self.triggers.allocate(self.store)
 

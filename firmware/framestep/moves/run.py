@@ -85,7 +85,7 @@ class RunMove(Operation):
         self.player = operations.player
         self.store = operations.store
         self.run_outputs = run_outputs
-        self.planner = RunPlanner(self.player, self.store)
+        self.planner = RunPlanner(self.player, operations.move_check)
         self.plan = Plan(self.player.count)
         self.draft = Plan(self.player.count)
         self.looping = False
@@ -118,7 +118,7 @@ class RunMove(Operation):
         if store.state != UPLOADED:
             return ERR_GENERAL
         if fps_milli > FASTEST_FPS:
-            return player.refuse_rate(fps_milli)
+            return self.planner.move_check.refuse_rate(fps_milli)
         if fps_milli < 1 or pre_ms < 0 or post_ms < 0:
             return ERR_RANGE
         if pre_ms > LONGEST_ROLL or post_ms > LONGEST_ROLL or open_angle > 360 or close_angle > 360:

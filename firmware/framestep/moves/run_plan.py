@@ -95,9 +95,10 @@ class Plan:
 class RunPlanner:
     """Computes plans: whether the motors can do them, and where they wait and come to rest."""
 
-    def __init__(self, player, store):
+    def __init__(self, player, move_check):
         self.player = player
-        self.store = store
+        self.move_check = move_check
+        self.store = player.store
         # for each motor, in the last lap: position at the end of the end frame, and where it comes
         # to rest
         self.lasts = array("i", [0] * player.count)
@@ -112,11 +113,11 @@ class RunPlanner:
         last = plan.first + plan.step * plan.frames
         self._find_directions(plan, plan.begin_directions, plan.first, plan.step)
         self._find_directions(plan, plan.end_directions, last, -plan.step)
-        code = player.check(
+        code = self.move_check.check(
             plan.bits, plan.first, plan.frames + 1, fps_milli, plan.step, plan.begin_directions
         )
         if code == OK and plan.turns:
-            code = player.check(
+            code = self.move_check.check(
                 plan.bits, last, plan.frames + 1, fps_milli, -plan.step, plan.end_directions
             )
         if code == OK:
@@ -152,27 +153,27 @@ class RunPlanner:
                 own = SPEEDS + 2 * motor
                 player.velocity(own, motor, plan.first, plan.step)
                 reals.fetch(r, ROLL_TICKS, plan.pre_rolls, 2 * motor)
-                if not player.apply_roll(motor, own, ROLL_TICKS, True, plan.begins):
-                    return player.blame_roll(
+                if not self.move_check.apply_roll(motor, own, ROLL_TICKS, True, plan.begins):
+                    return self.move_check.blame_roll(
                         EXCEEDED_PREROLL, motor, plan.first, ERR_PREROLL, own, ROLL_TICKS
                     )
                 player.velocity(own, motor, last, plan.step)
                 reals.fetch(r, ROLL_TICKS, plan.post_rolls, 2 * motor)
-                if (plan.loops or plan.turns) and not player.apply_roll(
+                if (plan.loops or plan.turns) and not self.move_check.apply_roll(
                     motor, own, ROLL_TICKS, False, plan.ends
                 ):
-                    return player.blame_roll(
+                    return self.move_check.blame_roll(
                         EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL, own, ROLL_TICKS
                     )
                 if not self.find_end(motor, last):
-                    return player.blame_roll(
+                    return self.move_check.blame_roll(
                         EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL, own, ROLL_TICKS
                     )
                 if plan.turns:
                     player.velocity(own, motor, plan.first, -plan.step)
                     reals.fetch(r, ROLL_TICKS, plan.pre_rolls, 2 * motor)
                     if not self.find_end(motor, plan.first):
-                        return player.blame_roll(
+                        return self.move_check.blame_roll(
                             EXCEEDED_POSTROLL, motor, plan.first, ERR_POSTROLL, own, ROLL_TICKS
                         )
         return OK
@@ -188,10 +189,10 @@ class RunPlanner:
         lasts = self.lasts
         self.store.position(motor, index, lasts, motor)
         reals.multiply(r, FRAME_SPEED, SPEEDS + 2 * motor, FRAME_TICKS)
-        if not player.shift(lasts, motor, FRAME_SPEED, False):
+        if not self.move_check.shift(lasts, motor, FRAME_SPEED, False):
             return False
         reals.copy_word(self.rests, motor, lasts, motor)
-        return player.apply_roll(motor, SPEEDS + 2 * motor, ROLL_TICKS, False, self.rests)
+        return self.move_check.apply_roll(motor, SPEEDS + 2 * motor, ROLL_TICKS, False, self.rests)
 
     def set_durations(self, fps_milli):
         """Set FRAME_TICKS and LONGER_FRAME_TICKS."""

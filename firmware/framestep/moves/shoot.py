@@ -140,6 +140,7 @@ class ShootFrame(Operation):
     def __init__(self, operations, run_outputs):
         Operation.__init__(self, operations)
         self.player = operations.player
+        self.move_check = operations.move_check
         self.store = operations.store
         self.run_outputs = run_outputs
         self.shot = Shot(operations.axes.count)
@@ -323,9 +324,9 @@ class ShootFrame(Operation):
             if permille:
                 reals.copy_word(shot.starts, motor, shot.a, motor)
                 reals.copy_word(shot.ends, motor, shot.b, motor)
-                if not player.apply_roll(motor, own, RAMP, True, shot.starts):
+                if not self.move_check.apply_roll(motor, own, RAMP, True, shot.starts):
                     return self._blame_ramp(EXCEEDED_PREROLL, shot, motor, ERR_PREROLL)
-                if not player.apply_roll(motor, own, RAMP, False, shot.ends):
+                if not self.move_check.apply_roll(motor, own, RAMP, False, shot.ends):
                     return self._blame_ramp(EXCEEDED_POSTROLL, shot, motor, ERR_POSTROLL)
             else:
                 code = self._check_ramps(shot, motor)
@@ -338,7 +339,7 @@ class ShootFrame(Operation):
         code."""
         player = self.player
         axis = player.axes[motor]
-        if player.too_steep(motor, SPEEDS + 2 * motor, RAMP):
+        if self.move_check.too_steep(motor, SPEEDS + 2 * motor, RAMP):
             code = ERR_PREROLL if shot.blurs else ERR_RANGE
             return self._blame_ramp(EXCEEDED_PREROLL, shot, motor, code)
         if axis.beyond(shot.starts, motor):
@@ -348,7 +349,7 @@ class ShootFrame(Operation):
         return OK
 
     def _blame_ramp(self, what, shot, motor, code):
-        return self.player.blame_roll(what, motor, shot.index, code, SPEEDS + 2 * motor, RAMP)
+        return self.move_check.blame_roll(what, motor, shot.index, code, SPEEDS + 2 * motor, RAMP)
 
     def _too_fast(self, shot, motor):
         """Find a motor's velocity in the window. Return whether it exceeds its top velocity, or
@@ -373,11 +374,11 @@ class ShootFrame(Operation):
     def _blame_velocity(self, shot, motor):
         """Note the excess of a motor's velocity that _too_fast() has found. Return the code."""
         player = self.player
-        player.blame(EXCEEDED_VELOCITY, motor, shot.index, ERR_RANGE)
+        self.move_check.blame(EXCEEDED_VELOCITY, motor, shot.index, ERR_RANGE)
         r = player.numbers
         reals.copy(r, _STEPS_PER_SECOND.velocity, SPEEDS + 2 * motor)
         compute(r, _STEPS_PER_SECOND)
-        player.note_excess(_STEPS_PER_SECOND.rate, player.axes[motor].velocity)
+        self.move_check.note_excess(_STEPS_PER_SECOND.rate, player.axes[motor].velocity)
         return ERR_RANGE
 
     def recheck(self, waiting):

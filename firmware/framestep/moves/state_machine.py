@@ -36,6 +36,7 @@ from framestep.moves.on_frame import (
     find_switch_ahead,
 )
 from framestep.moves.operation import Operation
+from framestep.moves.path.move_check import MoveCheck
 from framestep.moves.path.player import UploadPlayer
 from framestep.moves.upload.store import READY as UPLOADED
 from framestep.pulse import stepper
@@ -74,15 +75,17 @@ def fetch_positions(store, bits: int, index: int, out):
 class OperationRunner:
     """Runs one operation at a time.
 
-    send: Gate.send, called with the bits of motors before they are sent somewhere.
+    send: Gate.send, called with the bits of motors before they are sent somewhere. strict: setting
+    `strict_moves`.
     """
 
-    def __init__(self, axes, store, safety, send=None):
+    def __init__(self, axes, store, safety, send=None, strict=False):
         self.axes = axes
         self.store = store
         self.safety = safety
         self.player = UploadPlayer(axes, store)
-        self.exceeded = self.player.exceeded  # the limit that the last move exceeded
+        self.move_check = MoveCheck(self.player, strict)
+        self.exceeded = self.move_check.exceeded  # the limit that the last move exceeded
         self.state = IDLE
         self.send = send
         self.operation = Operation(self)

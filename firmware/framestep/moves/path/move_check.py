@@ -12,7 +12,7 @@ from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.motors.backlash import BACKLASH, OFFSET
 from framestep.motors.bounds import LOWER, UPPER
-from framestep.motors.motor import MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
+from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.moves.path import path, path_check, registers
 from framestep.pulse import stepper
 
@@ -29,9 +29,6 @@ _FARTHEST = const(1 << 23)  # steps from frame to frame that bends() can work wi
 _FINE = const(3000)
 # times that a motor may lower the rate by just what it needs; after that by at least a 32nd
 _EXACT = const(16)
-
-# 1 / (12 · ticks of a frame), from thousandths of a frame per second
-_SCALE = formula(registers, "SCALE = SCALE / 12000 / THOUSAND")
 
 # Limits of a motor from frame to frame. The kernel's sum of a frame's changes goes a tick beyond
 # the frame: by 2 / (its ticks).
@@ -80,69 +77,44 @@ _ROUNDED_UP = formula(
     below = size / 2 ** 20 - size
     """,
 )
+# A ramp between rest and a velocity exceeds the acceleration, apart from rounding.
+_TOO_STEEP = formula(
+    registers,
+    "velocity, ticks, acceleration",
+    """
+    rate = velocity / ticks
+    assert max(rate, -rate) > acceleration + acceleration / 2 ** 20
+    """,
+)
+# steps/s²
+_RAMP_NEEDS = formula(
+    registers, "velocity, ticks -> needed", "needed = velocity / ticks * THOUSAND * THOUSAND"
+)
+_RAMP_LENGTH = formula(registers, "velocity, ticks -> steps", "steps = velocity * ticks / 2")
+# Half a step is added so that floor() rounds.
+_ROUNDED = formula(registers, "steps -> rounded", "rounded = steps + 0.5")
 
 
 class MoveCheck:
     """Check of the path through the uploaded frames against the motors' settings.
 
-    `numbers`, `window`, `values` and `position` are scratch for everything that plays the move.
+    player: the UploadPlayer, whose registers and scratch it shares. strict: setting `strict_moves`.
     """
 
-    def __init__(self, axes, store):
-        self.axes = axes
-        self.store = store
-        self.count = axes.count
-        self.excluded = 0  # bits of motors left out: disabled, under live control
-        self.numbers = array("i", [0] * registers.REGISTERS)
-        self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is a run's most of the time
-        self.window[path.MOST] = path.MONOTONE
-        self.view = self.window  # window of a run, and the function for its velocities;
-        self.curve = path.velocity  # replaced if runs are smoothed
+    def __init__(self, player, strict):
+        self.axes = player.axes
+        self.store = player.store
+        self.count = player.count
+        self.numbers = player.numbers
+        self.window = player.window
+        self.values = player.values
         self.words = array("i", [0] * path_check.CHECK_WORDS)
         # rate at which the motors can follow the last move checked, thousandths of a frame/s
         self.rate = 0
-        self.values = array("i", [0] * BATCH)
-        self.position = array("i", [0])
-        self.strict = False  # setting `strict_moves`
+        self.strict = strict
         self.hardest = 0  # change of the steps from frame to frame that the board can play
         # the limit that the last move checked exceeds
         self.exceeded = array("i", [0] * results.EXCEEDED_WORDS)
-        reals.put(self.numbers, registers.THOUSAND, 1000, 0)
-        reals.put(self.numbers, registers.ZERO, 0, 0)
-
-    def motors(self):
-        """Return the bits of the motors that this upload moves (field notes 3.1 and 5.4)."""
-        bits = 0
-        for motor in range(self.count):
-            if self.store.has(motor) and not (self.excluded >> motor) & 1:
-                bits |= 1 << motor
-        return bits
-
-    def set_frame_rate(self, fps_milli):
-        """Set SCALE = 1 / (12 · ticks of a frame). fps_milli: thousandths of a frame per second."""
-        r = self.numbers
-        reals.put(r, registers.SCALE, fps_milli, 0)
-        compute(r, _SCALE)
-
-    def first_direction(self, motor, index, step, count, always=False):
-        """Return the direction of the load's first motion in `count` frames from `index` on: 1 up,
-        -1 down.
-
-        step: 1 played forward, -1 backward. Return 0 if the load does not move, or if the motor has
-        no backlash, as the direction does not matter then. always: find it for such a motor, too.
-        """
-        if not always and not self.axes.axes[motor].backlash[BACKLASH]:
-            return 0
-        found = 0
-        while not found and count > 1:
-            batch = min(count, BATCH)
-            self.store.positions(
-                motor, index if step > 0 else index - batch + 1, batch, self.values, 0
-            )
-            found = path_check.first_direction(self.values, batch, step)
-            index += step * (batch - 1)
-            count -= batch - 1
-        return found
 
     def check(self, bits, begin, count, fps_milli, step, directions, ramp=0, going=False):
         """Check that motors can follow `count` frames from index `begin` on (field note 5.5).
@@ -448,3 +420,60 @@ class MoveCheck:
                 results.EXCEEDED_ACCELERATION if steep else results.EXCEEDED_VELOCITY
             )
             exceeded[results.BY] = max(amount - (axis.acceleration if steep else axis.velocity), 1)
+
+    def apply_roll(self, motor, velocity, ticks, backward, positions):
+        """Move positions[motor] by the length of a ramp from or to rest (field note 6.2).
+
+        velocity, ticks: registers; the length is half of their product, subtracted if `backward`.
+        Return False if that is outside a soft limit or the range of positions, or exceeds the
+        motor's acceleration.
+        """
+        r = self.numbers
+        axis = self.axes[motor]
+        if not reals.sign(r, velocity):
+            return axis.beyond(positions, motor) == 0
+        if self.too_steep(motor, velocity, ticks):
+            return False
+        reals.copy(r, _RAMP_LENGTH.velocity, velocity)
+        reals.copy(r, _RAMP_LENGTH.ticks, ticks)
+        compute(r, _RAMP_LENGTH)
+        shifted = self.shift(positions, motor, _RAMP_LENGTH.steps, backward)
+        return shifted and axis.beyond(positions, motor) == 0
+
+    def too_steep(self, motor, velocity, ticks):
+        """Return whether a ramp from rest to a velocity, both registers, exceeds the motor's
+        acceleration."""
+        r = self.numbers
+        if not reals.sign(r, velocity):
+            return False
+        reals.copy(r, _TOO_STEEP.velocity, velocity)
+        reals.copy(r, _TOO_STEEP.ticks, ticks)
+        reals.fetch(r, _TOO_STEEP.acceleration, self.axes[motor].numbers, MAX_ACCELERATION)
+        return compute(r, _TOO_STEEP)
+
+    def blame_roll(self, what, motor, index, code, velocity, ticks):
+        """Note a refused ramp, like blame(). BY: excess acceleration, 0 if a limit is passed."""
+        self.blame(what, motor, index, code)
+        if self.too_steep(motor, velocity, ticks):
+            r = self.numbers
+            reals.copy(r, _RAMP_NEEDS.velocity, velocity)
+            reals.copy(r, _RAMP_NEEDS.ticks, ticks)
+            compute(r, _RAMP_NEEDS)
+            self.note_excess(_RAMP_NEEDS.needed, self.axes[motor].acceleration)
+        return code
+
+    def shift(self, positions, motor, register, backward):
+        """Add a number, rounded to a step, to positions[motor]; subtract it if `backward`.
+
+        Return False, without a change, if that leaves the range of positions.
+        """
+        r = self.numbers
+        reals.copy(r, _ROUNDED.steps, register)
+        if backward:
+            reals.negate(r, _ROUNDED.steps, _ROUNDED.steps)
+        compute(r, _ROUNDED)
+        steps = reals.floor(r, _ROUNDED.rounded, HALF)
+        return (
+            -HALF < steps < HALF
+            and reals.add_within(positions, motor, positions, motor, steps) != 0
+        )

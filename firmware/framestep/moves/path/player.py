@@ -3,34 +3,21 @@
 The checks are in move_check.py. Nothing allocates after construction.
 """
 
+from array import array
+
 from framestep.base.native import micropython, ptr32
 from framestep.motion import phases, reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.motion.phases import put_aim
-from framestep.motors.backlash import MOTOR
-from framestep.motors.motor import MAX_ACCELERATION
-from framestep.moves.path import path, registers
-from framestep.moves.path.move_check import HALF, MoveCheck
+from framestep.motors.backlash import BACKLASH, MOTOR
+from framestep.moves.path import path, path_check, registers
+from framestep.moves.path.move_check import BATCH
 from framestep.moves.path.registers import FRAME_SPEED, SCALE, SPEEDS, TOPS
 from framestep.pulse import stepper
 
-# A ramp between rest and a velocity exceeds the acceleration, apart from rounding.
-_TOO_STEEP = formula(
-    registers,
-    "velocity, ticks, acceleration",
-    """
-    rate = velocity / ticks
-    assert max(rate, -rate) > acceleration + acceleration / 2 ** 20
-    """,
-)
-# steps/s²
-_RAMP_NEEDS = formula(
-    registers, "velocity, ticks -> needed", "needed = velocity / ticks * THOUSAND * THOUSAND"
-)
-_RAMP_LENGTH = formula(registers, "velocity, ticks -> steps", "steps = velocity * ticks / 2")
-# Half a step is added so that floor() rounds.
-_ROUNDED = formula(registers, "steps -> rounded", "rounded = steps + 0.5")
+# 1 / (12 · ticks of a frame), from thousandths of a frame per second
+_SCALE = formula(registers, "SCALE = SCALE / 12000 / THOUSAND")
 
 
 @micropython.viper
@@ -91,8 +78,40 @@ def _append_frame(
         own += 2
 
 
-class UploadPlayer(MoveCheck):
-    """Player of the path through the uploaded frames on the axes."""
+class UploadPlayer:
+    """Player of the path through the uploaded frames on the axes.
+
+    `numbers`, `window`, `values` and `position` are scratch for everything that plays the move.
+    """
+
+    def __init__(self, axes, store):
+        self.axes = axes
+        self.store = store
+        self.count = axes.count
+        self.excluded = 0  # bits of motors left out: disabled, under live control
+        self.numbers = array("i", [0] * registers.REGISTERS)
+        self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is a run's most of the time
+        self.window[path.MOST] = path.MONOTONE
+        self.view = self.window  # window of a run, and the function for its velocities;
+        self.curve = path.velocity  # replaced if runs are smoothed
+        self.values = array("i", [0] * BATCH)
+        self.position = array("i", [0])
+        reals.put(self.numbers, registers.THOUSAND, 1000, 0)
+        reals.put(self.numbers, registers.ZERO, 0, 0)
+
+    def motors(self):
+        """Return the bits of the motors that this upload moves (field notes 3.1 and 5.4)."""
+        bits = 0
+        for motor in range(self.count):
+            if self.store.has(motor) and not (self.excluded >> motor) & 1:
+                bits |= 1 << motor
+        return bits
+
+    def set_frame_rate(self, fps_milli):
+        """Set SCALE = 1 / (12 · ticks of a frame). fps_milli: thousandths of a frame per second."""
+        r = self.numbers
+        reals.put(r, registers.SCALE, fps_milli, 0)
+        compute(r, _SCALE)
 
     def smooth(self, velocity):
         """Make runs use the velocities of this function, smoothing.velocity()."""
@@ -136,62 +155,25 @@ class UploadPlayer(MoveCheck):
             self.curve(self.numbers, to, window, bounds, index, after, SCALE, top)
         return 0 if beside == 2 else window[path.PART]
 
-    def apply_roll(self, motor, velocity, ticks, backward, positions):
-        """Move positions[motor] by the length of a ramp from or to rest (field note 6.2).
+    def first_direction(self, motor, index, step, count, always=False):
+        """Return the direction of the load's first motion in `count` frames from `index` on: 1 up,
+        -1 down.
 
-        velocity, ticks: registers; the length is half of their product, subtracted if `backward`.
-        Return False if that is outside a soft limit or the range of positions, or exceeds the
-        motor's acceleration.
+        step: 1 played forward, -1 backward. Return 0 if the load does not move, or if the motor has
+        no backlash, as the direction does not matter then. always: find it for such a motor, too.
         """
-        r = self.numbers
-        axis = self.axes[motor]
-        if not reals.sign(r, velocity):
-            return axis.beyond(positions, motor) == 0
-        if self.too_steep(motor, velocity, ticks):
-            return False
-        reals.copy(r, _RAMP_LENGTH.velocity, velocity)
-        reals.copy(r, _RAMP_LENGTH.ticks, ticks)
-        compute(r, _RAMP_LENGTH)
-        shifted = self.shift(positions, motor, _RAMP_LENGTH.steps, backward)
-        return shifted and axis.beyond(positions, motor) == 0
-
-    def too_steep(self, motor, velocity, ticks):
-        """Return whether a ramp from rest to a velocity, both registers, exceeds the motor's
-        acceleration."""
-        r = self.numbers
-        if not reals.sign(r, velocity):
-            return False
-        reals.copy(r, _TOO_STEEP.velocity, velocity)
-        reals.copy(r, _TOO_STEEP.ticks, ticks)
-        reals.fetch(r, _TOO_STEEP.acceleration, self.axes[motor].numbers, MAX_ACCELERATION)
-        return compute(r, _TOO_STEEP)
-
-    def blame_roll(self, what, motor, index, code, velocity, ticks):
-        """Note a refused ramp, like blame(). BY: excess acceleration, 0 if a limit is passed."""
-        self.blame(what, motor, index, code)
-        if self.too_steep(motor, velocity, ticks):
-            r = self.numbers
-            reals.copy(r, _RAMP_NEEDS.velocity, velocity)
-            reals.copy(r, _RAMP_NEEDS.ticks, ticks)
-            compute(r, _RAMP_NEEDS)
-            self.note_excess(_RAMP_NEEDS.needed, self.axes[motor].acceleration)
-        return code
-
-    def shift(self, positions, motor, register, backward):
-        """Add a number, rounded to a step, to positions[motor]; subtract it if `backward`.
-
-        Return False, without a change, if that leaves the range of positions.
-        """
-        r = self.numbers
-        reals.copy(r, _ROUNDED.steps, register)
-        if backward:
-            reals.negate(r, _ROUNDED.steps, _ROUNDED.steps)
-        compute(r, _ROUNDED)
-        steps = reals.floor(r, _ROUNDED.rounded, HALF)
-        return (
-            -HALF < steps < HALF
-            and reals.add_within(positions, motor, positions, motor, steps) != 0
-        )
+        if not always and not self.axes.axes[motor].backlash[BACKLASH]:
+            return 0
+        found = 0
+        while not found and count > 1:
+            batch = min(count, BATCH)
+            self.store.positions(
+                motor, index if step > 0 else index - batch + 1, batch, self.values, 0
+            )
+            found = path_check.first_direction(self.values, batch, step)
+            index += step * (batch - 1)
+            count -= batch - 1
+        return found
 
     def prepare_motor(self, motor):
         """Make a motor ready for phases."""
