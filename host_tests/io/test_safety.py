@@ -182,55 +182,108 @@ def test_an_estop_waits_for_a_host_while_it_is_held():
     assert switches.reports() == []
 
 
-@pytest.mark.parametrize("contact", ["nc", "no"])
-@pytest.mark.parametrize("swap", [False, True])
-@pytest.mark.parametrize("end", ["high", "low"])
-def test_limit(contact, swap, end):
-    switches = Switches(limits=[{"high": 27}, {"high": HIGH, "low": LOW, "contact": contact}])
-    safety = switches.safety
-    active = 1 if contact == "nc" else 0
-    for pin in (27, HIGH, LOW):
-        switches.pins.put(pin, 0 if pin == 27 else 1 - active)
-    safety.assign(2, 2, swap)
-    up = (end == "high") != swap  # the direction in which the motor reaches this switch
-    motor = switches.motors[2]
-    motor.block[stepper.POSITION] = 1000
-    further, back = array("i", [1001 if up else 999]), array("i", [999 if up else 1001])
-    motor.moves(500 if up else -500)
-    switches.motors[3].moves(500 if up else -500)  # has no limits
-    assert not switches.poll(5)
-    assert safety.limit_blocking(2, further, 0) == m.OK
-    switches.pins.put(HIGH if end == "high" else LOW, active)
-    assert switches.poll()
-    assert safety.motors_at_limit() == 1 << 2
-    assert not safety.tripped
-    assert switches.reports() == [(m.HARD_STOP_UPPER if up else m.HARD_STOP_LOWER, 3)]
-    motor.moves(300 if up else -300, stepper.STOP)
-    assert not switches.poll(10)
-    assert switches.reports() == []
-    motor.moves(0)
-    assert not switches.poll(10)
-    refusal = m.ERR_HARD_UP if up else m.ERR_HARD_LOW
-    assert safety.limit_blocking(2, further, 0) == refusal
-    assert safety.limit_blocking(2, back, 0) == m.OK
-    assert safety.limit_blocking(2, array("i", [1000]), 0) == m.OK
-    assert safety.limit_blocking(3, further, 0) == m.OK
-    motor.moves(-500 if up else 500)  # away
-    assert not switches.poll(10)
-    assert switches.reports() == []
-    motor.block[stepper.VELOCITY] *= -1  # at the end, before it has made a step
-    assert not switches.poll(10)
-    assert switches.reports() == []
-    switches.pins.put(HIGH if end == "high" else LOW, 1 - active)
-    assert not switches.poll(RELEASE_MS)
-    assert safety.limit_blocking(2, further, 0) == refusal
-    switches.poll()
-    assert safety.limit_blocking(2, further, 0) == m.OK
-    motor.moves(500 if up else -500)
-    switches.poll()
-    switches.pins.put(HIGH if end == "high" else LOW, active)
-    assert switches.poll()
-    assert len(switches.reports()) == 1
+# ------------------------------------------------------------------------------- limit switches
+
+
+class Limited(Switches):
+    """Motor 2, at 1000, has a switch at each end, of which one is looked at; motor 3 has none."""
+
+    def __init__(self, contact, swap, end):
+        super().__init__(limits=[{"high": 27}, {"high": HIGH, "low": LOW, "contact": contact}])
+        self.pin = HIGH if end == "high" else LOW
+        self.active = 1 if contact == "nc" else 0
+        self.way = 1 if (end == "high") != swap else -1  # in which the motor reaches the switch
+        self.pins.put(27, 0)
+        self.pins.put(HIGH, 1 - self.active)
+        self.pins.put(LOW, 1 - self.active)
+        self.safety.assign(2, 2, swap)
+        self.motors[2].block[stepper.POSITION] = 1000
+
+    def press(self, pressed=True):
+        self.pins.put(self.pin, self.active if pressed else 1 - self.active)
+
+    def reach(self):
+        """Both motors move until motor 2 is at its switch. Return the reports of that."""
+        for motor in (2, 3):
+            self.motors[motor].moves(500 * self.way)
+        assert not self.poll(5)
+        assert self.reports() == []
+        self.press()
+        assert self.poll()
+        return self.reports()
+
+    def rest_at_it(self):
+        self.reach()
+        self.motors[2].moves(0)
+        assert not self.poll(10)
+
+    def answer(self, motor, steps):
+        """Return the answer to a target so many steps beyond 1000, towards the switch."""
+        return self.safety.limit_blocking(motor, array("i", [1000 + steps * self.way]), 0)
+
+    @property
+    def refusal(self):
+        return m.ERR_HARD_UP if self.way > 0 else m.ERR_HARD_LOW
+
+
+@pytest.fixture(
+    params=[(c, s, e) for e in ("high", "low") for s in (False, True) for c in ("nc", "no")],
+    ids=lambda case: f"{case[0]}-{'swapped' if case[1] else 'straight'}-{case[2]}",
+)
+def limited(request):
+    return Limited(*request.param)
+
+
+def test_a_motor_at_its_limit_is_reported_and_trips_nothing_else(limited):
+    upper_or_lower = m.HARD_STOP_UPPER if limited.way > 0 else m.HARD_STOP_LOWER
+    assert limited.reach() == [(upper_or_lower, 3)]
+    assert limited.safety.motors_at_limit() == 1 << 2
+    assert not limited.safety.tripped
+
+
+def test_a_limit_is_reported_once_while_its_motor_stops(limited):
+    limited.reach()
+    limited.motors[2].moves(300 * limited.way, stepper.STOP)
+    assert not limited.poll(10)
+    assert limited.reports() == []
+
+
+def test_before_the_limit_each_target_is_free(limited):
+    assert not limited.poll(5)
+    assert limited.answer(2, 1) == m.OK
+
+
+def test_at_the_limit_only_targets_beyond_it_are_refused(limited):
+    limited.rest_at_it()
+    assert limited.answer(2, 1) == limited.refusal
+    assert limited.answer(2, -1) == m.OK
+    assert limited.answer(2, 0) == m.OK
+    assert limited.answer(3, 1) == m.OK
+
+
+def test_a_motor_may_leave_its_limit(limited):
+    limited.rest_at_it()
+    limited.motors[2].moves(-500 * limited.way)
+    assert not limited.poll(10)
+    limited.motors[2].block[stepper.VELOCITY] *= -1  # at the end, before it has made a step
+    assert not limited.poll(10)
+    assert limited.reports() == []
+
+
+def test_a_limit_is_released_for_a_while_before_it_is_off(limited):
+    limited.rest_at_it()
+    limited.press(False)
+    assert not limited.poll(RELEASE_MS)
+    assert limited.answer(2, 1) == limited.refusal
+    limited.poll()
+    assert limited.answer(2, 1) == m.OK
+
+
+def test_a_limit_that_is_reached_again_is_reported_again(limited):
+    limited.rest_at_it()
+    limited.press(False)
+    limited.poll(RELEASE_MS + 1)
+    assert len(limited.reach()) == 1
 
 
 def test_positions_that_are_no_small_integers():

@@ -126,49 +126,80 @@ def test_requests_that_move_nothing_are_answered_while_the_estop_is_held():
     assert session.ask(Hi()).motors == 8
 
 
+class AtLimit:
+    """Motors 4 and 5 move; motor 4 reaches one of its two switches. `hit` is when."""
+
+    def __init__(self, direction, swap):
+        self.direction = direction
+        self.session = session = simulated(SWITCHES)
+        calm(session)
+        session.accept(MotorSetLimits(4, 0, 0, 0, 0, 1 | swap))
+        session.accept(MotorMove(4, 30_000 * direction), MotorMove(5, 30_000 * direction))
+        session.run(1)
+        self.pin = 22 if (direction > 0) != bool(swap) else 26
+        set_input(session, 48 - self.pin, 1)  # the other end, which the motor leaves
+        session.run(0.2)
+        set_input(session, 48 - self.pin, 0)
+        session.run(0.05)
+        assert tuple(session.moving) == (4, 5)
+        assert not session.events(HardStop)
+        set_input(session, self.pin, 1)
+        self.hit = session.now
+
+    def rest(self):
+        """Wait until all motors are at rest. Return where motor 4 is."""
+        self.session.run(0.3)
+        self.session.wait_idle()
+        here = self.session.position(4)
+        self.session.forget()
+        return here
+
+
+@pytest.fixture(
+    params=[(1, 0), (-1, 0), (1, m.HW_SET_SWAP), (-1, m.HW_SET_SWAP)],
+    ids=("upper", "lower", "upper, swapped", "lower, swapped"),
+)
+def at_limit(request):
+    return AtLimit(*request.param)
+
+
 @pytest.mark.each_processor
-@pytest.mark.parametrize("swap", [0, m.HW_SET_SWAP])
-@pytest.mark.parametrize("direction", [1, -1])
-def test_limit(direction, swap):
-    session = simulated(SWITCHES)
-    calm(session)
-    session.accept(MotorSetLimits(4, 0, 0, 0, 0, 1 | swap))
-    session.accept(MotorMove(4, 30_000 * direction), MotorMove(5, 30_000 * direction))
-    session.run(1)
-    pin = 22 if (direction > 0) != bool(swap) else 26
-    set_input(session, 48 - pin, 1)  # the other end, which the motor leaves
-    session.run(0.2)
-    set_input(session, 48 - pin, 0)
-    session.run(0.05)
-    assert tuple(session.moving) == (4, 5)
-    assert not session.events(HardStop)
-    set_input(session, pin, 1)
-    hit = session.now
+def test_a_limit_stops_its_motor_alone(at_limit):
+    """By four times its acceleration, and it is reported within 2 ms."""
+    session = at_limit.session
     session.run(0.3)
     assert tuple(session.moving) == (5,)
     ((reported, message),) = session.events(HardStop)
-    assert reported - hit <= 0.002
-    assert message == HardStop(1 if direction > 0 else 2, 4)
-    times, signs = session.steps(4)
-    assert deceleration(times, signs, hit + 0.004) == pytest.approx(4 * ACCELERATION, rel=0.05)
-    session.wait_idle()
-    here = session.position(4)
+    assert message == HardStop(1 if at_limit.direction > 0 else 2, 4)
+    assert reported - at_limit.hit <= 0.002
+    slope = deceleration(*session.steps(4), at_limit.hit + 0.004)
+    assert slope == pytest.approx(4 * ACCELERATION, rel=0.05)
+
+
+def test_at_a_limit_everything_that_leads_on_is_refused(at_limit):
+    session, direction = at_limit.session, at_limit.direction
+    here = at_limit.rest()
     refusal = m.ERR_HARD_UP if direction > 0 else m.ERR_HARD_LOW
-    session.forget()
     session.refuse(
         refusal, MotorMove(4, here + direction), MotorJog(4, 5000, here + 1000 * direction)
     )
     session.upload({4: [here + 100 * direction] * 2})
-    shoot = RtShootFrame2(
-        1, 100, 0, 180, [BlurMotor(4, here + 100 * direction, here + 110 * direction)]
-    )
+    blur = BlurMotor(4, here + 100 * direction, here + 110 * direction)
+    shoot = RtShootFrame2(1, 100, 0, 180, [blur])
     session.refuse(refusal, RtPositionFrame(1), run_request(), shoot)
     assert not session.steps(4)[0].size
-    session.accept(MotorMove(4, here - 100 * direction))
+
+
+@pytest.mark.each_processor
+def test_a_motor_may_leave_its_limit_and_come_back_once_that_is_released(at_limit):
+    session = at_limit.session
+    here = at_limit.rest()
+    away = here - 100 * at_limit.direction
+    session.accept(MotorMove(4, away))
     session.wait_idle()
-    assert session.position(4) == here - 100 * direction
+    assert session.position(4) == away
     assert not session.events(HardStop)
-    set_input(session, pin, 0)
+    set_input(session, at_limit.pin, 0)
     session.run(0.05)
     session.accept(MotorMove(4, here))
     session.wait_idle()
