@@ -1,6 +1,8 @@
 """The operator's side on the emulated board: bench commands during a run, LED, faults in words, how
 to prevent the start."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from framestep_emulator import Emulator
@@ -37,42 +39,84 @@ def shows(pattern, shown):
     return shown in 3 * pattern
 
 
-@pytest.mark.repeats
-def test_bench_commands_beside_a_run(session):
-    """An import, printing, measuring and collecting while four motors run: every edge is in its
-    place."""
+# ---- beside a run of four motors: an import, printing, measuring and collecting
+
+BYTES_KEPT = 3000  # by framestep.repl, once it is imported
+
+
+@pytest.fixture(scope="module")
+def beside(session):
+    """What commands have said during a run whose every edge was in its place."""
     board = session.board
     repl = board.emulator.repl()
-    assert shows(CONNECTED, led(board))
+    led_before = led(board)
     positions = move(session, frames=80)
     stands = load(session, positions)
     session.accept(RtGo())
     before = repl.eval("(__import__('gc').collect(), __import__('gc').mem_free())[1]")
     session.ask(GetLoad())
     repl.exec("import framestep.repl")
-    lines = repl.exec("status()").splitlines()
-    assert lines[2].startswith("a run is on, at frame ")
-    assert repl.exec("move(8, 200)").startswith("refused: a run is on")
-    figures = repl.exec("timing()").splitlines()
-    busy = session.ask(GetLoad())
-    assert 0.2 < busy.interrupt_us / busy.ms / 10 < 12, "percent"
-    assert 1 < busy.passes_us / busy.ms / 10 < 60, "percent"
-    assert busy.late_us < 200
-    assert shows(MOVING, led(board, 3))
+    said = SimpleNamespace(motors=list(positions), led_before=led_before)
+    said.status = repl.exec("status()").splitlines()
+    said.move = repl.exec("move(8, 200)")
+    said.timing = repl.exec("timing()").splitlines()
+    said.load = session.ask(GetLoad())
+    said.led = led(board, 3)
     repl.exec("import gc, json; gc.collect()")
     assert session.client.wait_event(RtEnd, 10)
     session.run(0.1)
     assert_played(session, stands, positions)
-    assert before - repl.eval("(gc.collect(), gc.mem_free())[1]") < 3000, "bytes"
-    tick = [int(word) for word in figures[0].replace(",", "").split() if word.isdigit()]
-    assert figures[0].startswith("interrupts: ")
-    assert 10 < tick[0] < 120
-    assert tick[0] <= tick[2] < 400
-    late = int(figures[1].split(": ")[1].split()[0])
-    assert late < 100
-    assert figures[2].startswith("load of the last ")
-    assert [line.split(":")[0] for line in figures[3:]] == [f"motor {i}" for i in positions]
-    assert "lost" in lines[3]
+    said.kept = before - repl.eval("(gc.collect(), gc.mem_free())[1]")
+    said.why = repl.exec("why()")
+    return said
+
+
+@pytest.mark.repeats
+def test_the_led_shows_a_connection_and_a_run(beside):
+    assert shows(CONNECTED, beside.led_before)
+    assert shows(MOVING, beside.led)
+
+
+@pytest.mark.repeats
+def test_bench_commands_keep_little_memory(beside):
+    assert beside.kept < BYTES_KEPT
+
+
+@pytest.mark.repeats
+def test_status_says_that_a_run_is_on_and_what_is_lost(beside):
+    assert beside.status[2].startswith("a run is on, at frame ")
+    assert "lost" in beside.status[3]
+
+
+@pytest.mark.repeats
+def test_a_command_that_moves_is_refused_during_a_run(beside):
+    assert beside.move.startswith("refused: a run is on")
+    assert beside.why.startswith("refused: a command of the REPL, as ")
+
+
+@pytest.mark.repeats
+def test_the_load_of_a_run_is_known_to_the_host(beside):
+    load = beside.load
+    assert 0.2 < load.interrupt_us / load.ms / 10 < 12, "percent"
+    assert 1 < load.passes_us / load.ms / 10 < 60, "percent"
+    assert load.late_us < 200
+
+
+@pytest.mark.repeats
+def test_timing_shows_interrupts_load_and_each_motor_that_moved(beside):
+    interrupts, late, load, *motors = beside.timing
+    assert interrupts.startswith("interrupts: ")
+    mean, _, longest = [int(w) for w in interrupts.replace(",", "").split() if w.isdigit()][:3]
+    assert 10 < mean < 120, "us"
+    assert mean <= longest < 400, "us"
+    assert int(late.split(": ")[1].split()[0]) < 100
+    assert load.startswith("load of the last ")
+    assert [line.split(":")[0] for line in motors] == [f"motor {i}" for i in beside.motors]
+
+
+@pytest.mark.repeats
+def test_help_and_settings_can_be_read(beside, session):
+    repl = session.board.emulator.repl()
     assert "why the last request was refused" in repl.exec("help()")
     assert "object framestep.boot is of type" in repl.exec("help(framestep.boot)").replace(
         "<module 'framestep.boot' from 'framestep/boot.py'>", "framestep.boot"
@@ -82,12 +126,16 @@ def test_bench_commands_beside_a_run(session):
         *(f"inputs[{i}].pin = {pin}" for i, pin in enumerate((27, 28), 1)),
         "all else is at its default",
     ]
-    assert repl.exec("why()").startswith("refused: a command of the REPL, as ")
     assert "output 1, pin 22: off" in repl.exec("io()")
-    # afterwards they do move something
-    assert repl.exec("move(8, 200)") == ""
+
+
+@pytest.mark.repeats
+def test_after_the_run_a_command_moves_a_motor(beside, session):
+    repl = session.board.emulator.repl()
+    there = session.position(8) + 200
+    assert repl.exec(f"move(8, {there})") == ""
     session.wait_idle()
-    assert session.position(8) == 200
+    assert session.position(8) == there
 
 
 def test_tracing_beside_a_run(session):

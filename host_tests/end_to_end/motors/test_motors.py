@@ -53,45 +53,71 @@ def test_name_of_the_rig_file():
     assert simulated({"name": "é" * 16}).ask(p.Hi()).name == "é" * 16
 
 
+# ---- the form of answers: acknowledgements have the request's ID and type, and a code with the
+# dialect's width; data has no flag
+
+
+@pytest.mark.parametrize(
+    ("kind", "payload"),
+    [
+        pytest.param(m.MSG_MOTOR_STOP, b"\x01", id="STOP"),
+        pytest.param(m.MSG_MOTOR_STOP_ALL, b"", id="STOP_ALL"),
+        pytest.param(m.MSG_MOTOR_STOP_ALL, b"\1\0\0\0", id="STOP_ALL with a payload"),
+        pytest.param(m.MSG_MOTOR_RESET_POSITION, struct.pack("<Bi", 1, 5), id="RESET_POSITION"),
+        pytest.param(m.MSG_MOTOR_JOG, struct.pack("<BHi", 1, 100, 5), id="JOG"),
+        pytest.param(m.MSG_MOTOR_CONFIGURE, b"\x01\x01", id="CONFIGURE"),
+        pytest.param(m.MSG_MOTOR_SET_SPEED, struct.pack("<BII", 1, 1000, 1000), id="SET_SPEED"),
+        pytest.param(
+            m.MSG_MOTOR_SET_LIMITS, struct.pack("<BBiBiB", 1, 0, 0, 0, 0, 0), id="SET_LIMITS"
+        ),
+    ],
+)
+def test_a_request_for_a_motor_is_acknowledged(both, kind, payload):
+    assert is_ack(both, both.answer_to(kind, payload))
+
+
 @pytest.mark.each_processor
-def test_form_of_every_answer(both):
-    """Acknowledgements have the request's ID and type and a code with the dialect's width; data has
-    no flag."""
+def test_each_request_of_an_upload_is_acknowledged(both):
     for kind, payload in (
-        (m.MSG_MOTOR_STOP, b"\x01"),
-        (m.MSG_MOTOR_STOP_ALL, b""),
-        (m.MSG_MOTOR_STOP_ALL, b"\1\0\0\0"),
-        (m.MSG_MOTOR_RESET_POSITION, struct.pack("<Bi", 1, 5)),
-        (m.MSG_MOTOR_JOG, struct.pack("<BHi", 1, 100, 5)),
-        (m.MSG_MOTOR_CONFIGURE, b"\x01\x01"),
-        (m.MSG_MOTOR_SET_SPEED, struct.pack("<BII", 1, 1000, 1000)),
-        (m.MSG_MOTOR_SET_LIMITS, struct.pack("<BBiBiB", 1, 0, 0, 0, 0, 0)),
         (m.MSG_RT_UPLOAD_MOVE_BEGIN, struct.pack("<ii", 1, 3)),
         (m.MSG_RT_UPLOAD_MOVE_AXIS, struct.pack("<BI3i", 1, 0, 1, 2, 3)),
         (m.MSG_RT_UPLOAD_MOVE_END, b""),
         (m.MSG_RT_POSITION_FRAME, struct.pack("<i", 3)),
     ):
-        assert is_ack(both, both.answer_to(kind, payload)), kind
-        both.wait_idle()
+        assert is_ack(both, both.answer_to(kind, payload)), f"0x{kind:04X} {payload.hex()}"
+
+
+@pytest.mark.parametrize("tail", [0, 2, 6], ids="{} bytes more".format)
+def test_a_run_is_acknowledged_and_go_once(both, tail):
+    both.upload({1: [1, 2, 3]})
     run = struct.pack("<IiiIIBIHH", 24000, 1, 3, 500, 500, 0, 0, 0, 0)
-    for tail in (b"", bytes(2), bytes(6)):
-        assert is_ack(both, both.answer_to(m.MSG_RT_RUN_MOVE, run + tail)), tail
-        both.wait_idle()
+    assert is_ack(both, both.answer_to(m.MSG_RT_RUN_MOVE, run + bytes(tail)))
+    both.wait_idle()
     assert is_ack(both, both.answer_to(m.MSG_RT_GO))
     assert is_ack(both, both.answer_to(m.MSG_RT_GO), p.Ack.ERR_MOVING)
-    both.wait_idle()
-    for kind, size in (
-        (m.MSG_HI, 51),
-        (m.MSG_MOTOR_STATUS, 5),
-        (m.MSG_MOTOR_GET_POSITION, 4 + 4 * 8),
-    ):
-        answer = both.answer_to(kind)
-        assert not answer.is_ack
-        assert answer.id == 77
-        assert len(answer.payload) == size
+
+
+@pytest.mark.parametrize(
+    ("kind", "size"),
+    [
+        pytest.param(m.MSG_HI, 51, id="HI"),
+        pytest.param(m.MSG_MOTOR_STATUS, 5, id="STATUS"),
+        pytest.param(m.MSG_MOTOR_GET_POSITION, 4 + 4 * 8, id="GET_POSITION"),
+    ],
+)
+def test_a_question_is_answered_by_data(both, kind, size):
+    answer = both.answer_to(kind)
+    assert not answer.is_ack
+    assert answer.id == 77
+    assert len(answer.payload) == size
+
+
+def test_an_unknown_request_is_unsupported(both):
     assert is_ack(both, both.answer_to(0x0300), p.Ack.ERR_UNSUPPORTED)
-    damaged = bytes.fromhex("4446000000000102000000 00".replace(" ", ""))
-    frames = both.bytes_for(damaged)
+
+
+def test_a_damaged_frame_is_answered_with_id_0(both):
+    frames = both.bytes_for(bytes.fromhex("4446 00000000 0102 00 00 0000"))
     assert [(f.id, f.type) for f in frames] == [(0, 0x8201)]
     assert is_ack(both, frames[0], p.Ack.ERR_CHECKSUM)
 

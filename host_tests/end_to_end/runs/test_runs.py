@@ -27,39 +27,42 @@ def test_run_in_all_three_lengths(both, more):
     assert_played(both, before, MOVE, 24)
 
 
-@pytest.mark.needs("prompt")
-def test_run_reported(loaded):
-    """At each frame's time a position report has its MOVE TIME, then RT_END comes once; field notes
-    4.6 and 6.4."""
+@pytest.fixture
+def reported(loaded):
+    """A run of MOVE from beginning to end, and when each frame was on its motors' pins."""
     loaded.ready(run_request(24, 1, FRAMES, 700, 300))
     before = loaded.positions
     loaded.forget()
     loaded.accept(p.RtGo())
     loaded.run(0.7 + FRAMES / 24 + 1)
     verdict = assert_played(loaded, before, MOVE, 24)
-    assert len(loaded.events(p.RtEnd)) == 1
-    ((end, _),) = loaded.events(p.RtEnd)
-    times = (verdict.origin_ns + frame_times_ns(FRAMES, 24000)) * 1e-9
-    kinds = [type(event.message) for event in loaded.client.events]
-    assert kinds.index(p.RtEnd) > max(
-        i for i, k in enumerate(kinds) if k is p.Positions and i < kinds.index(p.RtEnd)
-    )
-    # the first report of each frame
-    reported = {}
-    for time, message in loaded.events(p.Positions):
-        if time > times[0] - 0.05:
-            reported.setdefault(message.move_time, (time, message))
-    reported.pop(1000 if 1000 in reported and reported[1000][0] < times[0] - 0.005 else None, None)
+    loaded.frames_s = (verdict.origin_ns + frame_times_ns(FRAMES, 24000)) * 1e-9
+    return loaded
+
+
+@pytest.mark.needs("prompt")
+def test_a_report_at_each_frames_time_has_its_move_time_and_positions(reported):
+    """Field note 4.6; within 4 ms, by when a motor may have gone on for 5 ms."""
+    first_of = {}
+    for time, message in reported.events(p.Positions):
+        if time > reported.frames_s[0] - 0.05:
+            first_of.setdefault(message.move_time, (time, message))
     for i in range(1, FRAMES):
-        time, message = reported[1000 * (i + 1)]
-        assert 0 <= time - times[i] <= 0.004, i
+        time, message = first_of[1000 * (i + 1)]
+        assert 0 <= time - reported.frames_s[i] <= 0.004, f"frame {i + 1}"
         for motor, steps in MOVE.items():
             rate = abs(int(steps[i]) - int(steps[i - 1])) * 24
-            assert abs(message.steps[motor - 1] - steps[i]) <= rate * 0.005 + 2
-    last_edge = max(loaded.steps(motor)[0][loaded.steps(motor)[0] < end][-1] for motor in MOVE)
-    assert 0 <= end - last_edge <= 0.01
-    assert end - times[-1] == pytest.approx(1 / 24 + 0.3, abs=0.01)
-    assert loaded.moving == []
+            assert abs(message.steps[motor - 1] - steps[i]) <= rate * 0.005 + 2, f"frame {i + 1}"
+
+
+@pytest.mark.needs("prompt")
+def test_the_end_of_a_run_is_reported_once_when_all_motors_are_at_rest(reported):
+    """Field note 6.4: after a frame and the post-roll."""
+    ((end, _),) = reported.events(p.RtEnd)
+    assert end - reported.frames_s[-1] == pytest.approx(1 / 24 + 0.3, abs=0.01)
+    before_end = [steps[steps < end][-1] for steps in (reported.steps(m)[0] for m in MOVE)]
+    assert 0 <= end - max(before_end) <= 0.01
+    assert reported.moving == []
 
 
 # With smoothing a roll is half a step longer or shorter, and its acceleration is not constant.
