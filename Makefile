@@ -19,8 +19,6 @@ FILES_core := $(foreach layer,runtime board emulator console,$(FILES_$(layer):%=
 
 ARGS ?=
 LAYER :=
-BOARD ?= pico
-TARGET ?= esp32
 
 ifneq ($(LAYER),)
 ifeq ($(NEEDS_$(LAYER)),)
@@ -35,7 +33,7 @@ unexport ARGS LAYER BOARD TARGET PORT SECONDS SEED MICROPYTHON
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help help-all setup node chromium micropython runtimes images demo try site sim emu check test test-all test-sessions console-pictures fuzz lint types format \
+.PHONY: help help-all setup node chromium micropython runtimes images demo try site sim emu check test test-all test-sessions console-pictures fuzz strain lint types format \
 	plots bench profile flash image install release emulator-measure conform prove clean
 
 help: ## show this list
@@ -69,9 +67,9 @@ site: setup node ## the documents as a web site, with the pages of make try in i
 	@"$(PYTHON_VENV)" -m framestep_tools.site.documents
 
 demo: setup ## play a camera move on the emulated board, check every edge, plot it (build/demo); BOARD=pico or all
-	@if tools/setup.sh node && "$(PYTHON_VENV)" -m framestep_tools.building.make_image --board $(BOARD); then where=; \
+	@if tools/setup.sh node && "$(PYTHON_VENV)" -m framestep_tools.building.make_image --board $(or $(BOARD),pico); then where=; \
 	else echo "The emulated board is not available here; the demo runs on the host simulation instead." >&2; where=--host; fi; \
-	"$(PYTHON_VENV)" -m framestep_tools.demo --board $(BOARD) $$where $(ARGS)
+	"$(PYTHON_VENV)" -m framestep_tools.demo --board $(or $(BOARD),pico) $$where $(ARGS)
 
 sim: setup ## the controller on this computer, on a pseudo-terminal; ARGS="--tcp 127.0.0.1:7000 --trace FILE"
 	@"$(PYTHON_VENV)" -m framestep_tools sim $(ARGS)
@@ -84,10 +82,10 @@ flash: setup ## copy edited modules onto a board with framestep's image: PORT=/d
 	@"$(PYTHON_VENV)" -m framestep_tools flash $(if $(PORT),--port $(PORT)) $(ARGS)
 
 image: setup ## MicroPython with framestep in it: build/BOARD.uf2; BOARD=pico or all, and MICROPYTHON=path of a checkout
-	@"$(PYTHON_VENV)" -m framestep_tools.building.make_image --board $(BOARD) $(if $(MICROPYTHON),--micropython $(MICROPYTHON)) $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools.building.make_image --board $(or $(BOARD),pico) $(if $(MICROPYTHON),--micropython $(MICROPYTHON)) $(ARGS)
 
 install: setup ## build the image and put it on a board plugged in with BOOTSEL held: BOARD=pico
-	@"$(PYTHON_VENV)" -m framestep_tools install --board $(BOARD) $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools install --board $(or $(BOARD),pico) $(ARGS)
 
 release: setup node ### the files of a release (build/release): the package for pip, images, pages, sums, notes
 	@"$(PYTHON_VENV)" -m framestep_tools.site.release
@@ -101,6 +99,7 @@ test-all: lint types node images chromium ### make test, and a third of the test
 check: lint types ## while you work: style, types, and the tests nearest to your changes since main, in a minute
 	@PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n $(PROCESSES) --near=main $(ARGS)
 
+test-sessions: TARGET := $(or $(TARGET),esp32)
 test-sessions: setup node ### the end-to-end scenarios on another target: TARGET=esp32, rp2040, rp2350, device with PORT=, or replay (again on 32-bit MicroPython, the heap locked); ARGS="--share 10" plays every tenth
 	$(if $(filter replay,$(TARGET)),@tools/micropython/build.sh unix32f)
 	$(if $(filter esp32,$(TARGET)),@tools/micropython/build.sh esp32)
@@ -110,14 +109,13 @@ test-sessions: setup node ### the end-to-end scenarios on another target: TARGET
 console-pictures: setup chromium ### take pictures of the console, to look at (build/console); ARGS=--states: of each state in each size and theme
 	@"$(PYTHON_VENV)" -m host_tests.console.pictures $(ARGS)
 
-fuzz: setup ## random sessions, checked for what must never happen: SECONDS=60, SEED=7, ARGS="--minutes 15 --replay", or BOARD=emulator or esp32; failures become scripts in build/fuzz
-ifeq ($(BOARD),emulator)
-	@tools/setup.sh node && tools/micropython/build.sh rp2
-	@"$(PYTHON_VENV)" -m host_tests.board.strain $(if $(SEED),--seed $(SEED)) $(ARGS)
-else
-	$(if $(BOARD),@tools/micropython/build.sh esp32)
-	@"$(PYTHON_VENV)" -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(if $(BOARD),--board esp32_s3_595) $(ARGS)
-endif
+fuzz: setup ## random sessions, checked for what must never happen: SECONDS=60, SEED=7, ARGS="--minutes 15 --replay"; TARGET=rp2040, rp2350 or esp32: on that chip; failures become scripts in build/fuzz
+	$(if $(filter esp32,$(TARGET)),@tools/micropython/build.sh esp32)
+	$(if $(filter rp2%,$(TARGET)),@tools/setup.sh node && tools/micropython/build.sh rp2)
+	@"$(PYTHON_VENV)" -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(if $(TARGET),--target $(TARGET)) $(ARGS)
+
+strain: setup node micropython ### any requests on an emulated board while somebody works on its REPL: BOARD=pico2, SEED=7, ARGS="--requests 20000 --quiet"
+	@"$(PYTHON_VENV)" -m host_tests.board.strain $(if $(SEED),--seed $(SEED)) $(if $(BOARD),--board $(BOARD)) $(ARGS)
 
 lint: setup ### style (ruff, oxlint, shellcheck), spelling (codespell), and subjects of commits
 	@"$(PYTHON_VENV)" -m ruff check --show-files | grep -q '[.]py$$' || { echo "ruff finds no Python file to check"; exit 1; }

@@ -3,6 +3,7 @@ MicroPython read.
 
     # what the script shows
     board pico                    of boards/, fitted to the rig; "host" for hal.host.BOARD
+    target rp2350                 what plays it (fuzz/chip_player.py); by default the host
     rig {"hard_stop_factor": 2}   content of the rig file; text that is not JSON is a truncated file
     motors 3                      how many, whatever the board has
     memory 4096                   bytes for the uploaded move
@@ -44,6 +45,7 @@ class Script:
     def __init__(self, board="host", rig=None):
         self.says = []
         self.board = board
+        self.target = "host"
         self.rig = {} if rig is None else rig
         self.rig_text = None  # the file's text if it is not JSON
         self.motors = None
@@ -57,6 +59,8 @@ class Script:
         for text in self.says:
             yield "# " + text
         yield "board " + self.board
+        if self.target != "host":
+            yield "target " + self.target
         yield "rig " + (json.dumps(self.rig) if self.rig is not None else self.rig_text or "{")
         if self.motors:
             yield f"motors {self.motors}"
@@ -99,6 +103,8 @@ def event(line):
 def _header(script, word, rest):
     if word == "board":
         script.board = rest
+    elif word == "target":
+        script.target = rest
     elif word == "rig":
         try:
             script.rig = json.loads(rest)

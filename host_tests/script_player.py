@@ -24,6 +24,7 @@ class Player:
     """
 
     links = True  # the port may close at any time, and the link may have faults
+    pauses = True  # the main loop may be away
     lag_ms = 0  # from a tick to its edges, at most
     report_s = 0.0025  # age of the positions in a report, at most
 

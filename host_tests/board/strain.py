@@ -1,7 +1,8 @@
 """Any requests in any order on the emulated board, while a person works on its REPL: memory used to
 the last byte, long C calls, Ctrl-C, files read, prints, bench commands.
 
-    make fuzz BOARD=emulator ARGS="--requests 20000 --seed 1 --quiet"
+    make strain ARGS="--requests 20000 --seed 1 --quiet"
+    make strain BOARD=pico2
     ... --overlay framestep.pulse.tick framestep.motors.axis
 
 Every valid request gets one answer in time, whatever stops the motors gets an answer, the motors
@@ -23,6 +24,7 @@ from pathlib import Path
 from framestep.protocol import messages as m
 from framestep_emulator import ReplError
 from framestep_tools import payloads as p
+from framestep_tools.building.board_files import emulated_boards
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.judge.virtual_reference import Axis, Rig
 from framestep_tools.simulator.boards import EmulatedBoard
@@ -510,13 +512,13 @@ class Strain:
         )
 
 
-def strain(seed, requests, say=print, quiet=False, modules=()):
+def strain(seed, requests, say=print, quiet=False, modules=(), board="pico"):
     names = [module.replace(".", "/") + ".mpy" for module in modules]
-    files = on_board(ident_of("pico"), {name: edited(name) for name in names}) if names else {}
+    files = on_board(ident_of(board), {name: edited(name) for name in names}) if names else {}
     lights = quiet and not names
-    with EmulatedBoard(RIG | {"dmx": lights}, files=files) as board:
-        board.wire_switches()
-        found = Strain(board, seed, say, quiet)
+    with EmulatedBoard(RIG | {"dmx": lights}, files=files, board=board) as emulated:
+        emulated.wire_switches()
+        found = Strain(emulated, seed, say, quiet)
         found.lights = lights
         bits = struct.unpack_from("<I", found.ask(m.MSG_CONDITION))[0]
         if bool(names) != bool(bits & m.CONDITION_OVERLAY):
@@ -532,10 +534,13 @@ def main():
     parser.add_argument(
         "--overlay", nargs="+", default=(), metavar="MODULE", help="modules to run from RAM"
     )
+    parser.add_argument("--board", default="pico", choices=emulated_boards())
     args = parser.parse_args()
     if args.requests < 1:
         parser.error("--requests has to be 1 or more")
-    strain(args.seed, args.requests, quiet=args.quiet, modules=args.overlay).report()
+    strain(
+        args.seed, args.requests, quiet=args.quiet, modules=args.overlay, board=args.board
+    ).report()
 
 
 if __name__ == "__main__":

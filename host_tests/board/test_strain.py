@@ -1,4 +1,4 @@
-"""A part of `make fuzz BOARD=emulator`: any requests on the emulated board, alone and together with
+"""A part of `make strain`: any requests on the emulated board, alone and together with
 work on its REPL. See strain.py."""
 
 import pytest

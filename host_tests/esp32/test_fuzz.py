@@ -6,7 +6,6 @@ import pytest
 from framestep_tools.simulator.esp32_board import Esp32Board
 from host_tests.covering import sweep
 from host_tests.fuzz import fuzz
-from host_tests.fuzz.chip_player import BOARD
 from host_tests.fuzz.findings import Finding
 from host_tests.fuzz.sessions import Host, coupled, limited, moves, outputs_on, run
 
@@ -16,7 +15,7 @@ RIG = {"motor_count": 2, "motors": [{"jerk": 200, "invert": True}]}
 
 @pytest.fixture
 def host():
-    host = Host(RIG, BOARD)
+    host = Host(RIG, target="esp32")
     yield host
     host.trial.close()
 
@@ -42,7 +41,7 @@ def test_nothing_is_found_where_nothing_is_wrong(host, session):
 
 @pytest.mark.parametrize("requests", sweep((100, 150), 100))
 def test_random_requests(requests):
-    trial, finding = fuzz.session(SEED, requests, board=BOARD)
+    trial, finding = fuzz.session(SEED, requests, target="esp32")
     assert finding is None
     assert trial.counts["requests"] >= requests
     assert trial.counts["edges"] > 1000

@@ -1,35 +1,60 @@
-"""Plays session scripts (script.py) on the simulated ESP32-S3, as script_player.Player does on the
-host simulation.
+"""Plays session scripts (script.py) on a simulated or emulated chip, as script_player.Player does
+on the host simulation.
 
-The chip shows only its USB and its pins. Edges come as they are played, after the queue of I2S. A
-script's `hold` and `skip` become pauses of the main loop that lose nothing.
+Such a board shows only its USB and its pins. On the ESP32-S3 edges come as they are played, after
+the queue of I2S, and a script's `hold` and `skip` become pauses of the main loop that lose nothing.
+On a Pico or Pico 2 ticks have to be in time, and interrupts on.
 """
 
+from typing import NamedTuple
+
+from framestep.rig import Rig
+from framestep_tools.building.board_files import board_data
+from framestep_tools.simulator.boards import EmulatedBoard
 from framestep_tools.simulator.esp32_board import Esp32Board
 from host_tests.fuzz.shown import CYCLE_NS, MS_NS, Shown
+from host_tests.observers import Tolerances, timing
 from host_tests.script import Script
 
-BOARD = "esp32_s3_595"
-QUEUE_MS = 40  # within which the queue of 24 buffers has been played, and its edges been read
+
+class Chip(NamedTuple):
+    """A target of the fuzzer: a board, and what plays it."""
+
+    board: str  # a folder in boards/
+    make: type
+    within: Tolerances
+
+
+# lag_ms of the ESP32: by then the queue of 24 buffers has been played, and its edges been read
+CHIPS = {
+    "esp32": Chip("esp32_s3_595", Esp32Board, Tolerances(lag_ms=40, report_s=0.01)),
+    "rp2040": Chip("pico", EmulatedBoard, Tolerances(lag_ms=5, report_s=0.005)),
+    "rp2350": Chip("pico2", EmulatedBoard, Tolerances(lag_ms=5, report_s=0.005)),
+}
 LONGEST_MS = 20  # pause of the main loop that loses nothing
 _OPENS_NS = 3_000_000
 _READ_MS = 8  # from one reading of the edges to the next, unless the board says something
+_TIMING_MS = 500  # from one look at the ticks to the next
 
 
 class ChipPlayer(Shown):
     """A board and its millisecond."""
 
-    lag_ms = QUEUE_MS
-    report_s = 0.01  # age of the positions in a report
-
     def __init__(self, script: Script, _on_edge=None):
         self.script = script
-        self.chip = Esp32Board(script.rig, script.board)
-        self._begun_ns = self.chip.now_ns
-        rig = self.chip.rig
+        board, make, self._within = CHIPS[script.target]
+        self.lag_ms, self.report_s = self._within.lag_ms, self._within.report_s
+        rig = Rig(script.rig, board_data(board))
         count = len(rig.board["step"])
-        super().__init__(rig, count)
         self._inverted = [rig.motor(i)["invert"] for i in range(count)]
+        self.chip = make(script.rig, board=board)
+        emulator = getattr(self.chip, "emulator", None)
+        self._switches = emulator or self.chip
+        self._ticks = emulator and timing.watched(emulator, f"{board} {script.rig}")
+        self._begun_ns = self.chip.now_ns
+        super().__init__(rig, count)
+        self.pauses = hasattr(self.chip, "pause")
+        self._read_edges()  # the levels at first, of those boards that show them
 
     @property
     def now_ns(self) -> int:
@@ -52,8 +77,8 @@ class ChipPlayer(Shown):
         elif verb == "pin":
             signal, level = argument
             self.level(signal, level)
-            self.chip.set_pin(self.pin(signal), level)
-        elif verb in ("hold", "skip"):
+            self._switches.set_pin(self.pin(signal), level)
+        elif verb in ("hold", "skip") and self.pauses:
             self._held = min(argument, LONGEST_MS)
             self.chip.pause(self._held)
         elif verb != "prompt":
@@ -75,6 +100,10 @@ class ChipPlayer(Shown):
         if data or self.ms % _READ_MS == 0:
             self._read_edges()
         self.ms += 1
+        if self._ticks and self.ms % _TIMING_MS == 0:
+            finding = timing.finding(self._ticks, self._within)
+            if finding:
+                raise finding
 
     def _read_edges(self) -> None:
         for time, signal, value in self.chip.edges():

@@ -1,7 +1,7 @@
 """`make fuzz`: random sessions until the time is up; failures are shrunk to scripts.
 
     python -m host_tests.fuzz.fuzz --seconds 60 [--seed 7] [--requests 200] [--minutes 15]
-                                   [--keep-going] [--int32] [--replay]
+                                   [--keep-going] [--int32] [--replay] [--target rp2350]
 
 Each session's seed is made of the run's seed and its number, so a session can be repeated.
 """
@@ -38,6 +38,7 @@ def replay(script: Script, tail_ms: int = 0, again=None):
 def header_of(script: Script) -> Script:
     """Return the same board and rig without events."""
     head = Script(script.board, script.rig)
+    head.target = script.target
     head.rig, head.rig_text = script.rig, script.rig_text
     head.motors, head.memory, head.flash, head.says = (
         script.motors,
@@ -134,7 +135,7 @@ def shrink_from(script: Script, finding, again=None) -> Script:
     return shrink(whole, finding.kind, again=again if finding.kind == "again" else None)
 
 
-def session(seed: str, requests: int, minutes: float = 0.5, again=None, board: str | None = None):
+def session(seed: str, requests: int, minutes: float = 0.5, again=None, target: str = "host"):
     """Play one session; return (Trial, Finding or None)."""
     from .findings import Finding
     from .rigs import draw_script
@@ -142,7 +143,7 @@ def session(seed: str, requests: int, minutes: float = 0.5, again=None, board: s
     from .world import World
 
     dice = Random(seed)
-    trial = (again.trial if again else Trial)(draw_script(dice, board))
+    trial = (again.trial if again else Trial)(draw_script(dice, target))
     try:
         World(dice, trial, requests, round(minutes * 60_000)).run()
         if again:
@@ -159,7 +160,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scripts", nargs="*", help="replay these instead")
     parser.add_argument("--seconds", type=float, default=60)
-    parser.add_argument("--board", help="of all sessions, as esp32_s3_595, which is simulated")
+    parser.add_argument("--target", default="host", help="what plays the sessions: rp2350, esp32 …")
     parser.add_argument("--seed", default=None)
     parser.add_argument("--first", type=int, default=0, help="number of the first session")
     parser.add_argument("--sessions", type=int, default=10**9)
@@ -179,6 +180,8 @@ def main() -> int:
         "--int32", action="store_true", help="check that every number fits (slower)"
     )
     options = parser.parse_args()
+    if options.replay and options.target != "host":
+        parser.error("--replay needs --target host")
     if options.int32:
         from host_tests import int32
 
@@ -188,6 +191,13 @@ def main() -> int:
 
         machine_code.install()
     from framestep.base import native_cpython
+    from framestep_emulator import Emulator, Pool
+
+    from .chip_player import CHIPS
+
+    if options.target not in ("host", *CHIPS):
+        parser.error(f"--target {options.target} is none of host, {', '.join(CHIPS)}")
+    Emulator.pool = Pool()  # a process for each board would take longer than a session
 
     again = None
     if options.replay:
@@ -216,7 +226,7 @@ def main() -> int:
         if played and time.monotonic() - began > options.seconds:
             break
         name = f"{seed}/{number}"
-        trial, finding = session(name, requests, options.minutes, again, options.board)
+        trial, finding = session(name, requests, options.minutes, again, options.target)
         played += 1
         counts += trial.counts
         virtual_ms += trial.ms

@@ -8,6 +8,8 @@ from framestep.rig.homes import least_back_off
 from framestep_tools.building.board_files import board_data, image_boards
 from host_tests.script import Script
 
+from .chip_player import CHIPS
+
 
 def draw_rig(dice: Random, board: str) -> dict:
     """Return what a rig file for this board may contain."""
@@ -118,11 +120,14 @@ def draw_home(dice: Random, sets: list, hard_stop_factor: int) -> dict:
     }
 
 
-def draw_script(dice: Random, board: str | None = None) -> Script:
-    """Return a script with a board and a rig, which sometimes lacks something. board: its name; by
-    default one with an image."""
-    if board:
-        return Script(board, draw_rig(dice, board))
+def draw_script(dice: Random, target: str = "host") -> Script:
+    """Return a script with a rig for a target's board. On the host it is any board with an image,
+    which sometimes lacks something."""
+    if target != "host":
+        board = CHIPS[target].board
+        script = Script(board, draw_rig(dice, board))
+        script.target = target
+        return script
     board = dice.choice((*image_boards(), "pico", "pico"))
     script = Script(board, draw_rig(dice, board))
     if dice.random() < 0.02:

@@ -5,6 +5,7 @@ import struct
 from framestep.protocol import messages as m
 from host_tests.script import Script
 
+from .chip_player import CHIPS
 from .link import frame
 from .trial import Trial
 
@@ -12,8 +13,12 @@ from .trial import Trial
 class Host:
     """A host with a board under trial. make: makes the board from a script."""
 
-    def __init__(self, rig=None, board="pico", make=Trial):
-        self.trial = make(Script(board, rig or {"motor_count": 2}))
+    def __init__(self, rig=None, board="pico", make=Trial, target="host"):
+        script = Script(
+            board if target == "host" else CHIPS[target].board, rig or {"motor_count": 2}
+        )
+        script.target = target
+        self.trial = make(script)
         self.number = 0
         self.trial.do("open")
         self.wait(5)

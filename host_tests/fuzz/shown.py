@@ -15,7 +15,7 @@ class Shown:
 
     recorder = None
     full = False
-    links = False
+    links = pauses = False
     now_ns = 0
 
     def __init__(self, rig, motors: int, levels=0, is_open=False):

@@ -38,8 +38,8 @@ from host_tests import int32
 from host_tests.script import Script
 from host_tests.script_player import Player
 
-from . import chip_player
 from .bounds import FREE, STEEPEST, Motor
+from .chip_player import ChipPlayer
 from .edges import Edges
 from .findings import Finding
 from .link import Link, Request
@@ -61,8 +61,7 @@ class Trial:
     def __init__(self, script: Script, player: Any = None):
         self.script = script
         if player is None:
-            chip = script.board == chip_player.BOARD
-            player = (chip_player.ChipPlayer if chip else Player)(script, self._edge)
+            player = (Player if script.target == "host" else ChipPlayer)(script, self._edge)
         self.player = player
         self.board = player.board
         self.hal = self.board.hal
@@ -285,6 +284,8 @@ class Trial:
         int32.armed = True
         try:
             player.step()
+        except Finding:
+            raise
         except Exception as error:
             self._broken(error)
         finally:

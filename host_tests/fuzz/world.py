@@ -31,7 +31,7 @@ class World:
         self.rig = trial.rig
         self.wild = dice.random() < 0.25
         links = dice.random() < 0.2 and trial.player.links
-        late = dice.random() < 0.15
+        late = dice.random() < 0.15 and trial.player.pauses
         switches = dice.random() < 0.6
         self.host = Host(dice, trial, requests, ms, links, dice.random() < 0.4)
         self.singles = Singles(self)

@@ -2,6 +2,7 @@
 `make check` runs is in test_near.py."""
 
 import importlib.util
+import os
 import shutil
 import subprocess
 import sys
@@ -117,3 +118,15 @@ def test_a_test_of_each_file_of_an_empty_folder_has_failed(tmp_path):
     )
     assert result.returncode != 0
     assert "Empty parameter set in 'test_each'" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "target"), [([], []), (["TARGET=rp2350"], ["--target", "rp2350"])]
+)
+def test_the_fuzzer_plays_on_the_host_unless_a_target_is_given(words, target):
+    """It has to reach faults of the link and pauses, which no chip shows."""
+    command = ["make", "-n", "-C", ROOT, "fuzz", *words]
+    outside = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
+    shown = subprocess.run(command, capture_output=True, text=True, check=True, env=outside)
+    (line,) = [line for line in shown.stdout.splitlines() if "host_tests.fuzz.fuzz" in line]
+    assert line.split()[line.split().index("60") + 1 :] == target

@@ -1,0 +1,75 @@
+"""The fuzzer and its judge with an emulated board (fuzz/chip_player.py): nothing is found in the
+firmware, and faults are. `make fuzz TARGET=rp2350` plays other sessions."""
+
+import pytest
+
+from framestep_emulator import Emulator
+from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.board.chips import PICO
+from host_tests.fuzz import fuzz
+from host_tests.fuzz.findings import Finding
+from host_tests.fuzz.sessions import Host, moves, outputs_on, pressed, run
+
+SEED = "1/3"
+REQUESTS = 60
+
+
+def target(chip):
+    return "rp2040" if chip is PICO else "rp2350"
+
+
+def test_random_requests(chip):
+    trial, finding = fuzz.session(SEED, REQUESTS, target=target(chip))
+    assert finding is None
+    assert trial.counts["requests"] >= REQUESTS
+    assert trial.counts["edges"] > 100
+
+
+@pytest.fixture
+def host(chip):
+    host = Host(
+        {"motor_count": 2, "estop": "no", "motors": [{"invert": True}]}, target=target(chip)
+    )
+    yield host
+    host.trial.close()
+
+
+@pytest.mark.parametrize("session", [run, pressed, outputs_on])
+def test_nothing_is_found_where_nothing_is_wrong(host, session):
+    session(host)
+    assert host.trial.counts["runs judged"] == (session is run)
+
+
+def lost_step(edges):
+    """Leave out a step in a hundred."""
+    return [edge for k, edge in enumerate(edges) if k % 100 or edge[1] != "m1"]
+
+
+def stuck(edges):
+    """Never lower an output."""
+    return [edge for edge in edges if not edge[1].startswith("gio") or edge[2]]
+
+
+@pytest.mark.parametrize(
+    "fault, session, kinds",
+    [(lost_step, moves, ("goal", "pins", "positions")), (stuck, outputs_on, ("outputs",))],
+)
+def test_a_fault_of_the_pins_is_found(host, monkeypatch, fault, session, kinds):
+    edges = EmulatedBoard.edges
+    monkeypatch.setattr(EmulatedBoard, "edges", lambda board: fault(edges(board)))
+    with pytest.raises(Finding) as found:
+        session(host)
+        host.wait(100)
+    assert found.value.kind in kinds
+
+
+def test_interrupts_that_are_off_for_long_are_found(host, monkeypatch):
+    cycles = Emulator.cycles
+
+    def masked(emulator, clear=False):
+        return cycles(emulator, clear) | {"masked": {"us": 141}}
+
+    monkeypatch.setattr(Emulator, "cycles", masked)
+    with pytest.raises(Finding) as found:
+        moves(host)
+    assert found.value.kind == "masked"
