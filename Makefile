@@ -144,8 +144,9 @@ bench: setup node micropython ## measure the firmware on the emulated board agai
 profile: setup node micropython ### where the processor's time goes: ARGS=upload, single-port, play, go or servos
 	@"$(PYTHON_VENV)" -m framestep_tools.bench.profile $(ARGS)
 
-conform: setup ### the conformance kit against the simulator and against seeded faults: both scores
-	@"$(PYTHON_VENV)" -m host_tests.conform.score
+conform: setup ### the conformance kit against the simulator and against seeded faults: both scores; BOARD=pico2: on that emulated board, ARGS="--subject framing": a part
+	$(if $(filter esp32%,$(BOARD)),@tools/micropython/build.sh esp32,$(if $(BOARD),@tools/setup.sh node && tools/micropython/build.sh rp2))
+	@"$(PYTHON_VENV)" -m host_tests.conform.score $(if $(BOARD),--board $(BOARD)) $(ARGS)
 
 prove: setup node micropython ### the emulated board measures itself, like a real one with `framestep lab prove` (build/prove); ARGS="--chip B1" or --renew
 	@"$(PYTHON_VENV)" -m framestep_tools.prove $(ARGS)

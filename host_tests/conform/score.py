@@ -1,14 +1,21 @@
 """How reliable the kit is, `make conform`: no alarm on correct devices, one on each seeded fault.
-All devices are simulated boards, in virtual time."""
+All devices are simulated boards, in virtual time.
 
-from collections.abc import Iterable
+`make conform BOARD=pico2` runs the kit once on an emulated board, `BOARD=esp32_595` on a
+simulated ESP32; ARGS="--subject framing" runs a part of it.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterable, Sequence
 
 from framestep_tools.conform import kit, report
+from framestep_tools.conform.checks import every_check
 from framestep_tools.conform.kit import Result
 
 from . import coupled_faults, faults, motion_faults
 from .faults import Fault
-from .simulated import results
+from .simulated import BOARDS, results, results_on
 from .variants import VARIANTS, Variant
 
 FAULTS = faults.FAULTS + motion_faults.FAULTS + coupled_faults.FAULTS
@@ -35,8 +42,30 @@ def found(fault: Fault) -> bool:
         return True
 
 
-def main() -> None:
-    """Print both scores."""
+def play_on(board: str, subjects: Iterable[str]) -> None:
+    """Print what the kit finds on one board. SystemExit if there is an alarm, or no check."""
+    reported = []
+    for result in results_on(board, subjects):
+        reported.append(result)
+        if alarms([result]):
+            print(f"  {report.line(result)}", flush=True)
+    print(f"{board}: {len(reported)} checks: {report.counts(reported)}")
+    if alarms(reported) or not reported:
+        raise SystemExit(1)
+
+
+def main(words: Sequence[str] = ()) -> None:
+    """Print both scores, or play on one board."""
+    names = sorted({check.subject for check in every_check()})
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--board", choices=BOARDS)
+    parser.add_argument("--subject", action="append", choices=names, help="only this one")
+    options = parser.parse_args(words)
+    if options.subject and not options.board:
+        parser.error("--subject needs --board")
+    if options.board:
+        play_on(options.board, options.subject or ())
+        return
     if not VARIANTS or not FAULTS:
         raise SystemExit("no correct device, or no seeded fault, to try the kit on")
     false = 0
@@ -58,4 +87,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -1,15 +1,20 @@
-"""The kit on a simulated board in virtual time: it sees the pins and presses the switches."""
+"""The kit on a simulated or emulated board in virtual time: it sees the pins and presses the
+switches."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
+from framestep.rig import Rig
+from framestep_tools.building.board_files import board_data
 from framestep_tools.conform import kit
 from framestep_tools.conform.bench import Bench
 from framestep_tools.conform.checks import every_check
 from framestep_tools.conform.kit import Result
 from framestep_tools.conform.link import Link
 from framestep_tools.judge.trace import Edge
-from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
+from framestep_tools.simulator.boards import Board, EmulatedBoard, LockstepPort, SimulatedBoard
+from framestep_tools.simulator.esp32_board import BOARD as ESP32
+from framestep_tools.simulator.esp32_board import PROCESSOR, Esp32Board
 
 from .fault_proxy import Behaviour, FaultProxy
 
@@ -19,30 +24,40 @@ RIG: dict[str, Any] = {
     "outputs": [{"pin": 22}],
     "inputs": [{"pin": 28}],
 }
+CHAIN_RIG: dict[str, Any] = {  # with the pins of an ESP32's board
+    "estop": "nc",
+    "limits": [{"low": 25, "high": 26}],
+    "outputs": [{"pin": 83}],
+    "inputs": [{"pin": 27}],
+    "motor_count": 4,
+}
+BOARDS = ("pico", "pico2", ESP32)  # which have the pins of these rig files
 
 
-class SimulatedPins:
-    """The edges of a simulated board, as `behaviour` shows them."""
+class SeenPins:
+    """The edges of a board, as `behaviour` shows them."""
 
-    def __init__(self, board: SimulatedBoard, behaviour: Behaviour):
+    def __init__(self, board: Board, behaviour: Behaviour):
         self.board, self.behaviour = board, behaviour
 
     def take(self) -> list[Edge]:
         """Return the edges since the last call."""
-        return self.behaviour.edges(sorted(self.board.edges(), key=lambda edge: edge[0]))
+        edges = sorted(self.board.edges(), key=lambda edge: edge[0])
+        return self.behaviour.edges(
+            [(time, signal.replace("out", "gio"), level) for time, signal, level in edges]
+        )
 
 
-class SimulatedHands:
-    """Presses the switches that the rig file names."""
+class Hands:
+    """Presses the switches that the rig file names. set_pin: sets the level of a pin."""
 
     slow = False
 
-    def __init__(self, board: SimulatedBoard):
-        self.board = board.host_board
-        rig = self.board.rig
-        self.pins: dict[str, tuple[str | int, bool]] = {}  # and whether pressed is low
+    def __init__(self, rig: Rig, set_pin: Callable[[int, int], object]):
+        self.set_pin = set_pin
+        self.pins: dict[str, tuple[int, bool]] = {}  # and whether pressed is low
         if rig.estop != "none":
-            self.pins["E-stop"] = "estop", rig.estop == "no"
+            self.pins["E-stop"] = rig.board["estop"], rig.estop == "no"
         for number, limit in enumerate(rig.limits, 1):
             for end, pin in (("upper", limit["high"]), ("lower", limit["low"])):
                 self.pins[f"{end} limit {number}"] = pin, limit["contact"] == "no"
@@ -61,7 +76,7 @@ class SimulatedHands:
     def press(self, what: str, on: bool) -> None:
         """Set the pin to its level with the switch pressed, or released."""
         pin, low = self.pins[what]
-        self.board.set_input(pin, int(on != low))
+        self.set_pin(pin, int(on != low))
 
 
 def results(
@@ -75,10 +90,34 @@ def results(
     subjects: only these. motors: how many it has. rig: what its rig file has besides RIG.
     """
     with SimulatedBoard({**RIG, **(rig or {})}, motors) as board:
-        hands = SimulatedHands(board)
-        behaviour = behaviour or Behaviour()
-        link = Link(FaultProxy(LockstepPort(board), behaviour))
-        link.pump(0.3)
-        checks = [c for c in every_check() if not subjects or c.subject in subjects]
-        bench = Bench(link, True, SimulatedPins(board, behaviour), hands)
-        yield from kit.results_of(bench, checks)
+        hands = Hands(board.host_board.rig, board.host_board.set_input)
+        yield from _judged(board, hands, subjects, behaviour)
+
+
+def results_on(
+    name: str, subjects: Iterable[str] = (), processor: str = PROCESSOR
+) -> Iterator[Result]:
+    """Yield the results of the kit on an emulated board, or a simulated ESP32 with a processor.
+
+    name: one of BOARDS; subjects: only these.
+    """
+    if name == ESP32:
+        with Esp32Board(CHAIN_RIG, name, processor=processor) as chain:
+            yield from _judged(chain, Hands(chain.rig, chain.set_pin), subjects)
+        return
+    rig = {**RIG, "motor_count": 4}
+    with EmulatedBoard(rig, board=name) as board:
+        yield from _judged(
+            board, Hands(Rig(rig, board_data(name)), board.emulator.set_pin), subjects
+        )
+
+
+def _judged(
+    board: Board, hands: Hands, subjects: Iterable[str], behaviour: Behaviour | None = None
+) -> Iterator[Result]:
+    behaviour = behaviour or Behaviour()
+    link = Link(FaultProxy(LockstepPort(board), behaviour))
+    link.pump(0.3)
+    checks = [check for check in every_check() if not subjects or check.subject in subjects]
+    bench = Bench(link, True, SeenPins(board, behaviour), hands)
+    yield from kit.results_of(bench, checks)

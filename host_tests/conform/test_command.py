@@ -13,7 +13,7 @@ from framestep_tools.conform.checks import edges
 from framestep_tools.errors import BROKEN_OFF, DONE, FAILED, INTERRUPTED, USAGE
 from framestep_tools.judge.trace import HEADER, TraceWriter
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
-from host_tests.conform.simulated import RIG, SimulatedHands
+from host_tests.conform.simulated import RIG, Hands
 
 
 class Port(LockstepPort):
@@ -115,7 +115,7 @@ def test_a_file_that_is_no_trace(conform, tmp_path):
 def test_somebody_presses_switches_when_asked(monkeypatch, capsys):
     """They do as the sentences say, within half a second."""
     board = SimulatedBoard(RIG, 2)
-    switches = SimulatedHands(board)
+    switches = Hands(board.host_board.rig, board.host_board.set_input)
     board.run_until(50_000_000)
     port, said = Port(board, after=10), []
 
