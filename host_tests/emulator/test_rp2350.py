@@ -7,6 +7,7 @@ import pytest
 
 from framestep_emulator import Emulator
 from framestep_emulator.errors import EmulatorError
+from framestep_emulator.node import Pool
 from framestep_tools.building import images
 from framestep_tools.payloads import MotorMove
 from framestep_tools.simulator.boards import EmulatedBoard
@@ -163,6 +164,47 @@ def test_files_outlive_a_reset(emulator):
     board.reset()
     board.wait_usb()
     assert board.repl().exec("print(open('/kept.txt').read())").strip() == "twice"
+
+
+@pytest.fixture
+def pool(monkeypatch):
+    found = Pool()
+    monkeypatch.setattr(Emulator, "pool", found)
+    yield found
+    found.close()
+
+
+def test_code_that_an_earlier_board_has_run_changes_nothing(pool):
+    """Its next board goes on with it: state and time are those of a board of its own."""
+    Emulator.pool = None
+    with EmulatedBoard({"motor_count": 3}, board="pico2") as alone:
+        expected = alone.emulator.cmd("digest")
+    Emulator.pool = pool
+    with EmulatedBoard({"motor_count": 2}, board="pico2") as other:
+        other.run_until(other.now_ns + 100_000_000)
+    with EmulatedBoard({"motor_count": 3}, board="pico2") as board:
+        assert board.emulator.cmd("digest") == expected
+    assert len(pool.idle) == 1
+
+
+def test_code_of_another_image_is_not_that_of_the_board_before(pool, tmp_path):
+    """This one stops where it is reset."""
+    image = images.frozen("pico2")
+    content = bytearray(image.read_bytes())
+    begins = int.from_bytes(content[4:8], "little") - 0x1000_0000 & ~1
+    content[begins : begins + 2] = b"\x00\xde"  # udf
+    changed = tmp_path / "changed.bin"
+    changed.write_bytes(content)
+    with Emulator(image, boot=False) as first:
+        first.advance(20)
+        assert not first.halted
+    with Emulator(changed, boot=False) as second:
+        second.advance(20)
+        assert second.halted
+    with Emulator(image, boot=False) as third:
+        third.advance(20)
+        assert not third.halted
+    assert len(pool.idle) == 1
 
 
 def test_twelve_motors_keep_their_rate():

@@ -22,6 +22,14 @@ export class Pico2 extends Board {
   makeChip(options) {
     return new Chip2350(options);
   }
+  putFirmware(firmware) {
+    super.putFirmware(firmware);
+    this.core?.restored();
+  }
+  putFiles(image) {
+    super.putFiles(image);
+    this.core?.restored();
+  }
   flashWritten(from, to) {
     this.flashDirty = true;
     this.core.flashChanged(from, to);

@@ -33,6 +33,8 @@ export class M33 {
   #nowhere = Object.assign(() => this.#nowhere, { pc: 0, max: 1 }); // after a jump outside the memory
   #stopped = new Map(); // where pieces have ended at the limit, and go on
   #next = null; // piece that is next
+  #codeEnd = 0; // of what in the flash has become code
+  #codeFlash; // the flash of which it was made
 
   constructor(chip, { xipMiss = 0, onHalt = () => {} } = {}) {
     this.chip = this.rp2040 = chip;
@@ -94,9 +96,6 @@ export class M33 {
     this.totalCycles = 0;
     this.stop = false;
     this.romCall = null;
-    this.pieces = 0;
-    this.codeEnd = 0;
-    this.compileMs = 0;
     this.excCount = new Float64Array(80);
     this.excCycles = new Float64Array(80);
     this.excMax = new Float64Array(80);
@@ -114,6 +113,7 @@ export class M33 {
     this.xipMisses = 0;
     this.xipAccesses = 0;
 
+    this.#codeFlash = this.flash32.slice();
     this.#inFlash = new Array(chip.flash.length / 2).fill(null);
     this.#inRam = new Array(RAM_SIZE / 2).fill(null);
     this.#inRom = new Array(ROM_SIZE / 2).fill(null);
@@ -145,7 +145,6 @@ export class M33 {
   }
 
   compile(pc, stops = false) {
-    const before = performance.now();
     const top = pc >>> 24;
     const inRam = top === 0x20 && (pc & 0xffffff) < RAM_SIZE;
     if (!inRam && !(top >= 0x10 && top < 0x14) && pc >>> 0 >= ROM_SIZE) {
@@ -167,17 +166,15 @@ export class M33 {
       : this.make(head + text, links);
     code.pc = pc;
     code.max = max;
-    this.pieces++;
     if (stops) {
       code.places = places;
       code.goesOn = new Array(places.length);
     } else if (inRam) this.#inRam[(pc & 0xffffff) >> 1] = code;
     else if (top) {
       this.#inFlash[(pc & this.flashMask) >> 1] = code;
-      this.codeEnd = Math.max(this.codeEnd, (end & this.flashMask) + 8192);
+      this.#codeEnd = Math.max(this.#codeEnd, (end & this.flashMask) + 8192);
     }
     else this.#inRom[pc >> 1] = code;
-    this.compileMs += performance.now() - before;
     return code;
   }
 
@@ -207,17 +204,25 @@ export class M33 {
     return code !== null ? code : this.compile(pc) ?? this.#nowhere;
   }
 
+  /** The memory has another content: code stays if it is still in the flash. That in RAM looks for itself. */
   restored() {
-    this.#inFlash.fill(null);
-    this.#inRam.fill(null);
-    this.#inRom.fill(null);
-    this.#stopped.clear();
+    const end = this.#codeEnd >> 2;
+    let same = 0;
+    while (same < end && this.flash32[same] === this.#codeFlash[same]) same++;
+    this.flashChanged(same < end ? 0 : this.#codeEnd, this.flash8.length);
     this.#next = null;
-    this.codeEnd = 0;
   }
 
-  flashChanged(from) {
-    if (from < this.codeEnd) this.restored(); // else no code is there
+  flashChanged(from, to) {
+    if (from < this.#codeEnd) {
+      this.#inFlash.fill(null);
+      this.#inRam.fill(null);
+      this.#inRom.fill(null);
+      this.#stopped.clear();
+      this.#next = null;
+      this.#codeEnd = 0;
+    }
+    this.#codeFlash.set(this.flash32.subarray(from >> 2, (to + 3) >> 2), from >> 2);
   }
 
   // ------------------------------------------------------------------ running
