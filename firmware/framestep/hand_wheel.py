@@ -20,6 +20,7 @@ from framestep.base.native import const, micropython, ptr32
 from framestep.base.results import OK
 from framestep.io.gio import Inputs
 from framestep.motion import reals
+from framestep.motors import bounds
 from framestep.motors.axis import FULL_SPEED
 from framestep.motors.backlash import TARGET
 
@@ -176,7 +177,7 @@ class Pendant:
             words[_DELTA] = self.click * self.factor
             if not reals.add_words(words, _TARGET, words, _TARGET, words, _DELTA, down):
                 break
-        axis.clamp(words, _TARGET)
+        bounds.clamp(axis, words, _TARGET)
         if self.safety.limit_blocking(motor, words, _TARGET) != OK:
             return
         if self.going or not reals.equal_words(words, _TARGET, words, _HERE):

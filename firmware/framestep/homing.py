@@ -17,9 +17,8 @@ from framestep.base.clock import elapsed
 from framestep.base.native import const
 from framestep.io.safety import LOWER
 from framestep.motion import reals
+from framestep.motors import bounds
 from framestep.motors.axis import MOTION_ACCELERATION, MOTION_VELOCITY
-from framestep.motors.bounds import update as update_bounds
-from framestep.motors.motor import MAX_ACCELERATION, TICKS_PER_SECOND
 from framestep.motors.positions import (
     HELD,
     HOMED,
@@ -30,6 +29,7 @@ from framestep.motors.positions import (
     NOT_OPENED,
     NOT_SQUARE,
 )
+from framestep.motors.rates import MAX_ACCELERATION, TICKS_PER_SECOND
 from framestep.protocol import messages as m
 from framestep.stops import FAULT_HOMING, HOMING_REPORT
 
@@ -37,7 +37,7 @@ SETTLE_MS = const(50)  # at rest, before a switch is judged: longer than it boun
 _OWN_RATES = const(1)  # a speed for Axis.move_to() that means the rates of _set_velocity()
 _EITHER = const(-1)  # results of SharedSwitches.side()
 _ONE_END = const(-2)
-_Y = const(14)  # a scratch register of Motor.numbers
+_Y = const(14)  # a scratch register of Axis.numbers
 
 # Phases
 _NONE = const(0)
@@ -172,7 +172,7 @@ class Seeker:
         if partner:
             self.limits |= (4 if partner.lower_enabled else 0) | (8 if partner.upper_enabled else 0)
             partner.lower_enabled = partner.upper_enabled = False
-        update_bounds(axis)
+        bounds.update(axis)
 
     def restore_limits(self):
         """Restore the soft limits."""
@@ -185,7 +185,7 @@ class Seeker:
             if axis.partner:
                 axis.partner.lower_enabled = limits & 4 != 0
                 axis.partner.upper_enabled = limits & 8 != 0
-            update_bounds(axis)
+            bounds.update(axis)
 
 
 class Homing:
@@ -313,7 +313,7 @@ class Homing:
         if self.axes.positions.states[motor] == KNOWN:
             words = self.seekers[0].words
             words[_TARGET] = self.homes[motor]["position"]
-            side = axis.outside(words, _TARGET)
+            side = bounds.outside(axis, words, _TARGET)
             if side:
                 return m.ERR_SOFT_UP if side > 0 else m.ERR_SOFT_LOW
         return m.OK

@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 from playwright.sync_api import expect
 
-from framestep.motors.motor import DEFAULT_VELOCITY
+from framestep.motors.rates import DEFAULT_VELOCITY
 from framestep_tools.axes.axes_file import read_axes
 from framestep_tools.console.axes_text import AxesText
 from framestep_tools.console.move_work import MoveWork

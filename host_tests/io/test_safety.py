@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from framestep.io.requests import send_stops
 from framestep.io.safety import RELEASE_MS, Safety
-from framestep.motors.motor import ACCELERATION_LIMIT, kernel_rate
+from framestep.motors.rates import ACCELERATION_LIMIT, kernel_rate
 from framestep.protocol import messages as m
 from framestep.protocol.frames import FrameWriter
 from framestep.pulse import stepper

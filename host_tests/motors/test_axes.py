@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from framestep.motion import reals
+from framestep.motors import bounds
 from framestep.motors.axes import AHEAD, LOW, Axes
-from framestep.motors.motor import (
+from framestep.motors.rates import (
     ACCELERATION_LIMIT,
     MAX_ACCELERATION,
     MAX_JERK,
@@ -135,14 +136,14 @@ def test_outside(place, lower, upper, target, side):
     axis.set_position(word(place), 1)
     limits = array("i", [lower or 0, upper or 0])
     assert axis.set_limits(lower is not None, upper is not None, limits, 0)
-    assert axis.outside(word(target), 1) == side
+    assert bounds.outside(axis, word(target), 1) == side
 
 
 def test_limits_that_cross():
     axis = Rig()[0]
     assert axis.set_limits(True, True, array("i", [-5, 5]), 0)
     assert not axis.set_limits(True, True, array("i", [6, 5]), 0)
-    assert (axis.outside(word(6), 1), axis.outside(word(-6), 1)) == (1, -1)
+    assert (bounds.outside(axis, word(6), 1), bounds.outside(axis, word(-6), 1)) == (1, -1)
     assert axis.set_limits(True, False, array("i", [6, 5]), 0)
 
 
@@ -153,8 +154,8 @@ def test_clamp(place, target):
     axis.set_position(word(place), 1)
     axis.set_limits(True, True, array("i", [-100, 100]), 0)
     held = word(target)
-    axis.clamp(held, 1)
-    assert axis.outside(held, 1) == 0
+    bounds.clamp(axis, held, 1)
+    assert bounds.outside(axis, held, 1) == 0
     low, high = min(-100, place), max(100, place)
     if (
         low <= target <= high

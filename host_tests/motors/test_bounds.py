@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from framestep.motors import bounds
 from framestep.motors.backlash import BACKLASH, make_backlash
-from framestep.motors.motor import kernel_rate
+from framestep.motors.rates import kernel_rate
 from framestep.pulse import stepper
 from host_tests.pulse.profiles import ONE
 

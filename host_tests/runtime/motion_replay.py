@@ -25,6 +25,7 @@ from array import array
 
 from framestep.base.native import addressof
 from framestep.motion import reals, segments
+from framestep.motors import bounds
 from framestep.motors.axes import Axes
 from framestep.pulse import stepper
 from framestep.pulse.kernel import StepKernel
@@ -92,7 +93,7 @@ def travel(rig, axis, share):
 
 def jog(rig, axis, share):
     heap_lock()
-    axis.clamp(rig.words, 1)
+    bounds.clamp(axis, rig.words, 1)
     axis.move_to(rig, rig.words, 1, share)
     heap_unlock()
 

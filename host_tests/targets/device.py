@@ -14,7 +14,7 @@ from typing import Any, ClassVar, NoReturn
 import pytest
 import serial
 
-from framestep.motors.motor import DEFAULT_ACCELERATION, DEFAULT_VELOCITY
+from framestep.motors.rates import DEFAULT_ACCELERATION, DEFAULT_VELOCITY
 from framestep.rig import Rig
 from framestep_tools import payloads as p
 from framestep_tools.building.board_files import board_data

@@ -20,7 +20,7 @@ from framestep.base import results
 from framestep.base.clock import elapsed
 from framestep.base.native import addressof, as_word, const, micropython, ptr32
 from framestep.motors.feeder import coupled
-from framestep.motors.motor import ACCELERATION_LIMIT, kernel_rate
+from framestep.motors.rates import ACCELERATION_LIMIT, kernel_rate
 from framestep.pulse.stepper import (
     DOWN,
     HELD,

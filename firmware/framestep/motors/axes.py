@@ -53,7 +53,7 @@ class Axes:
         self.positions.set_servos(rig.servos)
 
     def set_speed(self, motor, velocity, acceleration):
-        """Set a motor's velocity and acceleration: see Motor.set_speed()."""
+        """Set a motor's velocity and acceleration: see Axis.set_speed()."""
         self[motor].set_speed(velocity, acceleration)
         self.pending = True
 

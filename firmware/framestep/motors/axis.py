@@ -1,9 +1,13 @@
-"""The motion of one motor: how a request or a played move becomes segments in its queue.
+"""One motor: its settings and position, and how a request or a played move becomes segments in its
+queue.
 
 An axis has a list of phases (phases.py). It cuts them into segments and puts these into the tick
 kernel's queue, some tenths of a second ahead. All motion of a motor is planned here.
 
-Positions and directions are as in motor.py. Nothing allocates after construction.
+Hosts ask for the position of the load, and it is reported to them. The motor's own position differs
+from it by the backlash (backlash.py). A `direction` is 1 for up, -1 for down, 0 for either.
+Positions are steps, int32, passed as (array, index), since a large one would be an object on the
+heap. Nothing allocates after construction.
 """
 
 from array import array
@@ -13,13 +17,16 @@ from framestep.motion import ramps, reals, segments
 from framestep.motion.phases import DURATION_WORDS, Phases, scratch
 from framestep.motion.reals import add_words, order_words
 from framestep.motors import bounds, feeder, splice
-from framestep.motors.backlash import BACKLASH, LOAD, MOTOR, PLANNED_LOAD, TARGET
-from framestep.motors.motor import (
+from framestep.motors.backlash import BACKLASH, LOAD, MOTOR, PLANNED_LOAD, TARGET, make_backlash
+from framestep.motors.rates import (
     ACCELERATION_LIMIT,
+    DEFAULT_ACCELERATION,
+    DEFAULT_VELOCITY,
     MAX_ACCELERATION,
     MAX_JERK,
     MAX_VELOCITY,
-    Motor,
+    TICKS_PER_SECOND,
+    VELOCITY_FLOOR,
     kernel_rate,
 )
 from framestep.pulse import stepper
@@ -33,23 +40,42 @@ SPLICE_TICKS = const(12)  # from a request to the beginning of the new plan
 ALL_SPLICE_TICKS = const(40)  # the same for all motors of a motion
 SLOW_SPLICE_TICKS = const(32)  # with a jerk limit, which an RP2040 plans in up to 20 ms
 
-# Registers of `numbers`, after those of motor.py
+# Registers of `numbers`, after those of rates.py
 MOTION_VELOCITY = const(6)  # greatest velocity of the motion under way, by its `speed`
 MOTION_ACCELERATION = const(8)
 _X = const(12)
 _Y = const(14)
 
+_RUNS = const(stepper.RUN | stepper.STOP)
 _UNLIMITED = const(0x3FFFFFFF)
 
 
-class Axis(Motor):
-    """The motion of one motor.
+class Axis:
+    """A motor: its settings, limits, position and motion.
 
     kernel: the StepKernel. motor: from 0. positions: the Positions of all motors.
     """
 
     def __init__(self, kernel, motor, positions):
-        super().__init__(kernel.blocks[motor])
+        self.block = kernel.blocks[motor]
+        self.numbers = array("i", [0] * 16)
+        self.lower_enabled = False
+        self.upper_enabled = False
+        self.ends = bounds.ENDS  # the range of positions
+        self.bounds = array("i", [0] * bounds.BOUNDS_WORDS)  # of the load
+        self.own_velocity = 0  # set by set_speed(), steps/s
+        self.own_acceleration = 0  # steps/s²
+        self.own_jerk = 0  # 1000 steps/s³
+        self.velocity = 0  # in force: no more than a coupled motor can do as well
+        self.acceleration = 0
+        self.rates_outdated = True  # numbers derived from these settings must be computed again
+        self.backlash = make_backlash(self.block)  # also has the position of the load
+        self.partner = None  # the motor that does what this one does
+        self.leader = None  # the motor that this one follows
+        self.reversed = 0  # 1: the partner turns in the opposite sense
+        # the partner's position minus this motor's; if reversed, their sum
+        self.base = array("i", [0])
+        self.word = array("i", [0] * 3)
         self.positions = positions
         self.state = array("i", [0] * segments.OPEN_WORDS)
         self.cubic = array("i", [0] * segments.CUBIC_WORDS)
@@ -72,6 +98,97 @@ class Axis(Motor):
         self.speed = 0  # of the motion under way, in ten-thousandths
         self.direction = 0  # direction for which the backlash must be taken up at TARGET
         self.stopping_smoothly = False  # a stop within the jerk limit is under way
+        bounds.update(self)
+        self.set_speed(DEFAULT_VELOCITY, DEFAULT_ACCELERATION)
+
+    # ---------------------------------------------------------------- settings
+
+    def set_speed(self, velocity, acceleration):
+        """Set the greatest velocity and acceleration.
+
+        velocity: steps/s, 1 … VELOCITY_LIMIT. acceleration: steps/s²; 0: half the velocity.
+
+        Of coupled motors the stricter setting applies. While the motor moves, an acceleration below
+        its motion's waits, because the motor could no longer stop in time, for example at a soft
+        limit. apply_pending() applies it when the motor is at rest.
+        """
+        if velocity < VELOCITY_FLOOR:
+            velocity = VELOCITY_FLOOR
+        if acceleration == 0:
+            acceleration = max(velocity // 2, 1)
+        if acceleration > ACCELERATION_LIMIT:
+            acceleration = ACCELERATION_LIMIT
+        self.own_velocity = velocity
+        self.own_acceleration = acceleration
+        (self.leader or self)._apply()
+
+    def _apply(self):
+        """Put the settings in force: the stricter ones of this motor and its partner."""
+        velocity = self.own_velocity
+        acceleration = self.own_acceleration
+        jerk = self.own_jerk
+        partner = self.partner
+        if partner:
+            velocity = min(velocity, partner.own_velocity)
+            acceleration = min(acceleration, partner.own_acceleration)
+            if not jerk or 0 < partner.own_jerk < jerk:
+                jerk = partner.own_jerk
+        self.block[stepper.PENDING] = 0
+        if acceleration < self.acceleration and not self.at_rest:
+            self.block[stepper.PENDING] = 1
+            acceleration = self.acceleration
+        self.velocity = velocity
+        self.acceleration = acceleration
+        self.rates_outdated = True
+        r = self.numbers
+        reals.put(r, _Y, TICKS_PER_SECOND, 0)
+        reals.put(r, MAX_VELOCITY, velocity, 0)
+        reals.divide(r, MAX_VELOCITY, MAX_VELOCITY, _Y)
+        reals.put(r, MAX_ACCELERATION, acceleration, 0)
+        reals.divide(r, MAX_ACCELERATION, MAX_ACCELERATION, _Y)
+        reals.divide(r, MAX_ACCELERATION, MAX_ACCELERATION, _Y)
+        reals.put(r, MAX_JERK, jerk, 0)
+        reals.divide(r, MAX_JERK, MAX_JERK, _Y)
+        reals.divide(r, MAX_JERK, MAX_JERK, _Y)
+        self.block[stepper.BRAKE] = kernel_rate(acceleration)
+        if partner:
+            # the same ramp for both, whatever stops them
+            partner.block[stepper.BRAKE] = self.block[stepper.BRAKE]
+
+    def apply_pending(self):
+        """If the motor is at rest, apply the waiting settings. Return False if they still wait."""
+        if self.block[stepper.PENDING] and self.at_rest:
+            self._apply()
+        return not self.block[stepper.PENDING]
+
+    def set_jerk(self, jerk):
+        """Set the greatest jerk, 1000 steps/s³, at most 2^30 - 1; 0: no limit. Only at rest."""
+        self.own_jerk = jerk
+        (self.leader or self)._apply()
+
+    def set_limits(self, lower_enabled, upper_enabled, source, i):
+        """Set the soft limits to source[i] and source[i + 1], in steps.
+
+        Return False, and set nothing, if they cross.
+        """
+        if lower_enabled and upper_enabled and order_words(source, i, source, i + 1) > 0:
+            return False
+        reals.copy_word(self.bounds, bounds.SOFT_LOWER, source, i)
+        reals.copy_word(self.bounds, bounds.SOFT_UPPER, source, i + 1)
+        self.lower_enabled = lower_enabled
+        self.upper_enabled = upper_enabled
+        bounds.update(self.leader or self)
+        return True
+
+    def set_ends(self, lowest, highest):
+        """Make it a servo, whose positions are limited to this range of steps. At the start."""
+        self.ends = array("i", [lowest, highest])
+        bounds.update(self)
+
+    def set_backlash(self, steps):
+        """Set the backlash in steps, 0 … 10000. Only at rest."""
+        self.backlash[BACKLASH] = steps
+        bounds.update(self)
 
     # ---------------------------------------------------------------- state
 
@@ -93,15 +210,82 @@ class Axis(Motor):
         """Return whether the kernel takes queued segments now or from the next tick on."""
         return self.block[stepper.MODE] & (stepper.RUN | stepper.STOP) == stepper.RUN
 
+    @property
+    def moving(self):
+        """Whether it moves: from the request for a motion until its last pulse is out."""
+        block = (self.leader or self).block
+        return (block[stepper.PLANNED] | block[stepper.MODE] | block[stepper.PENDING]) != 0
+
+    @property
+    def at_rest(self):
+        """Whether no motion is queued; the last pulses may still be on their way out."""
+        return (
+            not self.block[stepper.MODE] & _RUNS
+            and not self.block[stepper.PLANNED] & stepper.PLAN_SEGMENTS
+        )
+
+    def position_to(self, target, i):
+        """target[i] = the position of the load, in steps"""
+        self.backlash.refresh()
+        reals.copy_word(target, i, self.backlash, LOAD)
+
+    def set_position(self, source, i):
+        """Make source[i] the position of the load. Only at rest.
+
+        Return False, and change nothing, if the motor's own position, which differs by the offset,
+        would lie outside the range of positions, or differ from the coupled motor's by more than an
+        int32 holds, or if it follows another motor and would be at the lower end. A servo's
+        position cannot be changed: the servo would have to move.
+        """
+        self.backlash.refresh()
+        if self.ends is not bounds.ENDS:
+            return reals.equal_words(self.backlash, LOAD, source, i) != 0
+        word = self.word
+        word[2] = self.backlash[BACKLASH]
+        if not add_words(word, 1, source, i, word, 2, 1):
+            return False
+        word[2] = self.backlash.offset()
+        add_words(word, 1, source, i, word, 2, 0)
+        leader = self.leader or self
+        if self.leader and not order_words(word, 1, bounds.ENDS, 0):
+            return False
+        if leader.partner:
+            other = leader.block if self.leader else leader.partner.block
+            if leader.reversed:
+                fits = add_words(word, 0, word, 1, other, stepper.POSITION, 0)
+            elif self.leader:
+                fits = add_words(word, 0, word, 1, other, stepper.POSITION, 1)
+            else:
+                fits = add_words(word, 0, other, stepper.POSITION, word, 1, 1)
+            if not fits:
+                return False
+            reals.copy_word(leader.base, 0, word, 0)
+        reals.copy_word(self.block, stepper.POSITION, word, 1)
+        reals.copy_word(self.backlash, LOAD, source, i)
+        bounds.update(leader)
+        return True
+
+    def rests_on(self, source, i, direction=0):
+        """Return whether it is at rest on source[i], with its backlash taken up for a motion in
+        that direction."""
+        return not self.moving and self._is_on(source, i, direction)
+
+    def _is_on(self, source, i, direction):
+        self.backlash.refresh()
+        return (
+            reals.equal_words(self.backlash, LOAD, source, i) != 0
+            and self.backlash.taken_up(direction) != 0
+        )
+
     # ---------------------------------------------------------------- motion
 
     def keep_to_limits(self, hal):
         """After set_limits(): end a motion of move_to() at the new limit if it goes beyond."""
-        if not self.outside(self.backlash, TARGET):
+        if not bounds.outside(self, self.backlash, TARGET):
             return
         if self.at_rest or self.stopping or self.stopping_smoothly:
             # for resume_target(), which may follow
-            if self.clamp(self.backlash, TARGET) and self.partner:
+            if bounds.clamp(self, self.backlash, TARGET) and self.partner:
                 self.block[stepper.PLANNED] &= stepper.PLAN_SEGMENTS
         else:
             self.move_to(hal, self.backlash, TARGET, self.speed, self.direction)
@@ -148,7 +332,7 @@ class Axis(Motor):
         second motion (see rests_on()).
 
         A moving motor bends to the new target, and stops first if it must turn (field note 4.8). A
-        target out of bounds is clamped, see clamp(): the bounds may have become narrower since the
+        target out of bounds is clamped (bounds.clamp), as they may have become narrower since the
         target was checked. resumed: it is TARGET, clamped already; a motor that came from outside
         may have overshot it, and be inside now. Coupled motors out of bounds only stop: the way
         back would take up backlash, which moves the other motor.
@@ -169,7 +353,12 @@ class Axis(Motor):
                 reals.copy(r, MOTION_ACCELERATION, _Y)
         backlash = self.backlash
         reals.copy_word(backlash, TARGET, target, i)
-        if not resumed and self.clamp(backlash, TARGET) and self.partner and not self.at_rest:
+        if (
+            not resumed
+            and bounds.clamp(self, backlash, TARGET)
+            and self.partner
+            and not self.at_rest
+        ):
             self.stop(hal, smooth=True)
             return self.moving
         self.direction = direction

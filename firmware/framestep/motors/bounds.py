@@ -8,7 +8,7 @@ from array import array
 from framestep.base.native import const, micropython, ptr32
 from framestep.motion import reals
 from framestep.motion.reals import add_words, order_words
-from framestep.motors.backlash import BACKLASH
+from framestep.motors.backlash import BACKLASH, LOAD
 from framestep.pulse import stepper as sw
 
 # Words of a motor's `bounds`, in steps of the load
@@ -144,3 +144,66 @@ def _own(axis, margin=0):
         reals.copy_word(bounds, LOWER, bounds, SOFT_LOWER)
     if axis.upper_enabled and order_words(bounds, SOFT_UPPER, bounds, UPPER) < 0:
         reals.copy_word(bounds, UPPER, bounds, SOFT_UPPER)
+
+
+def clamp(axis, target, i):
+    """Bring target[i] within `bounds`. If the motor itself is outside, or there is no room,
+    make it where the load is, and return True."""
+    side = outside(axis, target, i)
+    if not side:
+        return False
+    end = 1 if side > 0 else 0
+    reals.copy_word(target, i, axis.bounds, end)
+    if not outside(axis, target, i):
+        _find_place(axis, side)
+        if order_words(axis.word, 0, axis.bounds, end) != side and not (
+            axis.at_rest and order_words(axis.backlash, LOAD, axis.bounds, end) == side
+        ):
+            return False
+    reals.copy_word(target, i, axis.backlash, LOAD)
+    return True
+
+
+def outside(axis, target, i):
+    """Return whether target[i] is out of bounds: 1 above, -1 below, 0 not.
+
+    A motor that is outside already may move toward the allowed range (field note 4.3).
+    """
+    # Check both ends, since there may be no room between them.
+    side = 1
+    while side >= -1:
+        end = 1 if side > 0 else 0
+        if order_words(target, i, axis.bounds, end) == side:
+            _find_place(axis, side)
+            if (
+                order_words(axis.word, 0, axis.bounds, end) != side
+                or order_words(target, i, axis.word, 0) == side
+            ):
+                return side
+        side -= 2
+    return 0
+
+
+def _find_place(axis, side):
+    """Set word[0] to where the load is; of coupled motors to where it would be if it moved
+    outward, to `side`.
+
+    A motor that stops on its way back from outside may turn, and take up its backlash outward.
+    That moves a coupled motor at once, perhaps past its own limits.
+    """
+    axis.backlash.refresh()
+    reals.copy_word(axis.word, 0, axis.backlash, LOAD)
+    if axis.partner:
+        if side > 0:
+            reals.copy_word(axis.word, 0, axis.block, sw.POSITION)
+        else:
+            add_words(axis.word, 0, axis.block, sw.POSITION, axis.backlash, BACKLASH, 0)
+
+
+def beyond(axis, target, i):
+    """Return the same as outside(), but regardless of where the motor is now."""
+    if order_words(target, i, axis.bounds, 1) > 0:
+        return 1
+    if order_words(target, i, axis.bounds, 0) < 0:
+        return -1
+    return 0

@@ -9,9 +9,10 @@ from array import array
 from framestep.base.clock import elapsed
 from framestep.base.native import const
 from framestep.base.results import FRAME, MOTOR, ROOM, WHAT
+from framestep.motors import bounds
 from framestep.motors.axis import FULL_SPEED
 from framestep.motors.bounds import SOFT_LOWER
-from framestep.motors.motor import ACCELERATION_LIMIT, TICKS_PER_SECOND, VELOCITY_LIMIT
+from framestep.motors.rates import ACCELERATION_LIMIT, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.protocol import messages as m
 from framestep.pulse import stepper
 
@@ -95,7 +96,7 @@ class Motors:
         if code != m.OK:
             return code
         axis = self.axes[motor]
-        side = axis.outside(self.words, 0)
+        side = bounds.outside(axis, self.words, 0)
         if side:
             return m.ERR_SOFT_UP if side > 0 else m.ERR_SOFT_LOW
         code = self.safety.limit_blocking(motor, self.words, 0)
@@ -124,7 +125,7 @@ class Motors:
         if code != m.OK:
             return code
         axis = self.axes[motor]
-        axis.clamp(self.words, 0)
+        bounds.clamp(axis, self.words, 0)
         code = self.safety.limit_blocking(motor, self.words, 0)
         if code != m.OK:
             return code

@@ -11,7 +11,7 @@ from framestep.motion.formula import formula
 from framestep.motion.segments import G1, WHOLE, velocity
 from framestep.motors.axis import FIRST_TICKS, MOST_SEGMENTS
 from framestep.motors.backlash import MOTOR
-from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY
+from framestep.motors.rates import MAX_ACCELERATION, MAX_VELOCITY
 from framestep.moves.jog_phases import INDEX
 from framestep.moves.path import registers
 from framestep.moves.path.move_check import HALF

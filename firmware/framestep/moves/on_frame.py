@@ -12,6 +12,7 @@ from framestep.base.results import (
     ERR_SOFT_UP,
     OK,
 )
+from framestep.motors import bounds
 from framestep.moves.path.move_check import BATCH
 from framestep.moves.upload.store import READY as UPLOADED
 
@@ -76,7 +77,7 @@ def find_positions(player, safety, frame, among, positions):
     for motor in range(player.count):
         if (bits >> motor) & 1:
             store.position(motor, frame - store.start, positions, motor)
-            side = player.axes[motor].outside(positions, motor)
+            side = bounds.outside(player.axes[motor], positions, motor)
             if side:
                 return ERR_SOFT_UP if side > 0 else ERR_SOFT_LOW
     return find_blocking_switch(player, safety, bits, positions)

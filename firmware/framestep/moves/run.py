@@ -23,7 +23,7 @@ from framestep.base.results import ERR_GENERAL, ERR_NOT_IN_POSITION, ERR_RANGE, 
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
-from framestep.motors.motor import MAX_ACCELERATION
+from framestep.motors.rates import MAX_ACCELERATION
 from framestep.moves.frame_clock import FrameClock
 from framestep.moves.on_frame import find_blocking_switch
 from framestep.moves.operation import Operation

@@ -18,7 +18,7 @@ from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.motors.backlash import BACKLASH
-from framestep.motors.motor import MAX_ACCELERATION
+from framestep.motors.rates import MAX_ACCELERATION
 from framestep.moves.frame_clock import MICROSECONDS
 from framestep.moves.path import registers
 from framestep.moves.path.registers import FRAME_SPEED, FRAME_TICKS, ROLL_TICKS, SPEEDS

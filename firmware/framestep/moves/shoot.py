@@ -36,7 +36,8 @@ from framestep.base.results import (
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
-from framestep.motors.motor import MAX_VELOCITY
+from framestep.motors import bounds
+from framestep.motors.rates import MAX_VELOCITY
 from framestep.moves.on_frame import find_blocking_switch
 from framestep.moves.operation import Operation
 from framestep.moves.path import path, registers
@@ -342,9 +343,9 @@ class ShootFrame(Operation):
         if self.move_check.too_steep(motor, SPEEDS + 2 * motor, RAMP):
             code = ERR_PREROLL if shot.blurs else ERR_RANGE
             return self._blame_ramp(EXCEEDED_PREROLL, shot, motor, code)
-        if axis.beyond(shot.starts, motor):
+        if bounds.beyond(axis, shot.starts, motor):
             return self._blame_ramp(EXCEEDED_PREROLL, shot, motor, ERR_PREROLL)
-        if axis.beyond(shot.ends, motor):
+        if bounds.beyond(axis, shot.ends, motor):
             return self._blame_ramp(EXCEEDED_POSTROLL, shot, motor, ERR_POSTROLL)
         return OK
 

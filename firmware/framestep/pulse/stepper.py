@@ -106,7 +106,7 @@ PLANNED = const(27)
 WORK = const(28)
 PHASES = const(29)
 BACKLASH = const(30)  # address of the motor's Backlash, for motors/samples.py
-# 1: a setting waits until the motor is at rest (Motor.set_speed). Until then the motor counts as
+# 1: a setting waits until the motor is at rest (Axis.set_speed). Until then the motor counts as
 # moving, so that nothing begins before the setting is in force.
 PENDING = const(31)
 BLOCK_WORDS = const(32)

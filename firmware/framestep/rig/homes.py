@@ -1,7 +1,7 @@
 """The `home` settings of the rig file. Loaded only if a motor has `home`. Allocates."""
 
 from framestep.base.native import const
-from framestep.motors.motor import DEFAULT_ACCELERATION, DEFAULT_VELOCITY
+from framestep.motors.rates import DEFAULT_ACCELERATION, DEFAULT_VELOCITY
 from framestep.rig.settings import NO_PIN, RigError, read
 
 # fmt: off

@@ -16,7 +16,7 @@ from framestep.base.results import ERR_RANGE
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
-from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY
+from framestep.motors.rates import MAX_ACCELERATION, MAX_VELOCITY
 from framestep.virtual_axes import registers
 from framestep.virtual_axes.line import CODE_HIGH, CODE_LOW, HIGH, LOW, ROW, SURVEY
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from framestep.motors.motor import DEFAULT_ACCELERATION, DEFAULT_VELOCITY
+from framestep.motors.rates import DEFAULT_ACCELERATION, DEFAULT_VELOCITY
 from framestep.protocol.messages import SET_LOWER, SET_UPPER
 
 from ..axes.rig_axes import Axes

@@ -10,9 +10,10 @@ from framestep.base.native import const
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
+from framestep.motors import bounds
 from framestep.motors.backlash import BACKLASH, OFFSET
 from framestep.motors.bounds import LOWER, UPPER
-from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
+from framestep.motors.rates import MAX_ACCELERATION, MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.moves.path import path, path_check, registers
 from framestep.pulse import stepper
 
@@ -431,14 +432,14 @@ class MoveCheck:
         r = self.numbers
         axis = self.axes[motor]
         if not reals.sign(r, velocity):
-            return axis.beyond(positions, motor) == 0
+            return bounds.beyond(axis, positions, motor) == 0
         if self.too_steep(motor, velocity, ticks):
             return False
         reals.copy(r, _RAMP_LENGTH.velocity, velocity)
         reals.copy(r, _RAMP_LENGTH.ticks, ticks)
         compute(r, _RAMP_LENGTH)
         shifted = self.shift(positions, motor, _RAMP_LENGTH.steps, backward)
-        return shifted and axis.beyond(positions, motor) == 0
+        return shifted and bounds.beyond(axis, positions, motor) == 0
 
     def too_steep(self, motor, velocity, ticks):
         """Return whether a ramp from rest to a velocity, both registers, exceeds the motor's
