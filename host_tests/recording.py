@@ -484,7 +484,7 @@ def recorded(most_passes: MostPasses = _all, weigh_ms: float = math.inf):
     def make(self, *args, **kwargs):
         given = signature.bind(self, *args, **kwargs)
         given.apply_defaults()
-        flash = given.arguments["flash"]
+        flash = given.arguments["chip"].get("flash")
         held = (
             None
             if flash is False

@@ -59,7 +59,9 @@ class Player:
             return Chips(chips, lambda: hal.now_ns, apart="pins" in hal.board.get("drivers", {}))
 
         def start(rig, broken=False):
-            return HostBoard(rig, script.motors, data, False, wire, flash, memory, broken)
+            return HostBoard(
+                rig, script.motors, data, broken, wire=wire, flash=flash, upload_bytes=memory
+            )
 
         if script.rig is None:
             return start(None, True)

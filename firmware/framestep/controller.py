@@ -7,7 +7,7 @@ from framestep.answers import answer, keep_hi, make_answers
 from framestep.base.clock import WRAP, elapsed
 from framestep.base.native import const
 from framestep.base.results import WHAT
-from framestep.gate import Gate
+from framestep.gate import Gate, Motion
 from framestep.io.requests import GO, SHOOT, STOP, Io
 from framestep.io.safety import Safety
 from framestep.io.watchdog import CHECK_MS, Watchdog
@@ -24,7 +24,8 @@ from framestep.moves.state_machine import (
     STARTING,
 )
 from framestep.protocol import messages as m
-from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
+from framestep.protocol.frames import DAMAGED, NOTHING
+from framestep.protocol.link import Link
 from framestep.pulse import stepper
 from framestep.reports import Reports
 from framestep.stops import FaultLog, Stops
@@ -67,16 +68,17 @@ class Controller:
         self.rig = rig
         self.broken = broken
         self.overlay = 0  # CONDITION_OVERLAY or CONDITION_OVERLAY_LEFT_OUT
-        self.port = hal.port
-        self.reader = FrameReader()
-        self.writer = FrameWriter(m.LARGEST_FRAME)
+        self.link = link = Link(hal.port, rig.dword_acks)
+        self.port = link.port
+        self.reader = link.reader
+        self.writer = link.writer
         self.axes = Axes(hal)
         if rig.servos:
             self.axes.set_servos(rig)
         self.header = hal.kernel.state  # of the tick
         self.safety = Safety(hal, rig, self.axes)
         self.watchdog = Watchdog(hal, self.writer)
-        self.io = Io(hal, rig, self.reader, self.writer, self.safety)
+        self.io = Io(hal, rig, link, self.safety)
         self.drivers = None
         if rig.drivers:
             from framestep.io.tmc2209 import Drivers
@@ -84,16 +86,8 @@ class Controller:
             self.drivers = Drivers(hal, rig)
         self.faults = FaultLog()
         self.reports = Reports(hal, rig, self.writer, self.axes, self.io)
-        self.gate = Gate(hal, rig, self.axes, self.drivers, self.faults)
-        self.moves = Moves(
-            rig,
-            self.reader,
-            self.axes,
-            self.io,
-            self.gate,
-            self.faults,
-            self.acknowledge,
-        )
+        self.gate = Gate(rig, self.axes, self.drivers, self.faults, broken)
+        self.moves = Moves(rig, link, self.axes, self.io, self.gate, self.faults)
         self.handlers = {
             m.MSG_HI: self._hi,
             m.MSG_MOTOR_STATUS: self._status,
@@ -104,6 +98,7 @@ class Controller:
         self._merge(self.moves)
         self._merge(self.io)
         self.operations = self.moves.operations
+        self.run_outputs = self.moves.run_outputs
         self.next_shot = None
         if rig.shoot_input:
             from framestep.moves.next_shot import NextShot
@@ -127,82 +122,28 @@ class Controller:
             from framestep.virtual_axes.requests import VirtualAxes
 
             self.virtuals = VirtualAxes(
-                rig,
-                self.reader,
-                self.writer,
-                self.axes,
-                self.safety,
-                self.operations,
-                self.gate,
-                self.reports,
+                rig, link, self.axes, self.safety, self.operations, self.gate, self.reports
             )
         else:
             from framestep.virtual_axes.absent import NoVirtuals
 
             self.virtuals = NoVirtuals()  # type: ignore[assignment]
         self._merge(self.virtuals)
+        motion = Motion(self.axes, self.gate, self.moves, self.virtuals)
         self.homing = None
         if rig.homing:
             from framestep.homing import Homing
 
-            self.homing = Homing(
-                hal,
-                rig,
-                self.reader,
-                self.axes,
-                self.safety,
-                self.io.gio.inputs,
-                self.gate,
-                self.operations,
-                self.virtuals,
-                self.reports,
-                self.faults,
-            )
+            self.homing = Homing(rig, link, motion, self.io, self.reports, self.faults)
             self._merge(self.homing)
         self.pendant = None
         if rig.pendant:
             from framestep.hand_wheel import Pendant
 
-            self.pendant = Pendant(
-                hal,
-                rig.pendant,
-                self.axes,
-                self.gate,
-                self.safety,
-                self.operations,
-                self.virtuals,
-            )
-        self.motors = Motors(
-            hal,
-            rig,
-            self.reader,
-            self.writer,
-            self.axes,
-            self.gate,
-            self.safety,
-            self.moves,
-            self.virtuals,
-            self.homing,
-            self.reports,
-        )
+            self.pendant = Pendant(rig.pendant, motion, self.safety)
+        self.motors = Motors(rig, link, motion, self.safety, self.homing, self.reports)
         self._merge(self.motors)
-        self.stops = Stops(
-            hal,
-            rig,
-            self.port,
-            self.reader,
-            self.writer,
-            self.axes,
-            self.safety,
-            self.io,
-            self.gate,
-            self.moves,
-            self.virtuals,
-            self.homing,
-            self.reports,
-            self.faults,
-            broken,
-        )
+        self.stops = Stops(rig, link, motion, self.io, self.homing, self.reports, self.faults)
         self.gate.join(self.stops, self.operations, self.virtuals)
         self.reports.join(self.moves, self.virtuals)
         self.handlers[m.MSG_MOTOR_STOP_ALL] = self.stops.stop_all
@@ -211,8 +152,7 @@ class Controller:
     def _merge(self, part):
         """Take over a part's handlers. Soon after it is made, so that the next parts fill the
         memory that is freed."""
-        self.handlers.update(part.handlers)
-        part.handlers = None
+        self.handlers.update(part.handlers())
 
     def _restore(self):
         """Restore the positions of before the power cut. Return the journal, or None without
@@ -256,15 +196,16 @@ class Controller:
             if news & STOP:
                 self.stops.on_stop_input()
             if news & GO and self.moves.go_from_input() or news & SHOOT and self.next_shot.press():
-                self.reports.go = self.planning = True
+                self.reports.report_go()
+                self.planning = True
         if self.drivers:
             bits = self.drivers.poll(now)
             if bits:
                 self.stops.on_driver_failure(bits)
-        if self.moves.run_outputs.busy:
-            self.moves.run_outputs.poll()
+        if self.run_outputs.busy:
+            self.run_outputs.poll()
         if alarm and self.operations.state == RUNNING and self.operations.reached():
-            self.reports.position = self.reports.frame = True
+            self.reports.report_frame()
             self.active_passes = _ACTIVE_PASSES  # a run of lights only does not move anything
             self._housekeep(now, False, news)
             return busy
@@ -335,9 +276,6 @@ class Controller:
         lost = self.hal.take_lost_commands()
         if lost or flags & stepper.FLAG_FAULT:
             self.stops.on_fault(lost)
-        if self.operations.rt_end_due:
-            self.operations.rt_end_due = False
-            self.reports.position = self.reports.end = True
         self.reports.send(now, self.was_open)
         if self.journal:
             self.journal.poll(
@@ -368,7 +306,7 @@ class Controller:
                 self.stops.on_host_lost()
             self.was_open = is_open
             if is_open:
-                self.reports.hi = True  # field note 1.5
+                self.reports.report_hi()
             self.active_passes = _ACTIVE_PASSES
         taken = port.poll(reader)
         if taken:
@@ -388,8 +326,6 @@ class Controller:
             # RT_END goes out before the answer to the next request, which may begin another
             # operation.
             if self.operations.rt_end_due:
-                self.operations.rt_end_due = False
-                self.reports.position = self.reports.end = True
                 self.reports.send(self.now, self.was_open)
         writer = self.writer
         busy = False
@@ -459,11 +395,6 @@ class Controller:
             light = LED_CONNECTED if self.was_open else LED_WAITING
         self.hal.led(glow(light, beat))
 
-    def acknowledge(self, code):
-        """Acknowledge the request before it is carried out."""
-        self.writer.ack(self.reader, code, self.rig.dword_acks)
-        self.port.send(self.writer)
-
     # ---------------------------------------------------------------- requests: device
     #
     # A handler returns the code to acknowledge with, or 0 if it has answered itself.
@@ -471,7 +402,6 @@ class Controller:
     def _hi(self):
         """MSG_HI: answer with what the board can do (field notes 1.4 and 1.5)."""
         self.reports.send_hi(self.reader)
-        self.reports.hi = False
         return 0
 
     def _get_position(self):

@@ -12,11 +12,11 @@ class Gate:
     `flags` has each motor's MOTOR_ bits of CONFIGURE. These have a bit for each motor: `powered`:
     its driver is on; `jogging`; `homing`: it is homed or waits for it; `shooting`: it is on its way
     to a frame that a button shoots, until something stops it or sends it elsewhere. faults: a
-    FaultLog, which is cleared when motors are sent somewhere. Call join() before the first pass.
-    Nothing allocates after construction.
+    FaultLog, which is cleared when motors are sent somewhere. broken: the rig file has a mistake,
+    so nothing may move. Call join() before the first pass. Nothing allocates after construction.
     """
 
-    def __init__(self, hal, rig, axes, drivers, faults):
+    def __init__(self, rig, axes, drivers, faults, broken):
         # from the switching on of each motor's driver to its first step, ms; None: no time
         self.enable_ms = None
         times = [rig.motor(i)["enable_ms"] for i in range(axes.count)]
@@ -27,10 +27,11 @@ class Gate:
         if max(times):
             from framestep.motors.resting import Resting
 
-            self.resting = Resting(axes, times, isinstance(hal.board.get("enable"), list))
+            self.resting = Resting(axes, times, isinstance(axes.hal.board.get("enable"), list))
         self.axes = axes
         self.drivers = drivers
         self.faults = faults
+        self.broken = broken
         self.flags = array("i", [m.MOTOR_ENABLED] * axes.count)
         self.powered = 0
         self.jogging = 0
@@ -62,7 +63,7 @@ class Gate:
 
     def allow_motion(self):
         """Return whether any motor may be moved."""
-        return self.stops.allow_motion()
+        return not self.broken and self.stops.allow_motion()
 
     def enabled(self, motor):
         """Return whether a motor may move: it and its partner are enabled, and it is no follower.
@@ -83,7 +84,7 @@ class Gate:
 
     def may_move(self, motor):
         """Return OK, or the reason why the motor may not be moved on its own now."""
-        if not self.stops.allow_motion():
+        if not self.allow_motion():
             return m.ERR_GENERAL
         virtuals = self.virtuals
         operations = self.operations
@@ -101,7 +102,7 @@ class Gate:
         None may while the driver of any enabled motor does not work: without that motor it would be
         a different move.
         """
-        if not self.stops.allow_motion() or not self._drivers_work(self.with_flag(m.MOTOR_ENABLED)):
+        if not self.allow_motion() or not self._drivers_work(self.with_flag(m.MOTOR_ENABLED)):
             return m.ERR_GENERAL
         return m.ERR_MOVING if self.homing else m.OK  # field note 4.9
 
@@ -207,3 +208,13 @@ class Gate:
             if not self.enabled(motor) or self.flags[motor] & m.MOTOR_LIVE:
                 bits |= 1 << motor
         return bits
+
+
+class Motion:
+    """The motors and what moves them: the gate, uploaded moves, virtual axes."""
+
+    def __init__(self, axes, gate, moves, virtuals):
+        self.axes = axes
+        self.gate = gate
+        self.moves = moves
+        self.virtuals = virtuals

@@ -92,15 +92,15 @@ class Wheel:
 
 
 class Pendant:
-    """Moves motors by the wheel. settings: Rig.pendant."""
+    """Moves motors by the wheel. settings: Rig.pendant. motion: a Motion."""
 
-    def __init__(self, hal, settings, axes, gate, safety, operations, virtuals):
-        self.hal = hal
-        self.axes = axes
-        self.gate = gate
+    def __init__(self, settings, motion, safety):
+        self.axes = axes = motion.axes
+        self.hal = hal = axes.hal
+        self.gate = motion.gate
         self.safety = safety
-        self.operations = operations
-        self.virtuals = virtuals
+        self.operations = motion.moves.operations
+        self.virtuals = motion.virtuals
         self.click = settings["click"]
         self.motors = min(settings["motors"], axes.count)
         self.wheel = Wheel(hal, settings["a"], settings["b"], settings["pull"])

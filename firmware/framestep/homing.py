@@ -192,21 +192,19 @@ class Homing:
     """Homes motors. `Gate.homing` has the bits of motors that are not done. Whoever stops motors
     ends homing (end()).
 
-    operations: of uploaded moves. faults: a FaultLog.
+    motion: a Motion. faults: a FaultLog.
     """
 
-    def __init__(
-        self, hal, rig, reader, axes, safety, inputs, gate, operations, virtuals, reports, faults
-    ):
-        self.hal = hal
-        self.reader = reader
-        self.axes = axes
-        self.safety = safety
-        self.shared = safety.shared
-        self.inputs = inputs
-        self.gate = gate
-        self.operations = operations
-        self.virtuals = virtuals
+    def __init__(self, rig, link, motion, io, reports, faults):
+        self.reader = link.reader
+        self.axes = axes = motion.axes
+        self.hal = axes.hal
+        self.gate = motion.gate
+        self.operations = motion.moves.operations
+        self.virtuals = motion.virtuals
+        self.safety = io.safety
+        self.shared = io.safety.shared
+        self.inputs = inputs = io.gio.inputs
         self.reports = reports
         self.faults = faults
         self.factor = rig.hard_stop_factor
@@ -237,7 +235,10 @@ class Homing:
         button = rig.home_input
         self.button = 1 << (button - 1) if button else 0
         self.was_on = inputs.values & self.button
-        self.handlers = {m.MSG_HOME: self._home}
+
+    def handlers(self):
+        """Return the handlers of requests, by number."""
+        return {m.MSG_HOME: self._home}
 
     # ---------------------------------------------------------------- requests
 

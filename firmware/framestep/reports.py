@@ -41,9 +41,21 @@ class Reports:
         self.operations = moves.operations
         self.virtuals = virtuals
 
+    def report_hi(self):
+        """Request HI, because the port was opened (field note 1.5)."""
+        self.hi = True
+
     def report_positions(self):
         """Request a report of positions, because one was set."""
         self.position = True
+
+    def report_frame(self):
+        """Request a report of the frame that a run has just reached."""
+        self.position = self.frame = True
+
+    def report_go(self):
+        """Request a report of a GO that came from an input."""
+        self.go = True
 
     def report_fault(self):
         """Request a report of an internal fault to the host."""
@@ -60,6 +72,9 @@ class Reports:
         now: ms. listened: whether a host has the port open.
         """
         writer = self.writer
+        if self.operations.rt_end_due:
+            self.operations.end_reported()
+            self.position = self.end = True
         moving = self.axes.moving
         if moving:
             if elapsed(now, self.sent_at) >= self.period_ms:
@@ -71,8 +86,8 @@ class Reports:
         if not listened:
             self.on_closed()
             return
-        if self.hi and self.send_hi(None):
-            self.hi = False
+        if self.hi:
+            self.send_hi(None)
         if self.hard_stop >= 0:
             writer.begin(m.MSG_MOTOR_HARD_STOP, None)
             writer.u8(self.hard_stop)
@@ -97,7 +112,7 @@ class Reports:
     def send_hi(self, reader):
         """Send HI: what the device is and what it has (field note 1.5).
 
-        reader: has the request, or None. Return whether there was room.
+        reader: has the request, or None; then it stays due until there is room.
         """
         writer = self.writer
         writer.begin(m.MSG_HI, reader)
@@ -113,7 +128,8 @@ class Reports:
         writer.u32(self.moves.upload_frames)
         writer.u32(CAPABILITIES | self.virtuals.capabilities)
         writer.u16(m.PROTOCOL_VERSION)
-        return writer.end()
+        if writer.end():
+            self.hi = False
 
     def send_positions(self, reader, frame=False):
         """Send MOTOR_GET_POSITION: MOVE TIME and positions at the same time on the pins.

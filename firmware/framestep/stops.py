@@ -47,53 +47,32 @@ class FaultLog:
 
 
 class Stops:
-    """Stops motors and outputs, and keeps the reason.
+    """Stops motors and outputs, and keeps the reason. homing may be None. faults: a FaultLog."""
 
-    broken: the rig file has a mistake. homing may be None. faults: a FaultLog.
-    """
-
-    def __init__(
-        self,
-        hal,
-        rig,
-        port,
-        reader,
-        writer,
-        axes,
-        safety,
-        io,
-        gate,
-        moves,
-        virtuals,
-        homing,
-        reports,
-        faults,
-        broken,
-    ):
-        self.hal = hal
+    def __init__(self, rig, link, motion, io, homing, reports, faults):
         self.rig = rig
-        self.port = port
-        self.reader = reader
-        self.writer = writer
-        self.axes = axes
-        self.safety = safety
+        self.port = link.port
+        self.reader = link.reader
+        self.writer = link.writer
+        self.axes = axes = motion.axes
+        self.gate = motion.gate
+        self.operations = motion.moves.operations
+        self.run_outputs = motion.moves.run_outputs
+        self.virtuals = motion.virtuals
         self.io = io
-        self.gate = gate
-        self.operations = moves.operations
-        self.run_outputs = moves.run_outputs
-        self.virtuals = virtuals
+        self.safety = io.safety
         self.homing = homing
         self.reports = reports
         self.faults = faults
-        self.broken = broken
+        self.hal = hal = axes.hal
         self.header = hal.kernel.state
         self.positions = axes.positions
         self.clock_changed = False  # by a program on the REPL; nothing moves
         self.stop_all_at = -1  # time of the last STOP_ALL, ms
 
     def allow_motion(self):
-        """Return whether any motor may be moved."""
-        return not self.broken and not self.safety.estop_held and self.check_board()
+        """Return whether the state of the board allows motion."""
+        return not self.safety.estop_held and self.check_board()
 
     def stop_everything(self):
         """Ramp all motors down and set all outputs to their safe levels."""

@@ -14,11 +14,7 @@ class HostBoard:
 
     rig: content of a rig file (a dictionary), or None. Raises RigError for a mistake in it.
     motors: how many, whatever the board has.
-    caused_reset: as if the watchdog had restarted the board.
-    wire: called with the HAL; returns what the drivers' UART is connected to.
-    flash: what has survived a power cut; False: there is none.
-    upload_bytes: memory for the uploaded move.
-    broken: as with a mistake in the rig file.
+    broken: as with a mistake in the rig file. chip: as for HostHal.
     """
 
     def __init__(
@@ -26,17 +22,14 @@ class HostBoard:
         rig=None,
         motors=None,
         board=BOARD,
-        caused_reset=False,
-        wire=None,
-        flash=None,
-        upload_bytes=0,
         broken=False,
+        **chip,
     ):
         self.alive = True  # like a Runner
         self.failure = None
         self.rig = Rig(rig, board)
         count = motors or self.rig.board.get("motors") or len(self.rig.board["step"])
-        self.hal = HostHal(count, self.rig, caused_reset, wire, flash, upload_bytes)
+        self.hal = HostHal(count, self.rig, **chip)
         self.controller = Controller(self.hal, self.rig, broken)
         try:
             self.controller.moves.take_memory()

@@ -1,6 +1,6 @@
 """Requests about lights, outputs, inputs and the camera, and reports of inputs and stop inputs.
 
-The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
+The controller merges handlers() into its own table. A handler returns the code to acknowledge with,
 or 0 if it has answered itself. Nothing allocates after construction.
 """
 
@@ -73,11 +73,11 @@ def send_stops(writer, safety, is_open):
 class Io:
     """The parts of a rig besides motors: `lights`, `gio`, `camera`, the stop inputs of `safety`."""
 
-    def __init__(self, hal, rig, reader, writer, safety):
+    def __init__(self, hal, rig, link, safety):
         self.safety = safety
         self.hal = hal
-        self.reader = reader
-        self.writer = writer
+        self.reader = link.reader
+        self.writer = link.writer
         self.now = 0
         self._read_levels = hal.levels
         self.lights = Lights(hal.dmx.channels, rig.dmx_ramp_ms)
@@ -90,13 +90,17 @@ class Io:
         self._shoot_bit = 1 << (rig.shoot_input - 1) if rig.shoot_input else 0
         self._buttons = self._go_bit | self._shoot_bit
         self._were_on = self.gio.inputs.values & self._buttons
-        self.handlers = {
+
+    def handlers(self):
+        """Return the handlers of requests, by number."""
+        handlers = {
             m.MSG_GIO_OUT: self._gio_out,
             m.MSG_GIO_IN: self._gio_in,
             m.MSG_GIO_CAM: self._gio_cam,
         }
         if self.lights.count:
-            self.handlers[m.MSG_DMX] = self._dmx
+            handlers[m.MSG_DMX] = self._dmx
+        return handlers
 
     def poll(self, now):
         """Do one pass. now: milliseconds modulo 2^29. Return bits of NEWS, STOP, GO and

@@ -1,6 +1,6 @@
 """Requests about single motors: moves, jogs, stops, positions, settings.
 
-The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
+The controller merges handlers() into its own table. A handler returns the code to acknowledge with,
 or 0 if it has answered itself. Nothing allocates after construction.
 """
 
@@ -20,25 +20,20 @@ _COUPLING = const(m.MOTOR_COUPLE | m.MOTOR_COUPLE_REVERSED)
 
 
 class Motors:
-    """Handlers of requests about single motors.
+    """Handlers of requests about single motors. motion: a Motion. homing may be None."""
 
-    gate: a Gate. moves, virtuals, homing: what can have motors to itself; homing may be None.
-    """
-
-    def __init__(
-        self, hal, rig, reader, writer, axes, gate, safety, moves, virtuals, homing, reports
-    ):
-        self.hal = hal
+    def __init__(self, rig, link, motion, safety, homing, reports):
         self.rig = rig
-        self.reader = reader
-        self.writer = writer
-        self.axes = axes
-        self.gate = gate
+        self.reader = link.reader
+        self.writer = link.writer
+        self.axes = motion.axes
+        self.hal = motion.axes.hal
+        self.gate = motion.gate
         self.safety = safety
         self.shared = safety.shared
-        self.moves = moves
-        self.operations = moves.operations
-        self.virtuals = virtuals
+        self.moves = motion.moves
+        self.operations = motion.moves.operations
+        self.virtuals = motion.virtuals
         self.homing = homing
         self.reports = reports
         # fastest velocity, steps/s, that each motor's pulses allow
@@ -52,7 +47,10 @@ class Motors:
         for i in range(self.axes.count):
             self.axes[i].set_jerk(self.rig.motor(i)["jerk"])
             self.axes.set_backlash(i, self.rig.motor(i)["backlash"])
-        self.handlers = {
+
+    def handlers(self):
+        """Return the handlers of requests, by number."""
+        return {
             m.MSG_MOTOR_MOVE: self._move,
             m.MSG_MOTOR_STOP: self._stop,
             m.MSG_MOTOR_RESET_POSITION: self._reset_position,

@@ -1,6 +1,6 @@
 """Requests about uploaded moves and the operations that play them.
 
-The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
+The controller merges handlers() into its own table. A handler returns the code to acknowledge with,
 or 0 if it has answered itself. Within moves, only this module reads payloads. What a request means
 is decided in state_machine.py and by the operations. Nothing allocates after construction.
 """
@@ -27,14 +27,15 @@ _RUN_FLAGS = const(m.RUN_PING_PONG | m.RUN_LOOP | m.RUN_VIDEO | m.RUN_STILLS)
 class Moves:
     """Handlers of requests about the uploaded move, and the parts that play it.
 
-    gate: a Gate. faults: a FaultLog. acknowledge(code): answers a request before it is carried out.
+    gate: a Gate. faults: a FaultLog.
     """
 
-    def __init__(self, rig, reader, axes, io, gate, faults, acknowledge):
-        self.reader = reader
+    def __init__(self, rig, link, axes, io, gate, faults):
+        self.link = link
+        self.reader = link.reader
+        self.io = io
         self.gate = gate
         self.faults = faults
-        self.acknowledge = acknowledge
         self.axes = axes
         self.levels = LightLevels()
         self.triggers = Triggers()
@@ -50,7 +51,10 @@ class Moves:
         self.shoot = ShootFrame(self.operations, self.run_outputs)
         self.jog = JogAll(self.operations)
         self.positions = array("i", [0] * axes.count)
-        self.handlers = {
+
+    def handlers(self):
+        """Return the handlers of requests, by number."""
+        handlers = {
             m.MSG_RT_UPLOAD_MOVE_BEGIN: self._begin,
             m.MSG_RT_UPLOAD_MOVE_AXIS: self._axis,
             m.MSG_RT_UPLOAD_MOVE_TRIGGERS: self._triggers,
@@ -63,8 +67,9 @@ class Moves:
             m.MSG_RT_STOP_LOOP: self._stop_loop,
             m.MSG_RT_JOG_ALL: self._jog_all,
         }
-        if io.lights.count:
-            self.handlers[m.MSG_RT_UPLOAD_MOVE_DMX] = self._dmx
+        if self.io.lights.count:
+            handlers[m.MSG_RT_UPLOAD_MOVE_DMX] = self._dmx
+        return handlers
 
     def take_memory(self):
         """Allocate the memory for positions, light levels and triggers, at the end of boot."""
@@ -327,7 +332,7 @@ class Moves:
         """MSG_RT_GO: acknowledge first, then start the motion (field note 6.3)."""
         code = self._may_go()
         if code == m.OK:
-            self.acknowledge(m.OK)
+            self.link.acknowledge(m.OK)
             self.operations.start()
             return 0
         return code

@@ -358,6 +358,10 @@ class OperationRunner:
             self.state = IDLE
             self.starts_by_itself = False
 
+    def end_reported(self):
+        """Note that RT_END, which was due, is being reported."""
+        self.rt_end_due = False
+
     def reached(self):
         """Return whether a frame to be reported has been reached; in each pass with an alarm."""
         return self.operation.frame_reached(self.axes.kernel.state[stepper.TICKS])

@@ -1,7 +1,7 @@
 """The virtual axes of a rig and their requests, VIRT_* of the specification: whether they may move,
 how they start, what stops them.
 
-The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
+The controller merges handlers() into its own table. A handler returns the code to acknowledge with,
 or 0 if it has answered itself. Nothing allocates after construction.
 """
 
@@ -118,9 +118,9 @@ class VirtualAxes:
     operations: of uploaded moves. gate: a Gate.
     """
 
-    def __init__(self, rig, reader, writer, axes, safety, operations, gate, reports):
-        self.reader = reader
-        self.writer = writer
+    def __init__(self, rig, link, axes, safety, operations, gate, reports):
+        self.reader = link.reader
+        self.writer = link.writer
         self.reports = reports
         self.rig = rig
         self.operations = operations
@@ -138,7 +138,10 @@ class VirtualAxes:
         self.word = array("i", [0] * 2)
         self.point = array("i", [0] * 3)  # the aim point, units · 1000
         self.old = array("i", [0] * 6)  # the previous point, in case a new one is refused
-        self.handlers = {
+
+    def handlers(self):
+        """Return the handlers of requests, by number."""
+        handlers = {
             m.MSG_VIRT_CONFIG: self._configure,
             m.MSG_VIRT_MOVE: self._move,
             m.MSG_VIRT_STOP: self._stop,
@@ -147,7 +150,8 @@ class VirtualAxes:
             m.MSG_VIRT_GET_POSITION: self._get_position,
         }
         if self.capabilities & m.CAP_AIM_POINT:
-            self.handlers[m.MSG_VIRT_AIM_POINT] = self._aim_point
+            handlers[m.MSG_VIRT_AIM_POINT] = self._aim_point
+        return handlers
 
     @property
     def configured(self):

@@ -1,0 +1,22 @@
+"""The connection to the host."""
+
+from framestep.protocol.frames import FrameReader, FrameWriter
+from framestep.protocol.messages import LARGEST_FRAME
+
+
+class Link:
+    """A port with the reader of its requests and the writer of answers and reports.
+
+    port: Hal.port, see hal/contract.py. dword_acks: Rig.dword_acks.
+    """
+
+    def __init__(self, port, dword_acks):
+        self.port = port
+        self.reader = FrameReader()
+        self.writer = FrameWriter(LARGEST_FRAME)
+        self.dword_acks = dword_acks
+
+    def acknowledge(self, code):
+        """Acknowledge the request at once, before it is carried out."""
+        self.writer.ack(self.reader, code, self.dword_acks)
+        self.port.send(self.writer)
