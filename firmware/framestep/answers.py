@@ -78,16 +78,16 @@ def _slow_down(controller, bits: int):
     operations = controller.operations
     operation = operations.operation
     state = int(operations.state)
-    engaged = int(controller.virtuals.engaged)
+    virtual = int(controller.virtuals.owned)
     spared = int(coupled(block, ptr32(words)[_SMOOTH]))
     bits = int(coupled(block, bits))
     if state > LEAVING:  # before, a STOP concerns one motor
         taken = int(operation.bits)
         if bits & taken:
-            bits |= int(coupled(block, taken & (engaged ^ -1)))
+            bits |= int(coupled(block, taken & (virtual ^ -1)))
         if state == RUNNING:
             spared = spared & (taken ^ -1) if operation.at_once else spared | taken
-    spared |= engaged | int(controller.gate.homing)
+    spared |= virtual | int(controller.gate.homing)
     bits &= int(coupled(block, spared)) ^ -1
     hal = controller.hal
     irq = hal.irq_off()
@@ -158,7 +158,7 @@ def answer(controller, questions, at: int, to: ptr8) -> int:
             moving |= bit
         bit <<= 1
     if kind == m.MSG_MOTOR_STATUS:
-        moving |= int(controller.gate.homing) | int(controller.virtuals.engaged)
+        moving |= int(controller.gate.homing) | int(controller.virtuals.owned)
         if state >= RUNNING or state == LEAVING or operations.starts_by_itself:
             moving |= int(operations.operation.bits)
         x = ptr32(w[_LIGHTS])

@@ -279,7 +279,7 @@ class Controller:
         self.reports.send(now, self.was_open)
         if self.journal:
             self.journal.poll(
-                now, self.reports.was_moving or self.operations.busy or self.virtuals.engaged
+                now, self.reports.was_moving or self.operations.busy or self.virtuals.owned
             )
         self.unsent = self.port.send(self.writer)
 
@@ -416,7 +416,7 @@ class Controller:
         """
         writer = self.writer
         writer.begin(m.MSG_MOTOR_STATUS, self.reader)
-        writer.u32(stepper.moving(self.header) | self.gate.taken)
+        writer.u32(stepper.moving(self.header) | self.gate.owned)
         writer.u8(1 if self.io.lights.adjusting else 0)
         writer.end()
         return 0

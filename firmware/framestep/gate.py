@@ -1,4 +1,4 @@
-"""Whether motors may move, what has taken them, and whether their drivers are on."""
+"""Whether motors may move, what owns them, and whether their drivers are on."""
 
 from array import array
 
@@ -10,8 +10,8 @@ class Gate:
     until those have woken up (Axes.wake).
 
     `flags` has each motor's MOTOR_ bits of CONFIGURE. These have a bit for each motor: `powered`:
-    its driver is on; `jogging`; `homing`: it is homed or waits for it; `shooting`: it is on its way
-    to a frame that a button shoots, until something stops it or sends it elsewhere. faults: a
+    its driver is on; `jogging`; `shooting`: it is on its way to a frame that a button shoots, until
+    something stops it or sends it elsewhere; and those of the table of owners below. faults: a
     FaultLog, which is cleared when motors are sent somewhere. broken: the rig file has a mistake,
     so nothing may move. Call join() before the first pass. Nothing allocates after construction.
     """
@@ -47,17 +47,26 @@ class Gate:
         self.operations = operations
         self.virtuals = virtuals
 
-    # ---------------------------------------------------------------- taken motors
+    # ---------------------------------------------------------------- owners of motors
+    #
+    # The owner of a motor has it to itself, and nothing else may move it:
+    #
+    #   an operation      `operations.owned`  from GO until it has returned to its end frame
+    #   a virtual motion  `virtuals.owned`    from its acknowledgement to its end
+    #   homing            `homing`            from its acknowledgement until the motor is done
+    #
+    # A motor that only moves or jogs has no owner: the next request takes it. Neither has one of an
+    # operation that is prepared; `operations.bits` has these as well, for what stops them.
 
     @property
-    def virtual(self):
-        """Bits of the motors in a virtual motion."""
-        return self.virtuals.engaged
+    def owned(self):
+        """Bits of the motors that have an owner."""
+        return self.operations.owned | self.virtuals.owned | self.homing
 
     @property
-    def taken(self):
-        """Bits of the motors taken by an operation, a virtual motion or homing."""
-        return self.operations.engaged | self.virtuals.engaged | self.homing
+    def in_virtual_motion(self):
+        """Bits of the motors that a virtual motion owns."""
+        return self.virtuals.owned
 
     # ---------------------------------------------------------------- permission
 
@@ -87,10 +96,9 @@ class Gate:
         if not self.allow_motion():
             return m.ERR_GENERAL
         virtuals = self.virtuals
-        operations = self.operations
-        if operations.running and operations.takes(motor) or (self.homing >> motor) & 1:
+        if ((self.operations.owned | self.homing) >> motor) & 1:
             return m.ERR_MOVING  # field note 4.9
-        if (virtuals.engaged >> motor) & 1 and not virtuals.moves_camera(motor):
+        if (virtuals.owned >> motor) & 1 and not virtuals.moves_camera(motor):
             return m.ERR_MOVING
         if not self.enabled(motor):
             return m.ERR_GENERAL
@@ -162,7 +170,7 @@ class Gate:
         """Switch off drivers whose motors have been at rest for their `off_after_s`. The positions
         are then HELD. Return whether there were any. To be called at least every second, if
         `resting` is there."""
-        used = -1 if self.operations.busy else self.axes.moving_bits() | self.taken
+        used = -1 if self.operations.busy else self.axes.moving_bits() | self.owned
         bits = self.resting.due(self.powered, used, self.virtuals)
         self.switch_off(bits)
         for motor in range(self.axes.count):

@@ -122,9 +122,9 @@ class Pendant:
         axis = self.axes[self.motor]
         if self.going and not axis.moving:
             self.going = False
-        if not self.pressed & _ENABLE or self.operations.busy or self.gate.taken:
+        if not self.pressed & _ENABLE or self.operations.busy or self.gate.owned:
             self.wheel.rest()
-            if self.going and not self.gate.taken & 1 << self.motor:
+            if self.going and not self.gate.owned & 1 << self.motor:
                 axis.stop(self.hal, 1, True)
             self.going = False
         elif not self.going or elapsed(now, self.sent_at) >= _APART_MS:

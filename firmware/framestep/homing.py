@@ -276,7 +276,7 @@ class Homing:
             return m.ERR_GENERAL
         if self.phase == _ENDED and not self._moving():
             self.restore()
-        if self.operations.busy or self.gate.virtual or self.phase:
+        if self.operations.busy or self.gate.in_virtual_motion or self.phase:
             return m.ERR_MOVING
         bits |= bits >> 1 & self.pairs
         bits |= (bits & self.pairs) << 1

@@ -104,10 +104,10 @@ class Stops:
         """Ramp all motors down, as the host has closed the port or does not read (note 1.11)."""
         virtuals = self.virtuals
         ready = self.hal.ready()
-        self.operations.host_lost(ready, virtuals.engaged)
+        self.operations.host_lost(ready, virtuals.owned)
         if ready:
             virtuals.stop()
-            self.axes.stop(1, virtuals.engaged, True)
+            self.axes.stop(1, virtuals.owned, True)
         else:
             virtuals.halt()  # no motor may turn before it is at rest
             self.axes.stop()
@@ -142,12 +142,12 @@ class Stops:
         if bits:
             self._note(FAULT_LIMIT, bits)
         self.gate.stop_jogging(bits)
-        if virtuals.engaged & bits:
+        if virtuals.owned & bits:
             virtuals.halt()
         for motor in range(self.axes.count):
             if (bits >> motor) & 1:
-                if operations.takes(motor):
-                    operations.stop(spared=virtuals.engaged)
+                if (operations.bits >> motor) & 1:
+                    operations.stop(spared=virtuals.owned)
                 axes[motor].stop(self.hal, factor)
 
     def _note(self, fault, moved):
@@ -237,11 +237,11 @@ class Stops:
         self.stop_all_at = now
         self.gate.stop_jogging()
         self._end_homing()
-        landing = operations.stop(factor, not hard, True, spared=virtuals.engaged)
+        landing = operations.stop(factor, not hard, True, spared=virtuals.owned)
         if hard:
             virtuals.halt(factor)
         else:
             virtuals.stop()
-            landing |= virtuals.engaged
+            landing |= virtuals.owned
         self.axes.stop(factor, landing, not hard)
         return m.OK

@@ -83,7 +83,7 @@ class Motors:
         writer = self.writer
         virtuals = self.virtuals
         writer.begin(m.MSG_MOTOR_MOVE, self.reader)
-        moving = self.axes[motor].moving or virtuals.engaged and virtuals.moves_camera(motor)
+        moving = self.axes[motor].moving or virtuals.owned and virtuals.moves_camera(motor)
         writer.u8(1 if moving else 0)
         writer.end()
         return 0
@@ -161,13 +161,13 @@ class Motors:
         self.gate.stop_jogging(1 << motor)
         if self.homing:
             self.homing.end(1 << motor)
-        engaged = self.virtuals.engaged
-        taken = self.operations.busy and self.operations.takes(motor)
-        if taken:
-            self.operations.stop(land=True, spared=engaged)
-        if (engaged >> motor) & 1:
+        virtual = self.virtuals.owned
+        in_operation = (self.operations.bits >> motor) & 1
+        if in_operation:
+            self.operations.stop(land=True, spared=virtual)
+        if (virtual >> motor) & 1:
             self.virtuals.stop()
-        elif not taken:
+        elif not in_operation:
             self.axes[motor].stop(self.hal, 1, True)
         return m.OK
 
@@ -179,7 +179,7 @@ class Motors:
         if motor < 0:
             return m.ERR_RANGE
         axis = self.axes[motor]
-        if axis.moving or (self.gate.taken >> self.gate.leading(motor)) & 1:
+        if axis.moving or (self.gate.owned >> self.gate.leading(motor)) & 1:
             return m.ERR_MOVING  # field note 4.5; a motor of an operation may move soon
         self.reader.copy_i32_to(m.MotorResetPosition.position, self.words, 0)
         if not axis.set_position(self.words, 0):
@@ -202,13 +202,13 @@ class Motors:
         enabled = flags & m.MOTOR_ENABLED
         coupling = (flags ^ self.gate.flags[motor]) & _COUPLING
         if flags != self.gate.flags[motor]:
-            engaged = self.gate.coupled(self.operations.engaged | self.gate.homing)
-            virtual = self.gate.coupled(self.virtuals.engaged)
+            owned = self.gate.coupled(self.operations.owned | self.gate.homing)
+            virtual = self.gate.coupled(self.virtuals.owned)
             if coupling:
-                engaged |= engaged >> 1  # the next motor is affected as well
+                owned |= owned >> 1  # the next motor is affected as well
                 virtual |= virtual >> 1
             if (
-                (engaged >> motor) & 1
+                (owned >> motor) & 1
                 or (axis.moving or (virtual >> motor) & 1)
                 and (coupling or not enabled)
             ):
@@ -285,7 +285,7 @@ class Motors:
         self.operations.settings_changed()
         motor = self.gate.leading(motor)
         self.virtuals.changed(motor)
-        if not ((self.operations.playing | self.virtuals.engaged) >> motor) & 1:
+        if not ((self.operations.on_path | self.virtuals.owned) >> motor) & 1:
             self.axes[motor].keep_to_limits(self.hal)
         return m.OK
 

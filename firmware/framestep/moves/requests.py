@@ -94,7 +94,7 @@ class Moves:
         """
         if self.run_outputs.busy:
             self.run_outputs.poll()
-        if self.operations.state == READY and self.gate.virtual:
+        if self.operations.state == READY and self.gate.in_virtual_motion:
             return False  # its motors belong to a virtual motion, whether they move or not
         return self.operations.poll()
 
@@ -183,7 +183,7 @@ class Moves:
         """
         frame = self.reader.i32(m.RtPositionFrame.frame)
         code = self.gate.may_move_all()
-        if code == m.OK and (self.operations.running or self.gate.virtual):
+        if code == m.OK and (self.operations.running or self.gate.in_virtual_motion):
             code = m.ERR_MOVING
         if code == m.OK:
             code = self.operations.send_to_frame(frame, self.positions)
@@ -318,7 +318,7 @@ class Moves:
         """Return OK if an operation may be prepared, else the reason (field note 6.1)."""
         code = self.gate.may_move_all()
         if code == m.OK:
-            if self.operations.running or self.axes.moving or self.gate.virtual:
+            if self.operations.running or self.axes.moving or self.gate.in_virtual_motion:
                 return m.ERR_MOVING
             self.operations.exceeded[WHAT] = m.EXCEEDED_NOTHING
         return code
@@ -326,7 +326,7 @@ class Moves:
     def _may_go(self):
         """Return OK if the waiting operation may start, else the reason."""
         code = self.gate.may_move_all()
-        return self.operations.may_go(self.gate.virtual) if code == m.OK else code
+        return self.operations.may_go(self.gate.in_virtual_motion) if code == m.OK else code
 
     def _go(self):
         """MSG_RT_GO: acknowledge first, then start the motion (field note 6.3)."""
@@ -359,7 +359,7 @@ class Moves:
     def _jog_all(self):
         """MSG_RT_JOG_ALL (field note 6.10)."""
         code = self.gate.may_move_all()
-        if code == m.OK and not self.operations.running and self.gate.virtual:
+        if code == m.OK and not self.operations.running and self.gate.in_virtual_motion:
             code = m.ERR_MOVING
         if code == m.OK:
             code = self.jog.prepare(

@@ -92,7 +92,7 @@ class OperationRunner:
         self.start_positions = None  # for each motor: where the operation begins
         # for each motor: direction in which it starts, 1 up, -1 down, 0 unknown or not at all
         self.directions = None
-        self.waiting = 0  # bits of motors that have yet to be sent there, or to get first phases
+        self.remaining = 0  # bits of motors yet to be sent there, or to get first phases
         self.early_plan = _NOT_YET
         self.hidden = 0  # bits of motors that need more queued than the early plan has
         # a setting that concerns the operation has changed: see settings_changed()
@@ -120,7 +120,12 @@ class OperationRunner:
         return self.state >= RUNNING or self.starts_by_itself
 
     @property
-    def engaged(self):
+    def bits(self):
+        """Bits of the motors of the operation that is prepared, waits or runs."""
+        return self.operation.bits if self.state != IDLE else 0
+
+    @property
+    def owned(self):
         """Bits of the motors of a running operation, whether they move or pause between two
         laps."""
         state = self.state
@@ -131,13 +136,9 @@ class OperationRunner:
         )
 
     @property
-    def playing(self):
+    def on_path(self):
         """Bits of the motors that follow phases, or stop from them, but not on their way there."""
         return self.operation.bits if self.state >= RUNNING else 0
-
-    def takes(self, motor):
-        """Return whether the motor belongs to the operation."""
-        return (self.operation.bits >> motor) & 1
 
     def send_to_frame(self, frame, positions, among=-1):
         """Move motors, of the bits `among`, to a scene frame (spec: MSG_RT_POSITION_FRAME).
@@ -160,12 +161,12 @@ class OperationRunner:
         if self._note_target(frame, positions, among) == OK:
             self.start_positions = positions
             self.directions = None
-            self.waiting = self.sent
+            self.remaining = self.sent
             self.state = LEAVING
 
     def send_waiting(self):
         """In LEAVING: send the motors that still wait at once."""
-        while self.waiting:
+        while self.remaining:
             self._next_motor()
         self.state = IDLE
 
@@ -180,7 +181,7 @@ class OperationRunner:
     def _note_arrival(self):
         """Set MOVE TIME to the frame if the motors sent there have come to rest on it."""
         bits = self.sent
-        if bits and not self.waiting and self.axes.moving_bits() & bits == 0:
+        if bits and not self.remaining and self.axes.moving_bits() & bits == 0:
             self.sent = 0
             store = self.store
             if store.state != UPLOADED or not store.start <= self.sent_frame <= store.end:
@@ -282,7 +283,7 @@ class OperationRunner:
         self.start_positions = begins
         self.directions = directions
         self.sent = 0
-        self.waiting = operation.bits
+        self.remaining = operation.bits
         self.starts_by_itself = True
         self.host_gone = False
         self.state = POSITIONING
@@ -291,7 +292,7 @@ class OperationRunner:
         """Start an operation from where the motors are."""
         self.operation = operation
         self.state = STARTING
-        self.waiting = operation.bits
+        self.remaining = operation.bits
         operation.begin_lap()
 
     def _release(self):
@@ -316,7 +317,7 @@ class OperationRunner:
         bits of motors that a virtual motion took while the operation waited, and that it will stop.
         """
         if self.state == LEAVING:
-            self.waiting = 0
+            self.remaining = 0
             self.state = IDLE  # the motors that have started are stopped like any others
         if self.state == IDLE:
             return 0
@@ -331,7 +332,7 @@ class OperationRunner:
                 self.axes[motor].stop(self.axes.hal, factor, smooth, running)
         self.operation.ended()
         self.starts_by_itself = False
-        self.waiting = 0
+        self.remaining = 0
         self.state = ENDING
         return 0
 
@@ -347,7 +348,7 @@ class OperationRunner:
         """In READY: discard the early plan, as it may no longer be right."""
         if self.early_plan == _BEGUN or self.early_plan == _DONE:
             self.axes.discard(self.operation.bits)
-            self.waiting = self.hidden = 0
+            self.remaining = self.hidden = 0
         self.early_plan = _NOT_YET
 
     def drop_prepared(self):
@@ -386,7 +387,7 @@ class OperationRunner:
                     return True
                 self._close()
             return False
-        if self.waiting:
+        if self.remaining:
             self._next_motor()
             return True
         if state == LEAVING:
@@ -437,12 +438,12 @@ class OperationRunner:
                 return False
             self.early_plan = _BEGUN
             self.hidden = 0
-            self.waiting = self.operation.bits
+            self.remaining = self.operation.bits
             self.operation.begin_lap()
         elif self.early_plan != _BEGUN:
             return False
         stepper.restore_planned(axes.kernel.state, self.hidden)
-        if self.waiting:
+        if self.remaining:
             self._next_motor()
         elif not self.operation.feed() and not axes.feed():
             self.early_plan = _DONE
@@ -452,9 +453,9 @@ class OperationRunner:
     def _next_motor(self):
         """Send the next waiting motor, or plan its first phases."""
         motor = 0
-        while not (self.waiting >> motor) & 1:
+        while not (self.remaining >> motor) & 1:
             motor += 1
-        self.waiting ^= 1 << motor
+        self.remaining ^= 1 << motor
         if self.state == STARTING or self.state == READY:
             self.player.prepare_motor(motor)
             self.operation.queue_first_phases(motor)

@@ -72,7 +72,7 @@ def locked(function, *arguments):
 
 def operation(controller):
     """Return what Dragonframe's operation is doing, as text; None if there is none."""
-    if controller.virtuals.engaged:
+    if controller.virtuals.owned:
         return "a virtual move is on"
     operations = controller.operations
     if not operations.busy:

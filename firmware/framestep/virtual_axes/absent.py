@@ -5,7 +5,7 @@ class NoVirtuals:
     """Stand-in for requests.VirtualAxes."""
 
     capabilities = 0
-    engaged = 0
+    owned = 0
     configured = False
 
     def handlers(self):

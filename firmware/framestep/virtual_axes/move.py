@@ -95,7 +95,7 @@ class LinearMove:
 
     @property
     @micropython.viper
-    def engaged(self) -> int:
+    def owned(self) -> int:
         """Bits of the motors in a virtual motion, from its acknowledgement to its end."""
         return int(self.line.bits) if int(self.state) else 0
 

@@ -160,9 +160,9 @@ class VirtualAxes:
 
     @property
     @micropython.viper
-    def engaged(self) -> int:
+    def owned(self) -> int:
         """Bits of the motors in a virtual motion, from its acknowledgement to its end."""
-        return int(self.move.engaged)
+        return int(self.move.owned)
 
     def poll(self, now):
         """Do one pass of the main loop. now: ms, as in clock.py. Return whether there may be more
@@ -182,7 +182,7 @@ class VirtualAxes:
     def changed(self, motor):
         """Adapt to a new speed or new soft limits of a motor (from 0): with less room a motion
         ends."""
-        if (self.engaged >> motor) & 1:
+        if (self.owned >> motor) & 1:
             if self.line.limits_narrowed(motor):
                 self.stop()
             self.move.slow_down()
@@ -197,7 +197,7 @@ class VirtualAxes:
         code = self.gate.may_move_all()
         if code != m.OK:
             return code
-        if self.operations.engaged & line.bits:
+        if self.operations.owned & line.bits:
             return m.ERR_MOVING
         if not self.gate.all_enabled(line.bits):
             return m.ERR_GENERAL
@@ -305,7 +305,7 @@ class VirtualAxes:
         kind = reader.u8(m.VirtConfig.type)
         if kind >= _TYPES:
             return m.ERR_RANGE
-        busy = self.axes.moving_bits() | self.operations.engaged | self.engaged
+        busy = self.axes.moving_bits() | self.operations.owned | self.owned
         if busy & line.bits:
             return m.ERR_MOVING
         if kind == m.VIRT_NONE:

@@ -49,9 +49,10 @@ r = c and getattr(b, "runner", b.hal)
 def moving():
     if not c: return 0
     o = getattr(c, "operations", None) or c.stage  # as older versions call them
-    return c.axes.moving_bits() | (o.engaged if r.alive else 0)  # without its passes it stays as it was
+    if not r.alive: return c.axes.moving_bits()  # without its passes the rest stays as it was
+    return c.axes.moving_bits() | (o.owned if hasattr(o, "owned") else o.engaged)
 print((bool(c), moving(), bool(c) and r.background))
-"""  # noqa: E501
+"""
 STOP = """
 if moving(): print(1)
 else:
