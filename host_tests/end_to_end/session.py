@@ -305,7 +305,7 @@ def deceleration(times, signs, after):
 # player.numbers), and memory beyond the entries in use
 _SCRATCH = re.compile(
     r"\.(now|now_ns|housekept_at|refused|active_passes|beat|colour|unreported|watchdog|_clock|port|header|kernel\.state|reader|writer|heard_at|begun_at|words"
-    r"|exceeded|axes\.axes\.\d+\.word|(axes\.)?samples|store\._words|values|draft|moves\.positions|player\.(numbers|window|rate)|jog\.phases\.numbers|(run|operation)\.(lasts|rests)|triggers\._table)(\.|$)"
+    r"|exceeded|axes\.axes\.\d+\.word|(axes\.)?samples|store\._words|values|draft|moves\.positions|(player|move_check|phases)\.(numbers|window|rate)|planner\.(lasts|rests)|triggers\._table)(\.|$)"
 )
 
 
