@@ -56,3 +56,4 @@ def _on(*chips: Any) -> pytest.MarkDecorator:
 # Tests that ask for `chip` have it from conftest.py, but for these:
 on_pico = _on(PICO)  # what they are about is the same code on either chip
 on_both = _on(PICO, PICO2)  # in each run
+on_pico2 = _on(pytest.param(PICO2, marks=pytest.mark.repeats))  # what only that chip can do

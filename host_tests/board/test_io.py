@@ -9,7 +9,7 @@ from framestep.pulse import stepper
 from framestep_tools import payloads as p
 from framestep_tools.client.wire import encode
 from host_tests import dmx_wire
-from host_tests.board.chips import on_both, on_pico
+from host_tests.board.chips import on_both, on_pico, on_pico2
 from host_tests.end_to_end.session import Session, deceleration, run_request
 
 DMX_PIN, ESTOP_PIN = 0, 19
@@ -80,6 +80,29 @@ def test_dmx_on_the_wire(chip):
         assert frames[-1][3] == b"\0" + bytes([250] * 512)
         board_session.wait_idle()
         assert board_session.positions == dict.fromkeys(EIGHT, 20_000)
+
+
+@on_pico2
+def test_dmx_beside_eleven_motors(chip):
+    """All that the pins of a Pico 2 leave room for: a twelfth motor takes the UART's pins."""
+    board_session, board = session(chip, {"motor_count": 11})
+    eleven = tuple(range(1, 12))
+    levels = bytes(255 - channel & 0xFF for channel in range(512))
+    with board:
+        wire = Wire(board)
+        board_session.accept(p.Dmx(0, 1, list(levels)))
+        for motor in eleven:
+            board_session.speed(motor, 50_000, 200_000)
+            board_session.accept(p.MotorMove(motor, 10_000))
+        board_session.run(0.1)
+        wire.emulator.trace_read()
+        board_session.run(0.1)
+        frames = wire.frames(wire.emulator.trace_read())
+        assert len(frames) >= 3
+        check_timing(frames)
+        assert {frame[3] for frame in frames} == {b"\0" + levels}
+        board_session.wait_idle()
+        assert board_session.positions == dict.fromkeys(eleven, 10_000)
 
 
 def check_timing(frames):

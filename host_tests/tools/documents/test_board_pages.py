@@ -315,3 +315,19 @@ def test_a_mistake_in_the_three_files_changes_nothing(copy_with_a_board, capsys,
     assert said in line
     after = {path: path.read_text() for path in copy_with_a_board.rglob("*") if path.is_file()}
     assert after == before
+
+
+@pytest.mark.parametrize(
+    "board", [name for name in image_boards() if board_data(name)["chip"] == "rp2350"]
+)
+def test_no_input_of_an_rp2350_needs_its_pull_down(board):
+    """The first chips have one that is too weak (erratum RP2350-E9), and the page says so."""
+    data = board_data(board)
+    example = json.loads((ROOT / "boards" / board / "rig.json").read_text())
+    rigs = [Rig(example, data)]
+    rigs += [Rig({"motor_count": count}, data) for count in range(1, data["motors"] + 1)]
+    pulls = {item["pull"] for rig in rigs for item in rig.inputs}
+    assert pulls == {"up"}
+    page = (ROOT / "boards" / board / "README.md").read_text()
+    assert "erratum RP2350-E9" in page
+    assert "4.7 kΩ to GND" in page

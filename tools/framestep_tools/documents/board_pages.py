@@ -309,7 +309,7 @@ def supplies(board: Mapping[str, Any]) -> list[str]:
     ]
     pull_up = (
         "| – | pull-up of EN "
-        "| 10 kΩ from EN to 3V3 (`enable_high`: to GND), which keeps drivers off at first |"
+        "| 10 kΩ from EN to 3V3 (`enable_high`: 4.7 kΩ to GND), which keeps drivers off at first |"
     )
     return [
         *(chain if "chain" in board else []),
