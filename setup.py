@@ -33,7 +33,7 @@ class BuildPackage(build_py):
             self.put_data(Path(self.build_lib) / TOOLS)
 
     def put_data(self, package: Path) -> None:
-        from framestep_tools.board import on_files
+        from framestep_tools.board import file_install
         from framestep_tools.building import board_files, images
         from framestep_tools.console import page_files
 
@@ -52,7 +52,7 @@ class BuildPackage(build_py):
         for path in sorted((ROOT / "boards").glob("*/*.json")):
             self.put(path, folder / "boards" / path.parent.name / path.name)
         for board in board_files.files_boards():
-            for name, content in on_files.package(board).files().items():
+            for name, content in file_install.package(board).files().items():
                 path = folder / "files" / board / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(content)

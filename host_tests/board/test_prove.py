@@ -9,8 +9,8 @@ from framestep_tools.payloads import MotorGetPosition, MotorMove, MotorSetSpeed
 from framestep_tools.prove.board import emulated
 from framestep_tools.prove.figures import AS_EMULATED, FIGURES
 from framestep_tools.prove.measure import RUNS, Measuring
+from framestep_tools.prove.measurement import Options, prove
 from framestep_tools.prove.report import emulated_boards
-from framestep_tools.prove.work import Options, prove
 
 CYCLE_NS = 8
 MOVED = 90

@@ -10,7 +10,7 @@ from framestep_tools.board.repl_device import MISTAKE, Device
 from framestep_tools.building import images
 from framestep_tools.building.board_files import ROOT, emulated_boards
 from framestep_tools.client.client import Client
-from framestep_tools.console.scripts import CHECK
+from framestep_tools.console.repl_scripts import CHECK
 from framestep_tools.payloads import Hi
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_overlay import edited, ident_of, on_board

@@ -12,7 +12,7 @@ from playwright.sync_api import sync_playwright
 
 from framestep_tools.client.client import BrokenOff, Client
 from framestep_tools.client.open_port import open_port
-from framestep_tools.console.board_work import BoardWork
+from framestep_tools.console.board_requests import BoardWork
 from framestep_tools.console.device import ConsoleDevice
 from framestep_tools.console.server import ConsoleServer
 from framestep_tools.simulator.boards import SimulatedBoard

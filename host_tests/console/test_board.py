@@ -8,7 +8,7 @@ from playwright.sync_api import expect
 
 from framestep_tools.board import rig_file
 from framestep_tools.board.restart import takes_rig
-from framestep_tools.console.board_work import BoardWork
+from framestep_tools.console.board_requests import BoardWork
 from framestep_tools.errors import ToolError
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.console.conftest import Device

@@ -7,7 +7,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from framestep_tools.board.on_files import Package, main_py
+from framestep_tools.board.file_install import Package, main_py
 from framestep_tools.building.board_files import board_names, image_boards
 from framestep_tools.simulator.boards import EmulatedBoard
 from framestep_tools.simulator.esp32_board import BOARD as ESP32

@@ -10,7 +10,7 @@ from playwright.sync_api import expect
 from framestep.motors.rates import DEFAULT_VELOCITY
 from framestep_tools.axes.axes_file import read_axes
 from framestep_tools.console.axes_text import AxesText
-from framestep_tools.console.move_work import MoveWork
+from framestep_tools.console.move_requests import MoveWork
 from framestep_tools.errors import ToolError
 from framestep_tools.move.move_conversion import to_table
 from framestep_tools.move.move_file import read_move

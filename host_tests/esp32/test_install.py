@@ -7,8 +7,8 @@ from contextlib import suppress
 import pytest
 
 from framestep_tools import cli
-from framestep_tools.board import on_files
-from framestep_tools.board.on_files import LIST, MAIN, Package, main_py
+from framestep_tools.board import file_install
+from framestep_tools.board.file_install import LIST, MAIN, Package, main_py
 from framestep_tools.building.board_files import board_sources, compiled
 from framestep_tools.payloads import Hi, MotorMove
 from framestep_tools.simulator.esp32_board import BOARD, PROCESSOR, Esp32Board, installed, modules
@@ -36,7 +36,7 @@ def packaged(monkeypatch):
 
     def use(changes=None, chip="ESP32", processor=PROCESSOR):
         found = Package(BOARD, modules() | (changes or {}), main_py(), chip, processor)
-        monkeypatch.setattr(on_files, "package", lambda board: found)
+        monkeypatch.setattr(file_install, "package", lambda board: found)
 
     use()
     return use
@@ -149,10 +149,10 @@ def test_power_cuts(boards, packaged, capsys):
         board.cut_power_after(cut)
         with (
             Terminal(board) as terminal,
-            suppress(on_files.DeviceError),
-            on_files.Device(terminal.path) as device,
+            suppress(file_install.DeviceError),
+            file_install.Device(terminal.path) as device,
         ):
-            on_files.bring(device, on_files.package(BOARD), lambda line: None)
+            file_install.bring(device, file_install.package(BOARD), lambda line: None)
         board.power_off()
         board.power_on()
         outcomes.append(outcome(board, old, new))

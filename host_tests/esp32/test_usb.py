@@ -9,8 +9,8 @@ import pytest
 
 from framestep.rig import Rig, RigError
 from framestep_tools import cli
-from framestep_tools.board import on_files
-from framestep_tools.board.on_files import Package, main_py
+from framestep_tools.board import file_install
+from framestep_tools.board.file_install import Package, main_py
 from framestep_tools.building.board_files import board_data
 from framestep_tools.client import port_finder
 from framestep_tools.client.client import Client
@@ -230,8 +230,8 @@ def shell(monkeypatch, capsys):
     """Return shell(board): a context with a function that runs a command, with the board's two
     ports on USB, and gives its status and output. The board ends with it."""
     found = Package(S3, modules(S3), main_py(), "ESP32", PROCESSOR)
-    monkeypatch.setattr(on_files, "package", lambda board: found)
-    monkeypatch.setattr(on_files, "OWN_PORT_FROM", (1, 26))  # the simulated one has this USB
+    monkeypatch.setattr(file_install, "package", lambda board: found)
+    monkeypatch.setattr(file_install, "OWN_PORT_FROM", (1, 26))  # the simulated one has this USB
 
     @contextmanager
     def make(board):
@@ -289,7 +289,7 @@ def test_a_command_for_the_repl_while_another_program_moves_motors(shell):
 
 def test_an_older_micropython(shell, monkeypatch):
     """Its USB cannot have the port, so nothing is copied."""
-    monkeypatch.setattr(on_files, "OWN_PORT_FROM", (99, 0))
+    monkeypatch.setattr(file_install, "OWN_PORT_FROM", (99, 0))
     board = Esp32Board({}, S3, files={"/boot.py": b""})
     with shell(board) as run:
         monkeypatch.setattr(port_finder, "esp32_port", lambda: port_finder.repl_port())

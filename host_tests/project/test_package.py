@@ -186,13 +186,13 @@ def test_help_of_every_command(installed):
 # What a user's commands find of each board, as a line of JSON
 BOARDS = """
 import json, sys
-from framestep_tools.board import on_files
+from framestep_tools.board import file_install
 from framestep_tools.building.board_files import board_data, files_boards
 from framestep_tools.cli import app
 for board, example in zip(sys.argv[1::2], sys.argv[2::2]):
     app.status(["rig", "check", example, "--board", board])
     app.status(["rig", "example", "--board", board])
-    package = on_files.package(board) if board in files_boards() else None
+    package = file_install.package(board) if board in files_boards() else None
     print("found:", json.dumps([
         board_data(board)["name"], package and [len(package.modules), b"start()" in package.main]
     ]))

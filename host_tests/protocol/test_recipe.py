@@ -15,8 +15,8 @@ PROGRAM = """
 from framestep_tools import payloads as p
 from framestep_tools.building.board_files import folded
 from framestep_tools.client.wire import encode
-from framestep_tools.console import bridge, page_files
-from framestep_tools.console.bridge import Jogs
+from framestep_tools.console import port_bridge, page_files
+from framestep_tools.console.port_bridge import Jogs
 from framestep_tools.traffic import compare
 from host_tests.end_to_end.session import simulated
 from host_tests.fuzz import link

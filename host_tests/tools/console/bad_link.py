@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.console import page_files
-from framestep_tools.console.board_work import BoardWork
+from framestep_tools.console.board_requests import BoardWork
 from framestep_tools.console.device import SILENCE_S, ConsoleDevice
-from framestep_tools.console.visit import Visit
+from framestep_tools.console.page_session import Visit
 from framestep_tools.payloads import MotorJog, MotorStatus, MotorStop
 from framestep_tools.simulator.boards import SimulatedBoard
 

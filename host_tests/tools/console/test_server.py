@@ -28,9 +28,9 @@ from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.commands.common import talking
 from framestep_tools.commands.console import show_code
 from framestep_tools.console import page_files
-from framestep_tools.console.board_work import BoardWork
-from framestep_tools.console.bridge import Bridge, Jogs
+from framestep_tools.console.board_requests import BoardWork
 from framestep_tools.console.device import ConsoleDevice
+from framestep_tools.console.port_bridge import Bridge, Jogs
 from framestep_tools.console.server import ConsoleServer, lan_address
 from framestep_tools.errors import ToolError
 from framestep_tools.payloads import (

@@ -28,7 +28,7 @@ from framestep_tools.building.board_files import (
     march,
 )
 from framestep_tools.documents import board_pages
-from framestep_tools.prove import report, work
+from framestep_tools.prove import measurement, report
 
 BOARDS = board_names()
 
@@ -247,7 +247,8 @@ def copy_with_a_board(tmp_path, monkeypatch):
     monkeypatch.setattr(paths, "BOARDS", tmp_path / "boards")
     monkeypatch.setattr(report, "EMULATED", Path(shutil.copy(report.EMULATED, tmp_path)))
     # measuring takes minutes
-    monkeypatch.setattr(work, "renew", lambda name, say: report.renew(name, 4, {"late_us": 7}))
+    figures = {"late_us": 7}
+    monkeypatch.setattr(measurement, "renew", lambda name, say: report.renew(name, 4, figures))
     return tmp_path
 
 

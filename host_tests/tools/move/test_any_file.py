@@ -6,7 +6,7 @@ import pytest
 
 from framestep_tools.axes import rig_axes
 from framestep_tools.console.axes_text import AxesText
-from framestep_tools.console.move_work import MoveWork
+from framestep_tools.console.move_requests import MoveWork
 from framestep_tools.errors import ToolError
 from framestep_tools.move.any_file import read_any
 from framestep_tools.move.move_file import read_move

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from framestep_tools.axes import rig_axes
 from framestep_tools.console.axes_text import AxesText
-from framestep_tools.console.move_work import MoveWork
+from framestep_tools.console.move_requests import MoveWork
 from framestep_tools.errors import ToolError
 from framestep_tools.judge import virtual_reference as reference
 from framestep_tools.move.any_file import any_of

@@ -24,7 +24,7 @@ from framestep_tools.payloads import (
 )
 from framestep_tools.prove import flash, report
 from framestep_tools.prove.board import Board, real
-from framestep_tools.prove.borrowed import Borrowed, CannotCapture, Registry
+from framestep_tools.prove.borrowed_machines import Borrowed, CannotCapture, Registry
 from framestep_tools.prove.check import check
 from framestep_tools.prove.chips import CHIPS
 from framestep_tools.prove.figures import (
@@ -40,10 +40,10 @@ from framestep_tools.prove.figures import (
     WORSE,
     Figure,
 )
-from framestep_tools.prove.layout import Layout, layout
+from framestep_tools.prove.machine_choice import Layout, layout
 from framestep_tools.prove.measure import Measuring
 from framestep_tools.prove.pins import HELD, RATES, trapezoids
-from framestep_tools.prove.watching import program, times_ns
+from framestep_tools.prove.stamp_program import program, times_ns
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 HZ = 125_000_000

@@ -15,7 +15,7 @@ from ..building.board_files import ROOT
 from ..errors import Command
 from . import esp32, pico2, tick_cost
 from .figures import FIGURES, TRUST, all_missed, keyed, missed, plain_table, table
-from .loops import loop_table, loops
+from .main_loop import loop_table, loops
 from .measure import measure
 from .record import RECORD, record, recorded, worse
 

@@ -2,7 +2,7 @@
 
 Time is virtual there and code takes none. So these figures say what the stream, the queue and the
 protocol's UART allow, not how fast the processor is. That is estimated from the number of
-instructions that a Xtensa processor executes in QEMU (builder_cost.py).
+instructions that a Xtensa processor executes in QEMU (stream_cost.py).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +16,7 @@ from ..judge.reference import Reference
 from ..judge.trace import Trace
 from ..payloads import HardStop, MotorMove, MotorSetSpeed, MotorStopAll, Positions, RtEnd, RtGo
 from ..simulator.esp32_board import RATE, Esp32Board
-from . import builder_cost
+from . import stream_cost
 from .esp32_memory import HEAP_KB, memory
 from .figures import Figure
 from .moves import FPS, MOTORS, ROLL_MS, STEEPEST, mixed_move, steady_move
@@ -177,6 +177,6 @@ def measure() -> dict[str, float]:
         figures["esp32_edge_error_us"] = float(np.nanmax(played.errors_us(ramps=False)))
         figures["esp32_stop_ms"] = stop_ms(session)
         figures["esp32_pause_ms"] = pause_ms(session)
-    figures["esp32_builder_tick_us_8"] = builder_cost.us(60_000)
+    figures["esp32_builder_tick_us_8"] = stream_cost.us(60_000)
     figures["esp32_free_bytes"] = memory({}).move_bytes
     return figures

@@ -37,7 +37,7 @@ from ..payloads import (
 )
 from ..simulator.boards import EmulatedBoard
 from .figures import FIGURES
-from .late import worst_late_us
+from .lateness import worst_late_us
 from .moves import MOTORS, STEADY_RATES, STEEPEST, WINDOW, mixed_move, steady_move
 from .session import Session
 from .smoothness import smoothing_figures

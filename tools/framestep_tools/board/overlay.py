@@ -15,7 +15,7 @@ from framestep.protocol import messages
 from .. import paths
 from ..building.board_files import board_chip, board_data, board_modules, data_on_board
 from ..building.images import beginnings, module_hash
-from . import module_files, on_files
+from . import file_install, module_files
 from .module_files import Files, Place
 from .repl_device import RIG_FILE, Device, DeviceError
 from .restart import condition, greeting, hello
@@ -116,14 +116,14 @@ def flash(port: str | None, protocol: str | None, clean: bool, say: Callable[[st
     use, if it is not found by itself.
     """
     with Device(port, say) as device:
-        if board := on_files.board_of(device):
+        if board := file_install.board_of(device):
             if clean:
                 raise DeviceError(
                     "this board has no overlay: all of framestep is in its file system; "
                     f"framestep install --board {board} writes it"
                 )
             modules = {}
-            repl, ports = on_files.bring(device, on_files.package(board), say)
+            repl, ports = file_install.bring(device, file_install.package(board), say)
         else:
             repl = device.path
             modules, ports = _overlay(device, clean, say)

@@ -84,14 +84,14 @@ def _onto_drive(
 
 
 def _onto_esp32(board: str, port: str | None, micropython: Path | None) -> None:
-    from ..board import esp32_flash, on_files
+    from ..board import esp32_flash, file_install
     from ..client import port_finder
 
-    wanted = on_files.package(board)
+    wanted = file_install.package(board)
     path = port or port_finder.esp32_port()
     if micropython:
         esp32_flash.write(board, path, micropython, _say)
-    on_files.install(wanted, path, _say)
+    file_install.install(wanted, path, _say)
 
 
 def flash(

@@ -129,7 +129,7 @@ async def _serve(
 ) -> None:
     from ..client.open_port import open_port
     from ..console.axes_text import AxesText
-    from ..console.board_work import BoardWork
+    from ..console.board_requests import BoardWork
     from ..console.device import ConsoleDevice
     from ..console.server import ConsoleServer
 

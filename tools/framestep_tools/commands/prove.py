@@ -49,8 +49,8 @@ def prove(
     with extra("prove"):
         from ..prove import report
         from ..prove.board import real
-        from ..prove.work import Options
-        from ..prove.work import prove as measure
+        from ..prove.measurement import Options
+        from ..prove.measurement import prove as measure
     from ..building.board_files import board_data
     from ..client import port_finder
     from ..errors import ToolError

@@ -10,9 +10,9 @@ from ..client.wire import Frame
 from ..errors import ToolError
 from ..payloads import MotorStopAll
 from .axes_text import AxesText
-from .board_work import BoardWork
-from .bridge import Bridge
+from .board_requests import BoardWork
 from .demo import keyframes
+from .port_bridge import Bridge
 
 if TYPE_CHECKING:
     from .demo_board import DemoBoard

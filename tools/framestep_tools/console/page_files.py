@@ -20,7 +20,7 @@ from ..documents import rig_schema, rig_table
 from ..errors import ToolError
 from ..move.move_formats import FORMATS
 from ..payloads import Ack, Payload, RtUploadMoveAxis, layout
-from . import scripts
+from . import repl_scripts
 
 PAGE = Path(__file__).with_name("page")
 TYPES = {
@@ -106,7 +106,7 @@ def protocol_js() -> str:
         "LIMITS_COUNT": texts.LIMITS_COUNT,
         "UNITS": list(UNITS),
         "FORMATS": {each.NAME: each.ENDINGS[0] for each in FORMATS.values()},
-        "SCRIPTS": scripts.FOR_THE_PAGE,
+        "SCRIPTS": repl_scripts.FOR_THE_PAGE,
         "RIG_TASKS": {
             task: [key for key in keys if key.isidentifier()]
             for task, keys in rig_table.TASKS.items()

@@ -28,9 +28,9 @@ from websockets.http11 import Request, Response
 
 from ..errors import ToolError
 from . import page_files
-from .bridge import Bridge
 from .device import ConsoleDevice
-from .visit import Visit
+from .page_session import Visit
+from .port_bridge import Bridge
 from .watcher import Watcher
 
 ADDRESS = "127.0.0.1"

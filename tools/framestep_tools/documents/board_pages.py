@@ -18,7 +18,7 @@ from .. import paths
 from ..building.board_files import board_chip, board_data, board_names
 from ..chips import chips
 from ..errors import Command, ToolError
-from ..prove import report, work
+from ..prove import measurement, report
 
 COMMAND = "python -m framestep_tools.documents.board_pages"
 # What is made stands in a file between a comment with "made by <COMMAND>" and one with "end of".
@@ -544,7 +544,7 @@ def main() -> None:
     for path, text in files().items():
         path.write_text(text)
     for name in report.outdated():
-        work.renew(name, print)
+        measurement.renew(name, print)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from typing import Any
 
 from framestep.rig.settings import SETTINGS
 
-from ..bench import builder_cost
+from ..bench import stream_cost
 from ..bench.esp32 import ChainSession
 from ..bench.esp32_memory import fits, memory
 from ..building.board_files import ROOT
@@ -69,7 +69,7 @@ def costs() -> str:
     """Return a table of what a millisecond of the stream costs."""
     lines = ["| steps/s of each of eight motors | µs for each millisecond, at best |", "|---|---|"]
     for rate in (1000, 20_000, 60_000):
-        lines.append(f"| {_grouped(rate)} | {_grouped(builder_cost.us(rate))} |")
+        lines.append(f"| {_grouped(rate)} | {_grouped(stream_cost.us(rate))} |")
     return "\n".join(lines) + "\n"
 
 

@@ -7,7 +7,7 @@ import typer
 
 from ..building.board_files import ROOT, board_data, emulated_boards
 from ..errors import Command, ToolError
-from . import report, work
+from . import measurement, report
 from .board import emulated
 
 app = Command("prove")
@@ -35,16 +35,16 @@ def main(
         if each not in emulated_boards():
             raise ToolError(f"{data['name']} is not emulated: its chip is {data['chip']}")
         if renew:
-            work.renew(each, print)
+            measurement.renew(each, print)
         else:
-            compare(each, work.Options(short=short), ("--chip", chip) if chip else (), out)
+            compare(each, measurement.Options(short=short), ("--chip", chip) if chip else (), out)
 
 
-def compare(board: str, options: work.Options, args: tuple[str, ...], out: Path) -> None:
+def compare(board: str, options: measurement.Options, args: tuple[str, ...], out: Path) -> None:
     """Measure an emulated board. Raises ToolError if a figure is worse than the stored one. args:
     options of the emulator; out: folder for the report."""
     with emulated(args, board) as measured:
-        found = work.prove(measured, options, report.emulated_boards(), print)
+        found = measurement.prove(measured, options, report.emulated_boards(), print)
     report.show(found)
     paths = found.write(out)
     print(*paths, sep="\n")

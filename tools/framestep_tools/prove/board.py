@@ -14,8 +14,8 @@ from ..client.client import Client
 from ..errors import ToolError
 from ..payloads import DeviceInfo, GetCondition, Hi
 from .chips import CHIPS
-from .instrument import Instrument
-from .layout import Layout, layout
+from .machine_choice import Layout, layout
+from .pin_capture import Instrument
 from .report import folder_of
 
 # Of an emulated board's last motor, as the default width is too long for 500 000 steps/s

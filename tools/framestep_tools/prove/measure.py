@@ -5,7 +5,7 @@ from contextlib import suppress
 from ..client.client import RequestRefused
 from ..payloads import MotorMove, MotorSetSpeed
 from .check import check
-from .gathering import STEEPEST, WRAP_US, named
+from .collector import STEEPEST, WRAP_US, named
 from .pins import FASTEST_HZ, STEADY_HZ, Pins
 from .processor import Processor
 

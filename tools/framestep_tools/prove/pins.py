@@ -12,9 +12,9 @@ from ..judge.judge import Limits, judge
 from ..judge.reference import Reference
 from ..judge.trace import Trace
 from ..payloads import MotorMove, MotorSetSpeed, MotorStopAll, RtEnd, RtGo, RtRunMove
-from .borrowed import BLOCK_MACHINES
-from .gathering import STEEPEST, WRAP_US, Gathering, named
-from .instrument import Edges
+from .borrowed_machines import BLOCK_MACHINES
+from .collector import STEEPEST, WRAP_US, Gathering, named
+from .pin_capture import Edges
 
 DEFAULT_PULSE_US = 1.0
 STEADY_HZ, FASTEST_HZ = 350_000, 500_000

@@ -18,7 +18,7 @@ from ..payloads import (
     MotorStopAll,
 )
 from . import flash
-from .gathering import STEEPEST, Gathering
+from .collector import STEEPEST, Gathering
 
 ASKED = 60
 TICK_HZ = 20_000

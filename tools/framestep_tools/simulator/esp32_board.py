@@ -18,7 +18,7 @@ import numpy as np
 from flash_images import littlefs_image
 from framestep.rig import Rig
 
-from ..board.on_files import LIST, MAIN, listing, main_py
+from ..board.file_install import LIST, MAIN, listing, main_py
 from ..building import images
 from ..building.board_files import board_data, board_sources, compiled_modules
 from ..client.port_finder import BAUD

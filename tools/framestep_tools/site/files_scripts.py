@@ -2,7 +2,7 @@
 installs framestep. Their result comes after \\x02, as JSON.
 """
 
-from ..board import on_files
+from ..board import file_install
 
 WHO = """
 import json, sys
@@ -14,7 +14,8 @@ print(json.dumps([list(i.version[:2]), i._mpy >> 10, i._machine]))
 OTHER_MAIN = f"""
 print("\\x02")
 try:
-    with open({on_files.MAIN!r}, "rb") as file: print(0 if {on_files.OURS!r} in file.read() else 1)
+    with open({file_install.MAIN!r}, "rb") as file:
+        print(0 if {file_install.OURS!r} in file.read() else 1)
 except OSError: print(0)
 """
 # A line for each file of framestep
@@ -26,7 +27,7 @@ def walk(folder):
         if kind & 0x4000: walk(path)
         else: print(json.dumps(path))
 print("\\x02")
-try: walk({on_files.PLACE.folder!r})
+try: walk({file_install.PLACE.folder!r})
 except OSError: pass
 """
 # digest(path) prints the SHA-256 of a file, null if there is none

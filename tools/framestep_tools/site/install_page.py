@@ -13,8 +13,8 @@ from typing import Any
 
 from framestep.rig.settings import SETTINGS
 
-from ..board import bootsel_drive, esp32_flash, on_files
-from ..board.on_files import Package, package
+from ..board import bootsel_drive, esp32_flash, file_install
+from ..board.file_install import Package, package
 from ..board.rig_file import read
 from ..building.board_files import board_chip, board_data, board_names, files_boards
 from ..building.release_names import image_name, page_files_name
@@ -54,10 +54,10 @@ def _setup(out: Path, packages: Mapping[str, Package]) -> dict[str, Any]:
         "chips": {key: chip.name for key, chip in chips().items()},
         "files": {
             "scripts": files_scripts.FOR_THE_PAGE,
-            "oldest": on_files.OLDEST,
-            "ownPortFrom": on_files.OWN_PORT_FROM,
-            "list": on_files.LIST,
-            "main": on_files.MAIN,
+            "oldest": file_install.OLDEST,
+            "ownPortFrom": file_install.OWN_PORT_FROM,
+            "list": file_install.LIST,
+            "main": file_install.MAIN,
         },
         "esp": {
             "magic": esp32_flash.MAGIC,
@@ -88,7 +88,7 @@ def _board(board: str, out: Path, wanted: Package | None) -> dict[str, Any]:
         "image": _file(out / image_name(board, version())),
         "files": _file(out / page_files_name(board, version())),
         "esp": chip.esp,
-        "arch": on_files.PROCESSORS.index(wanted.processor) if wanted else None,
+        "arch": file_install.PROCESSORS.index(wanted.processor) if wanted else None,
     }
 
 

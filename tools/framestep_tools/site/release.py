@@ -23,7 +23,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from .. import paths
-from ..board import on_files
+from ..board import file_install
 from ..building.board_files import board_data, files_boards, image_boards
 from ..building.images import BuildError, frozen
 from ..building.release_names import files_name, image_name, pages_name
@@ -153,7 +153,7 @@ def make(folder: Path) -> list[Path]:
     when = epoch()
     os.environ["SOURCE_DATE_EPOCH"] = str(when)
     for board in files_boards():
-        package = on_files.package(board)
+        package = file_install.package(board)
         (folder / files_name(board, version())).write_bytes(zipped(package.files(), when))
     for board in image_boards():
         print(f"the image for the {board_data(board)['name']}", flush=True)

@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ..errors import ToolError
-from .borrowed import BLOCK_MACHINES
+from .borrowed_machines import BLOCK_MACHINES
 
 _PINS_AT_ONCE = 2  # steps and direction of a motor
 

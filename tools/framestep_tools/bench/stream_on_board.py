@@ -1,4 +1,4 @@
-"""Runs on MicroPython, for builder_cost.py: RATE MS. Does what the main loop of an ESP32 does for
+"""Runs on MicroPython, for stream_cost.py: RATE MS. Does what the main loop of an ESP32 does for
 eight motors, a pass each millisecond, with a stand-in for I2S. Prints the speed of the last ticks,
 steps/s."""
 

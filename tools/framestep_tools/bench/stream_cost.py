@@ -22,7 +22,7 @@ _HEAP_KB = 1000
 _SHORT_MS, _LONG_MS = 300, 600  # after the ramp
 _VERSIONS = range(1, 8)  # of QEMU's interface for plugins
 _COUNTER = paths.ROOT / "tools" / "micropython" / "bare" / "count.c"
-_SCRIPT = Path(__file__).with_name("build_stream.py")
+_SCRIPT = Path(__file__).with_name("stream_on_board.py")
 
 
 @cache

@@ -23,7 +23,7 @@ from websockets.exceptions import ConnectionClosed
 
 from ..errors import ToolError
 from .device import ConsoleDevice
-from .move_work import MoveWork
+from .move_requests import MoveWork
 
 _LOOK_S = 0.1
 _OF_MOVES = ("check_move", "export_move", "read_move")

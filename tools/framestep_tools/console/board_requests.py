@@ -15,8 +15,8 @@ from ..board.repl_device import RIG_FILE, Device, Moving
 from ..board.restart import greeting
 from ..board.rig_change import RigChange
 from ..errors import ToolError
+from .repl_scripts import LIVE, LIVE_BEGIN, LIVE_END, LOAD
 from .repl_terminal import ReplTerminal
-from .scripts import LIVE, LIVE_BEGIN, LIVE_END, LOAD
 
 _NO_REPL = (
     "this board shows no second port for its REPL; name one with --repl, "

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import ToolError
 from .chips import Registers
-from .watching import HIGH, LENGTH, LOW, program
+from .stamp_program import HIGH, LENGTH, LOW, program
 
 BLOCK_MACHINES = 4
 

@@ -1,10 +1,10 @@
 """Edges of a board's pins, stamped by the board itself.
 
 State machines watch: unused ones, and those of motors at rest, which wait for a command. Each
-watches a pin with a program of eight instructions (watching.py), next to the other programs of its
-PIO block. A loop of two cycles counts x down; at an edge x goes to the FIFO, and by DMA to memory
-that the uploaded move leaves free. Afterwards the machines get back what they had. All machines
-begin in the same cycle, so edges of several pins have one origin of time.
+watches a pin with a program of eight instructions (stamp_program.py), next to the other programs of
+its PIO block. A loop of two cycles counts x down; at an edge x goes to the FIFO, and by DMA to
+memory that the uploaded move leaves free. Afterwards the machines get back what they had. All
+machines begin in the same cycle, so edges of several pins have one origin of time.
 
 The board keeps running framestep unchanged. Scripts for its REPL are small, because it has about
 10 kB: they read and write registers that these modules name.
@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .borrowed import BLOCK_MACHINES, Borrowed, Registry, fits, unused
+from .borrowed_machines import BLOCK_MACHINES, Borrowed, Registry, fits, unused
 from .chips import Registers
-from .watching import times_ns
+from .stamp_program import times_ns
 
 _SCRIPT = """
 import rp2
