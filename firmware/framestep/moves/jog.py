@@ -17,10 +17,11 @@ from framestep.base.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION,
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
-from framestep.motors.axis import ALL_SPLICE_TICKS
+from framestep.motion.segments import G1, velocity
+from framestep.motors.axis import ALL_SPLICE_TICKS, FIRST_TICKS, MOST_SEGMENTS
 from framestep.motors.feeder import coupled
 from framestep.motors.splice import cut, queued
-from framestep.moves.jog_landing import ACCELERATION, hurry_time, land_from
+from framestep.moves.jog_landing import ACCELERATION, Landing
 from framestep.moves.jog_phases import INDEX, JogPhases
 from framestep.moves.on_frame import find_frame, find_switch_on_path
 from framestep.moves.operation import Operation
@@ -107,6 +108,7 @@ class JogAll(Operation):
         self.stop_asked = 0  # a stop on a frame is under way: 1 for STOP, 2 for STOP_ALL
         self.hurry = False  # the last frame before the stop takes a second at most
         self.phases = JogPhases(self.player.numbers)
+        self.landing = Landing(self.player)
         self.begun = 0  # tick of the first pulse
         self.positions = array("i", [0] * operations.axes.count)
         # direction in which each motor starts from there
@@ -315,7 +317,7 @@ class JogAll(Operation):
         compute(r, _NEXT_RATE)
         moves = compute(r, _NEXT_FRAME)
         if self.hurry and left == 1:
-            hurry_time(self, self.last_queued + self.step, False)
+            self.landing.hurry_time(self.bits, self.last_queued + self.step, False)
         elif not moves:
             compute(r, _FROM_REST_TO_REST)
         self.append_phase(self.last_queued, self.last_queued + self.step)
@@ -396,7 +398,7 @@ class JogAll(Operation):
             hal.irq_on(irq)
             if ticks < 0:
                 return False
-            land_from(self, elapsed(tick + state[stepper.LEAD] + 1 + ticks, self.begun))
+            self._land(elapsed(tick + state[stepper.LEAD] + 1 + ticks, self.begun))
         elif not self.closed:
             # The queues end soon: the frames are short, or the end is near.
             self.destination = self._landing()
@@ -404,3 +406,25 @@ class JogAll(Operation):
                 self.player.end_phases(self.bits)
                 self.closed = True
         return True
+
+    def _land(self, ticks):
+        """Come to rest on a frame from where the queues have been cut, `ticks` after the
+        beginning."""
+        player = self.player
+        axes = player.axes
+        at = self.phases.rows[self.phases.locate(ticks) + INDEX]
+        for motor in range(player.count):
+            if (self.bits >> motor) & 1:
+                self.store.position(motor, at, player.position, 0)
+                axes[motor].resume_from_cut(player.position, 0)
+                velocity(player.numbers, SPEEDS + 2 * motor, axes[motor].cubic, G1)
+        self.phases.begin(ticks)
+        landing = self.landing
+        landing.plan(self.bits, at, self.step, self.destination)
+        self.closed = False
+        self.destination = landing.destination
+        self.hurry = landing.hurry
+        self.append_phase(at, landing.end)
+        for motor in range(player.count):
+            if (self.bits >> motor) & 1:
+                axes[motor].feed(MOST_SEGMENTS, FIRST_TICKS)

@@ -8,11 +8,9 @@ from framestep.base.native import const
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
-from framestep.motion.segments import G1, WHOLE, velocity
-from framestep.motors.axis import FIRST_TICKS, MOST_SEGMENTS
+from framestep.motion.segments import WHOLE
 from framestep.motors.backlash import MOTOR
 from framestep.motors.rates import MAX_ACCELERATION, MAX_VELOCITY
-from framestep.moves.jog_phases import INDEX
 from framestep.moves.path import registers
 from framestep.moves.path.move_check import HALF
 from framestep.moves.path.registers import HERE, HERE_RATE, RATE, SPEEDS
@@ -130,137 +128,146 @@ _TURNING = formula(
 _AT_CONSTANT_DECELERATION = formula(registers, "DURATION = min(DURATION, 2 * DISTANCE / RATE)")
 
 
-def land_from(jog, ticks):
-    """Plan from where the queues have been cut, `ticks` after the beginning, to rest on a frame."""
-    player = jog.player
-    axes = jog.operations.axes
-    r = player.numbers
-    step = jog.step
-    at = jog.phases.rows[jog.phases.locate(ticks) + INDEX]
-    for motor in range(player.count):
-        if (jog.bits >> motor) & 1:
-            jog.store.position(motor, at, player.position, 0)
-            axes[motor].resume_from_cut(player.position, 0)
-            velocity(r, SPEEDS + 2 * motor, axes[motor].cubic, G1)
-    jog.phases.begin(ticks)
-    jog.closed = False
-    reals.copy(r, RATE, HERE_RATE)
-    end = at + step * (reals.floor(r, HERE, HALF) + 1)
-    if (jog.destination - end) * step < 0:
-        end = jog.destination
-    reals.put(r, _TO_NEXT_FRAME.frames, (end - at) * step, 0)
-    compute(r, _TO_NEXT_FRAME)
-    # The end is `more` frames beyond the next one.
-    _find_limit(jog, at, end)
-    compute(r, _STOPPING_DISTANCE)
-    more = min(
-        max(-reals.floor(r, _STOPPING_DISTANCE.frames, HALF), 0), (jog.destination - end) * step
-    )
-    jog.destination = end + step * more
-    reals.put(r, _DECELERATE.frames, more, 0)
-    jog.hurry = bool(compute(r, _DECELERATE))
-    if more:
-        if compute(r, _IS_BRIEF):
-            for motor in range(player.count):
-                if (jog.bits >> motor) & 1:
-                    # by way of that frame, where the motor may turn
-                    jog.store.position(motor, end, player.position, 0)
-                    axes[motor].backlash.turn_to(player.position, 0, 0)
-            end += step
-            more -= 1
-            compute(r, _ONE_MORE_FRAME)
-    if jog.hurry:
-        compute(r, _TWICE_THE_LIMIT)
-    reals.put(r, _NEXT_RATE.frames, more, 0)
-    compute(r, _NEXT_RATE)
-    if jog.hurry and not more:
-        hurry_time(jog, end, True)
-    else:
-        compute(r, _TIME)
-    if not more:
-        _stay_before(jog, end)
-    jog.append_phase(at, end)
-    for motor in range(player.count):
-        if (jog.bits >> motor) & 1:
-            axes[motor].feed(MOST_SEGMENTS, FIRST_TICKS)
+class Landing:
+    """Where a JOG_ALL comes to rest, and how. player: the UploadPlayer.
 
-
-def _stay_before(jog, end):
-    """Shorten DURATION, by a quarter at most, if a motor would overshoot the frame `end`.
-
-    It would if its velocity is more than three times the mean, as in a fast cubic that has been cut
-    late.
+    `destination`: index of the frame to rest on. `end`: index of the next frame, to which the
+    motors go first. `hurry`: the last frame before the stop takes a second at most.
     """
-    player = jog.player
-    r = player.numbers
-    compute(r, _THREE_QUARTERS)
-    for motor in range(player.count):
-        if (jog.bits >> motor) & 1:
-            axis = player.axes[motor]
-            own = SPEEDS + 2 * motor
-            if not reals.sign(r, own):
-                continue
-            jog.store.position(motor, end, player.position, 0)
-            axis.backlash.turn_to(player.position, 0, 0)
-            reals.put_difference(
-                r, _BEFORE_OVERSHOOT.steps, axis.backlash, MOTOR, axis.cubic, WHOLE
-            )
-            reals.copy(r, _BEFORE_OVERSHOOT.velocity, own)
-            compute(r, _BEFORE_OVERSHOOT)
 
+    def __init__(self, player):
+        self.player = player
+        self.store = player.store
+        self.bits = 0
+        self.step = 1
+        self.destination = 0
+        self.end = 0
+        self.hurry = False
 
-def _find_limit(jog, at, end):
-    """LIMIT = the deceleration, in frames per tick², with which the motors can stop there.
+    def plan(self, bits, at, step, destination):
+        """Plan from where the queues have been cut, HERE frames after the index `at` at HERE_RATE,
+        to rest on a frame: set the fields, and DISTANCE, DURATION, RATE, NEXT of the first phase.
 
-    It is at least what the check has found for this rate. It is higher, up to ACCELERATION, if the
-    frames around `end` allow it.
-    """
-    player = jog.player
-    r = player.numbers
-    store = jog.store
-    values = player.values
-    if not compute(r, _GENTLEST):
-        return
-    for motor in range(player.count):
-        if (jog.bits >> motor) & 1:
-            store.position(motor, at, values, 0)
-            store.position(motor, end, values, 1)
-            store.position(motor, min(max(end + jog.step, 0), store.end - store.start), values, 2)
-            reals.put_difference(r, _STEEPEST.before, values, 1, values, 0)
-            reals.put_difference(r, _STEEPEST.beyond, values, 2, values, 1)
-            numbers = player.axes[motor].numbers
-            reals.fetch(r, _STEEPEST.acceleration, numbers, MAX_ACCELERATION)
-            compute(r, _STEEPEST)
-    compute(r, _AT_LEAST_GENTLEST)
+        step: 1 or -1. destination: index of the last frame possible.
+        """
+        self.bits = bits
+        self.step = step
+        player = self.player
+        axes = player.axes
+        r = player.numbers
+        reals.copy(r, RATE, HERE_RATE)
+        end = at + step * (reals.floor(r, HERE, HALF) + 1)
+        if (destination - end) * step < 0:
+            end = destination
+        reals.put(r, _TO_NEXT_FRAME.frames, (end - at) * step, 0)
+        compute(r, _TO_NEXT_FRAME)
+        # The end is `more` frames beyond the next one.
+        self._find_limit(at, end)
+        compute(r, _STOPPING_DISTANCE)
+        more = min(
+            max(-reals.floor(r, _STOPPING_DISTANCE.frames, HALF), 0), (destination - end) * step
+        )
+        self.destination = end + step * more
+        reals.put(r, _DECELERATE.frames, more, 0)
+        self.hurry = bool(compute(r, _DECELERATE))
+        if more:
+            if compute(r, _IS_BRIEF):
+                for motor in range(player.count):
+                    if (bits >> motor) & 1:
+                        # by way of that frame, where the motor may turn
+                        self.store.position(motor, end, player.position, 0)
+                        axes[motor].backlash.turn_to(player.position, 0, 0)
+                end += step
+                more -= 1
+                compute(r, _ONE_MORE_FRAME)
+        if self.hurry:
+            compute(r, _TWICE_THE_LIMIT)
+        reals.put(r, _NEXT_RATE.frames, more, 0)
+        compute(r, _NEXT_RATE)
+        if self.hurry and not more:
+            self.hurry_time(bits, end, True)
+        else:
+            compute(r, _TIME)
+        if not more:
+            self._stay_before(end)
+        self.end = end
 
+    def _stay_before(self, end):
+        """Shorten DURATION, by a quarter at most, if a motor would overshoot the frame `end`.
 
-def hurry_time(jog, end, cut):
-    """DURATION = ticks to rest on the frame `end`, DISTANCE frames away, at a frame per second or
-    as fast as the motors can.
+        It would if its velocity is more than three times the mean, as in a fast cubic that has been
+        cut late.
+        """
+        player = self.player
+        r = player.numbers
+        compute(r, _THREE_QUARTERS)
+        for motor in range(player.count):
+            if (self.bits >> motor) & 1:
+                axis = player.axes[motor]
+                own = SPEEDS + 2 * motor
+                if not reals.sign(r, own):
+                    continue
+                self.store.position(motor, end, player.position, 0)
+                axis.backlash.turn_to(player.position, 0, 0)
+                reals.put_difference(
+                    r, _BEFORE_OVERSHOOT.steps, axis.backlash, MOTOR, axis.cubic, WHOLE
+                )
+                reals.copy(r, _BEFORE_OVERSHOOT.velocity, own)
+                compute(r, _BEFORE_OVERSHOOT)
 
-    cut: start from where the queues have been cut, else from the last frame queued. DURATION is
-    never longer than at a constant deceleration.
-    """
-    player = jog.player
-    r = player.numbers
-    compute(r, _A_FRAME_PER_SECOND)
-    for motor in range(player.count):
-        if (jog.bits >> motor) & 1:
-            axis = player.axes[motor]
-            own = SPEEDS + 2 * motor
-            reals.copy_word(player.values, 0, axis.backlash, MOTOR)
-            if cut:
-                reals.copy_word(player.values, 0, axis.cubic, WHOLE)
-            jog.store.position(motor, end, player.position, 0)
-            axis.backlash.turn_to(player.position, 0, 0)
-            steps = _AS_MOTORS_CAN.steps
-            reals.put_difference(r, steps, axis.backlash, MOTOR, player.values, 0)
-            turns = reals.sign(r, steps) * reals.sign(r, own) < 0
-            reals.fetch(r, _AS_MOTORS_CAN.velocity, axis.numbers, MAX_VELOCITY)
-            reals.fetch(r, _AS_MOTORS_CAN.acceleration, axis.numbers, MAX_ACCELERATION)
-            compute(r, _AS_MOTORS_CAN)
-            if turns:
-                reals.copy(r, _TURNING.speed, own)
-                compute(r, _TURNING)
-    if reals.sign(r, RATE):
-        compute(r, _AT_CONSTANT_DECELERATION)
+    def _find_limit(self, at, end):
+        """LIMIT = the deceleration, in frames per tick², with which the motors can stop there.
+
+        It is at least what the check has found for this rate. It is higher, up to ACCELERATION, if
+        the frames around `end` allow it.
+        """
+        player = self.player
+        r = player.numbers
+        store = self.store
+        values = player.values
+        if not compute(r, _GENTLEST):
+            return
+        for motor in range(player.count):
+            if (self.bits >> motor) & 1:
+                store.position(motor, at, values, 0)
+                store.position(motor, end, values, 1)
+                store.position(
+                    motor, min(max(end + self.step, 0), store.end - store.start), values, 2
+                )
+                reals.put_difference(r, _STEEPEST.before, values, 1, values, 0)
+                reals.put_difference(r, _STEEPEST.beyond, values, 2, values, 1)
+                numbers = player.axes[motor].numbers
+                reals.fetch(r, _STEEPEST.acceleration, numbers, MAX_ACCELERATION)
+                compute(r, _STEEPEST)
+        compute(r, _AT_LEAST_GENTLEST)
+
+    def hurry_time(self, bits, end, cut):
+        """DURATION = ticks to rest on the frame `end`, DISTANCE frames away, at a frame per second
+        or as fast as the motors of these bits can.
+
+        cut: start from where the queues have been cut, else from the last frame queued. DURATION is
+        never longer than at a constant deceleration.
+        """
+        player = self.player
+        r = player.numbers
+        compute(r, _A_FRAME_PER_SECOND)
+        for motor in range(player.count):
+            if (bits >> motor) & 1:
+                axis = player.axes[motor]
+                own = SPEEDS + 2 * motor
+                reals.copy_word(player.values, 0, axis.backlash, MOTOR)
+                if cut:
+                    reals.copy_word(player.values, 0, axis.cubic, WHOLE)
+                self.store.position(motor, end, player.position, 0)
+                axis.backlash.turn_to(player.position, 0, 0)
+                steps = _AS_MOTORS_CAN.steps
+                reals.put_difference(r, steps, axis.backlash, MOTOR, player.values, 0)
+                turns = reals.sign(r, steps) * reals.sign(r, own) < 0
+                reals.fetch(r, _AS_MOTORS_CAN.velocity, axis.numbers, MAX_VELOCITY)
+                reals.fetch(r, _AS_MOTORS_CAN.acceleration, axis.numbers, MAX_ACCELERATION)
+                compute(r, _AS_MOTORS_CAN)
+                if turns:
+                    reals.copy(r, _TURNING.speed, own)
+                    compute(r, _TURNING)
+        if reals.sign(r, RATE):
+            compute(r, _AT_CONSTANT_DECELERATION)
