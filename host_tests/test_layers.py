@@ -12,6 +12,7 @@ from framestep_tools.building.board_files import ROOT, sources
 LAYERS = (
     ("base.native_cpython",),
     ("base.native",),
+    ("hal.rp2.chip", "hal.rp2.chip_rp2350"),
     ("leftovers",),
     ("base",),
     ("pulse",),

@@ -4,9 +4,9 @@ This module is small because it is loaded while DMA may still write into memory 
 owns: into the heap of before the reset, which lay behind what framestep.boot keeps for the REPL.
 """
 
-import sys
-
 from machine import mem32
+
+from framestep.hal.rp2 import chip
 
 # RP2040 datasheet 2.5.7, RP2350 12.6.10
 _CONTROL = 0x50000010  # a channel's control word, without a trigger
@@ -29,12 +29,10 @@ def stop_dma():
     if _stopped:
         return
     _stopped = True
-    rp2350 = "RP2350" in sys.implementation._machine
-    channels = 16 if rp2350 else 12
     # all before the first abort, so that no channel starts another (erratum RP2350-E5)
-    for channel in range(channels):
+    for channel in range(chip.DMA_CHANNELS):
         mem32[_CONTROL + _CHANNEL * channel] = 0
-    mem32[0x50000464 if rp2350 else 0x50000444] = (1 << channels) - 1  # CHAN_ABORT
+    mem32[chip.DMA_ABORT] = (1 << chip.DMA_CHANNELS) - 1
 
 
 def lower_pins():
@@ -43,13 +41,11 @@ def lower_pins():
     The soft reset may have ended the program within a pulse; a servo would then see one of some
     hundred milliseconds.
     """
-    rp2350 = "RP2350" in sys.implementation._machine
-    clear, drive = (0xD0000020, 0xD0000038) if rp2350 else (0xD0000018, 0xD0000024)
     for pin in range(30):
-        control = (0x40028004 if rp2350 else 0x40014004) + 8 * pin
+        control = (chip.IO_PAGE << 12) + 4 + 8 * pin
         if mem32[control] & 31 in (6, 7, 8):  # PIO0 to PIO2
-            mem32[clear] = 1 << pin
-            mem32[drive] = 1 << pin
+            mem32[chip.OUT_CLEAR] = 1 << pin
+            mem32[chip.DRIVE] = 1 << pin
             mem32[control] = 5  # SIO
 
 

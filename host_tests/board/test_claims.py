@@ -48,7 +48,7 @@ CLAIM = Path(__file__).parent / "claims_setup.py"
 @pytest.mark.parametrize("chip", sweep(["B1", "B2"], "B2"))
 def test_a_claim_at_any_time_around_a_bus_reset(emulator, chip):
     """The direction pin follows its engine, whenever it was claimed, and USB starts again."""
-    emu = emulator(files=board_modules(MODULES), args=["--chip", chip])
+    emu = emulator(files=board_modules(MODULES, chip), args=["--chip", chip])
     repl = emu.repl()
     repl.exec(CLAIM.read_text())
     dead = []

@@ -5,7 +5,7 @@ import ast
 
 import pytest
 
-from framestep_tools.building.board_files import ENGINES, FIRMWARE, board_data, board_names
+from framestep_tools.building.board_files import CHIPS, ENGINES, FIRMWARE, board_data, board_names
 from framestep_tools.chips import chips
 
 HAL = FIRMWARE / "framestep" / "hal"
@@ -32,6 +32,16 @@ def test_its_parts_exist(key):
         f"{key}: add boards/{board}, or name another board as its plain_board"
     )
     assert board_data(board)["chip"] == key, f"{key}: its plain_board {board} has another chip"
+
+
+@pytest.mark.parametrize("key", [key for key in chips() if chips()[key].hal == "rp2"])
+def test_it_is_described_to_the_hal_that_it_shares(key):
+    """With all the constants, and no other."""
+    assert key in CHIPS, (
+        f"{key}: write a module like {CHIPS['rp2040']}, and add it to CHIPS in "
+        "tools/framestep_tools/building/board_files.py"
+    )
+    assert names(CHIPS[key]) == names(CHIPS["rp2040"])
 
 
 @pytest.mark.parametrize("engine", ENGINES)

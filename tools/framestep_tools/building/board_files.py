@@ -43,6 +43,7 @@ _HOST_ONLY = {
     "framestep/hal/contract.py",
     "framestep/base/native_cpython.py",
     "framestep/pulse/engine.py",  # constants alone, as
+    "framestep/hal/rp2/chip.py",
     "framestep/base/results.py",
     *_INLINED,
     "framestep/moves/path/registers.py",
@@ -77,6 +78,9 @@ _OF_ENGINE = {
         "framestep/hal/esp32/wire.py",
     )
 }
+# framestep/hal/rp2/chip.py describes the chip to that HAL, likewise.
+CHIPS = {"rp2040": "framestep/hal/rp2/chip.py", "rp2350": "framestep/hal/rp2/chip_rp2350.py"}
+_CHIP = CHIPS["rp2040"]
 # Beginnings of the names of modules that only boards with this HAL get
 _OF_HAL = {
     "rp2": ("framestep/leftovers", "framestep/hal/rp2/"),
@@ -278,17 +282,20 @@ def folded(
     hide: bool,
     engine: str = "pio",
     given: Mapping[str, Mapping[str, int]] = _ON_BOARDS,
+    rp2: str = "rp2040",
 ) -> dict[str, bytes]:
     """Return the core's modules and `extra` ones as they are compiled, with constants as numbers.
 
-    engine: one of ENGINES; given: as for constants.fold, in addition to the fields of messages.
+    engine: one of ENGINES; given: as for constants.fold, in addition to the fields of messages;
+    rp2: one of CHIPS.
     """
     texts = {name: path.read_text() for name, path in sources().items()} | dict(extra)
     texts[_MESSAGES] = declared.messages_module(texts[_MESSAGES])
     for name in _SETTINGS:
         texts[name] = without_meanings(texts[name])
     texts[_ENGINE] = texts[ENGINES[engine]]
-    for name in {*ENGINES.values()} - {_ENGINE}:
+    texts[_CHIP] = texts[CHIPS[rp2]]
+    for name in {*ENGINES.values(), *CHIPS.values()} - {_ENGINE, _CHIP}:
         del texts[name]
     for other, names in _OF_ENGINE.items():
         if other != engine:
@@ -303,10 +310,12 @@ def folded(
 
 
 @_remembered
-def sources_with(module: str, engine: str, hal: str, ports: int) -> dict[str, bytes]:
+def sources_with(module: str, key: str) -> dict[str, bytes]:
     """Return {"framestep/motors/axes.mpy": source} of the modules for a board. module: source of
-    framestep/board.py; engine, hal, ports: of its chip."""
-    folds = folded({"framestep/board.py": module}, True, engine)
+    framestep/board.py; key: of its chip."""
+    hal, ports = chip(key).hal, chip(key).ports
+    rp2 = key if hal == "rp2" else "rp2040"
+    folds = folded({"framestep/board.py": module}, True, chip(key).engine, rp2=rp2)
     others = tuple(chain.from_iterable(_OF_HAL[other] for other in _OF_HAL.keys() - {hal}))
     if ports == 1:
         others += _OF_OWN_PORT
@@ -321,8 +330,7 @@ def sources_with(module: str, engine: str, hal: str, ports: int) -> dict[str, by
 
 def board_sources(board: str) -> dict[str, bytes]:
     """Return {"framestep/motors/axes.mpy": source} of a board's modules."""
-    found = board_chip(board)
-    return sources_with(board_module(board), found.engine, found.hal, found.ports)
+    return sources_with(board_module(board), board_data(board)["chip"])
 
 
 def compiled_modules(found: Mapping[str, bytes], march: str) -> dict[str, bytes]:

@@ -24,6 +24,7 @@ from machine import UART, Pin, mem32
 
 from framestep.base.native import addressof, const
 from framestep.hal import CHANGED, CHANNELS
+from framestep.hal.rp2 import chip
 
 _BAUD = const(250000)
 _SHORT = const(32)  # bytes of the UART's unused software buffers: the minimum
@@ -40,10 +41,6 @@ _BLOCK = const(4)  # words: read address, write address, count, control
 _UARTDR = const(0x00)
 _UARTIMSC = const(0x38)
 
-# RP2040 datasheet 1.4.3, 2.2, 2.5.3.1, 2.5.7, 2.19.6; RP2350 datasheet 2.2, 9.11, 12.6.4, 12.6.10.
-# UARTs, their transmit requests, DMA timers, IO_BANK0, lowest bit of OUTOVER in a pin's control
-_RP2040 = ((0x40034000, 0x40038000), (20, 22), 0x420, 0x40014000, 8)
-_RP2350 = ((0x40070000, 0x40078000), (28, 30), 0x440, 0x40028000, 12)
 _OUTOVER_LOW = const(2)
 
 
@@ -56,10 +53,9 @@ class Dmx:
 
     channels = CHANNELS
 
-    def __init__(self, wiring, hz, break_us, mark_us, rp2350=False):
+    def __init__(self, wiring, hz, break_us, mark_us):
         """wiring: {"uart", "tx", "rx"} of the board. hz: system clock. break_us, mark_us: length of
-        the break and of the mark after it. rp2350: the chip is an RP2350. Allocates."""
-        uarts, requests, timers, pins, outover = _RP2350 if rp2350 else _RP2040
+        the break and of the mark after it. Allocates."""
         tx = wiring["tx"]
         # The UART's own buffers are not used. It needs RX even if nothing is connected to it.
         rx = Pin(wiring["rx"])
@@ -74,16 +70,18 @@ class Dmx:
             txbuf=_SHORT,
             rxbuf=_SHORT,
         )
-        uart = uarts[wiring["uart"]]
+        uart, request = chip.UART0, chip.UART0_REQUEST
+        if wiring["uart"]:
+            uart, request = chip.UART1, chip.UART1_REQUEST
         mem32[uart + _UARTIMSC] = 0
-        mem32[_DMA + timers + 4 * _PACER] = (1 << 16) | (hz // 1000000)
+        mem32[_DMA + chip.DMA_TIMERS + 4 * _PACER] = (1 << 16) | (hz // 1000000)
         self._levels = (bytearray(CHANNELS + 1), bytearray(CHANNELS + 1))
         self._places = array("I", [addressof(levels) for levels in self._levels])  # below 2^30
         self._shown = 0
         self._wire = bytearray(CHANNELS + 1)
-        control = pins + 8 * tx + 4
+        control = (chip.IO_PAGE << 12) + 8 * tx + 4
         normal = mem32[control]
-        self._overrides = array("I", [normal | (_OUTOVER_LOW << outover), normal])
+        self._overrides = array("I", [normal | (_OUTOVER_LOW << chip.OUTOVER), normal])
         self._idle = bytearray(4)
         self._control = rp2.DMA()
         self._data = rp2.DMA()
@@ -91,7 +89,6 @@ class Dmx:
         self._start = array("I", [addressof(self._list)])
         wire, idle, low = addressof(self._wire), addressof(self._idle), addressof(self._overrides)
         size = CHANNELS + 1
-        request = requests[wiring["uart"]]
         self._block(0, wire, uart + _UARTDR, size, _BYTES, True, False, request)
         self._block(1, idle, idle, _DRAIN_US, _BYTES, False, False, _TREQ_PACER)
         self._block(2, low, control, 1)

@@ -1,7 +1,6 @@
 """HAL of the RP2040 and RP2350: PIO pulses, a hard 1 kHz timer, a USB port for the protocol."""
 
 import gc
-import sys
 from array import array
 
 import machine
@@ -10,15 +9,9 @@ from micropython import alloc_emergency_exception_buf
 
 from framestep.base.native import addressof, const, micropython
 from framestep.hal import PASS, REPL_STACK
+from framestep.hal.rp2 import chip
 from framestep.hal.rp2.pin_guard import Claim, held_pin, mend, wrong
-from framestep.hal.rp2.pins import (
-    CLEAR_REGISTER,
-    SET_REGISTER,
-    drive,
-    drivers_off,
-    enable_pins,
-    levels,
-)
+from framestep.hal.rp2.pins import drive, drivers_off, enable_pins, levels
 from framestep.hal.rp2.pulses import PulseEngine, lost_commands
 from framestep.hal.rp2.stack import NOWHERE, WholeStack, set_limit, unchecked
 from framestep.hal.rp2.usb import addressed
@@ -26,8 +19,6 @@ from framestep.pulse.engine import FASTEST_HZ
 from framestep.pulse.kernel import StepKernel
 from framestep.pulse.stepper import halt
 
-_TIMER_RP2040 = const(0x40054028)  # TIMERAWL, RP2040 datasheet 4.6.5
-_TIMER_RP2350 = const(0x400B0028)  # TIMER0 TIMERAWL, RP2350 datasheet 12.8.5
 _LEAST = const(512)
 _CLOSE = const(32)
 _ANY = const(0x3FFFFFFF)
@@ -66,9 +57,8 @@ class Rp2Hal:
         motors = range(self.motors)
         shapes = [pulse_shape(rig.motor(i), cycles_per_us) for i in motors]
         self.engine = PulseEngine(board["step"], board["dir"], hz, [shape[0] for shape in shapes])
-        timer = _TIMER_RP2350 if "RP2350" in sys.implementation._machine else _TIMER_RP2040
-        self.kernel = StepKernel(self.motors, cycles_per_us * 1000, timer)
-        self.kernel.outputs(SET_REGISTER, CLEAR_REGISTER)
+        self.kernel = StepKernel(self.motors, cycles_per_us * 1000, chip.MICROSECONDS)
+        self.kernel.outputs(chip.OUT_SET, chip.OUT_CLEAR)
         for i in motors:
             width, setup, hold = shapes[i]
             self.kernel.configure(

@@ -1,7 +1,5 @@
 """Parts of the HAL that board and rig choose; unloaded once the board is up."""
 
-import sys
-
 import machine
 from machine import Pin
 
@@ -30,13 +28,7 @@ def dmx(wiring, rig):
     from framestep.hal.rp2.dmx import Dmx
 
     with Claim(wiring["tx"], wiring["rx"]):
-        sender = Dmx(
-            wiring,
-            machine.freq(),
-            rig.dmx_break_us,
-            rig.dmx_mark_us,
-            "RP2350" in sys.implementation._machine,
-        )
+        sender = Dmx(wiring, machine.freq(), rig.dmx_break_us, rig.dmx_mark_us)
     sender.start()
     return sender
 
@@ -63,7 +55,7 @@ def wire(wiring, motors):
     from framestep.hal.rp2.wire import Wire
 
     with Claim(wiring["tx"], wiring["rx"]):
-        return Wire(wiring, "RP2350" in sys.implementation._machine)
+        return Wire(wiring)
 
 
 def port(ports):

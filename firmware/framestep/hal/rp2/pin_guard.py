@@ -11,25 +11,17 @@ ever. So nothing is claimed while USB holds a pin: interrupts are off from that 
 SDK takes the pin in an interrupt.
 
 Only Claim allocates.
-
-Addresses: RP2040 datasheet 2.19.6 and 4.1.4, RP2350 datasheet 9.11 and 12.7.
 """
 
-import sys
 from array import array
 
 from machine import disable_irq, enable_irq
 
 from framestep.base.native import const, micropython, ptr32
+from framestep.hal.rp2 import chip
 from framestep.hal.rp2.pins import free, held
 
 _PINS = const(30)
-_RP2350 = "RP2350" in sys.implementation._machine
-_IO_PAGE = 0x40028 if _RP2350 else 0x40014  # of 4 kB: status and control, a word each for every pin
-_PADS_PAGE = 0x40038 if _RP2350 else 0x4001C  # one word, then one for every pin
-# Bits of a control word: function, and the overrides of output enable and input. The output's
-# override is not included, as DMX makes its breaks by it.
-_CONTROL = 0x3C01F if _RP2350 else 0x3301F
 _CHIP_ID = 0x40000000  # of the RP2040: the highest four bits are the revision, 1 for B0 and B1
 
 _HELD_PIN = const(15)
@@ -42,7 +34,7 @@ def held_pin():
     """Return the pin that this chip's USB may take for a while after a bus reset, or -1."""
     from machine import mem32
 
-    return _HELD_PIN if not _RP2350 and ((mem32[_CHIP_ID] >> 28) & 15) == 1 else -1
+    return _HELD_PIN if chip.MAY_LOSE_PIN and ((mem32[_CHIP_ID] >> 28) & 15) == 1 else -1
 
 
 @micropython.viper
@@ -76,13 +68,21 @@ def _note(noted: ptr32, pin: int, io: int, pads: int):
 def wrong():
     """Return the claimed pins that have been changed, a bit each; 0 while USB holds a pin, as it
     gives that back."""
-    return 0 if held() else _compare(_noted, _claimed[0], _IO_PAGE, _PADS_PAGE, _CONTROL, 0)
+    return (
+        0
+        if held()
+        else _compare(_noted, _claimed[0], chip.IO_PAGE, chip.PADS_PAGE, chip.CONTROL, 0)
+    )
 
 
 def mend():
     """Restore changed pins. Return their bits. Does nothing while USB holds a pin."""
     state = disable_irq()
-    bits = 0 if held() else _compare(_noted, _claimed[0], _IO_PAGE, _PADS_PAGE, _CONTROL, 1)
+    bits = (
+        0
+        if held()
+        else _compare(_noted, _claimed[0], chip.IO_PAGE, chip.PADS_PAGE, chip.CONTROL, 1)
+    )
     enable_irq(state)
     return bits
 
@@ -103,6 +103,6 @@ class Claim:
     def __exit__(self, kind, value, trace):
         if kind is None:
             for pin in self.pins:
-                _note(_noted, pin, _IO_PAGE, _PADS_PAGE)
+                _note(_noted, pin, chip.IO_PAGE, chip.PADS_PAGE)
                 _claimed[0] |= 1 << pin
         enable_irq(self.state)

@@ -4,12 +4,12 @@
 Only pins 0 to 29, whose bits fit a small integer.
 """
 
-import sys
 from time import ticks_diff, ticks_ms
 
 from machine import Pin, disable_irq, enable_irq
 
 from framestep.base.native import const, micropython, ptr32
+from framestep.hal.rp2 import chip
 
 _GPIO_IN = const(1)  # words from the start of SIO
 _USB_PAGE = const(0x50110)  # of 4 kB (RP2040 datasheet 4.1.4)
@@ -19,29 +19,14 @@ _PATIENCE_MS = const(50)
 
 _stuck = False  # USB has held a pin for too long
 
-# Registers that raise and lower the output pins of a mask (RP2040 datasheet 2.3.1.7, RP2350 3.1.11)
-SET_REGISTER = 0xD0000018 if "RP2350" in sys.implementation._machine else 0xD0000014
-CLEAR_REGISTER = 0xD0000020 if "RP2350" in sys.implementation._machine else 0xD0000018
 
-if "RP2350" in sys.implementation._machine:
-
-    @micropython.viper
-    def drive(high: int, low: int):
-        """Drive the pins of these bits high and low."""
-        sio = 0xD00
-        sio <<= 20  # 0xD0000000; as a constant it would be an object
-        ptr32(sio)[6] = high  # GPIO_OUT_SET
-        ptr32(sio)[8] = low  # GPIO_OUT_CLR
-
-else:
-
-    @micropython.viper
-    def drive(high: int, low: int):
-        """Drive the pins of these bits high and low."""
-        sio = 0xD00
-        sio <<= 20
-        ptr32(sio)[5] = high  # GPIO_OUT_SET
-        ptr32(sio)[6] = low  # GPIO_OUT_CLR
+@micropython.viper
+def drive(high: int, low: int):
+    """Drive the pins of these bits high and low."""
+    sio = 0xD00
+    sio <<= 20  # 0xD0000000; as a constant it would be an object
+    ptr32(sio)[chip.OUT_SET_WORD] = high
+    ptr32(sio)[chip.OUT_CLEAR_WORD] = low
 
 
 @micropython.viper

@@ -18,6 +18,7 @@ from machine import mem32
 from framestep.base.clock import WIDE_WRAP
 from framestep.base.native import addressof, const, micropython
 from framestep.hal import PASS, REPL_STACK, STACK
+from framestep.hal.rp2 import chip
 from framestep.pulse.stepper import CLOCK, PASSES, SPENT
 
 # mp_obj_type_t: the type's own type, flags and name, twelve numbers of slots, slots. py/obj.h,
@@ -29,8 +30,6 @@ _THUMB = const(1)
 # first part of RAM
 _RAM = const(0x20000000)
 _STATE_ENDS = const(0x20010000)
-_TOP_RP2040 = const(0x20042000)
-_TOP_RP2350 = const(0x20082000)
 
 
 @micropython.viper
@@ -40,7 +39,7 @@ def _limit_at(at: int) -> int:
         word = ptr32(at)
         # MicroPython sets it at power-up, and leaves it alone at a soft reset.
         if word[1] == STACK or word[1] == REPL_STACK:
-            if word[0] == _TOP_RP2040 or word[0] == _TOP_RP2350:
+            if word[0] == chip.STACK_TOP:
                 return at + 4
         at += 4
     return 0

@@ -9,24 +9,21 @@ hold: the tick still counts, no motor takes segments any more, and the main loop
 pass, so that it is not framestep itself that hangs.
 """
 
-import sys
 from array import array
 
 import machine
 
 from framestep.base.native import addressof, as_word, const, micropython, ptr32
 from framestep.hal import PASS
+from framestep.hal.rp2 import chip
 from framestep.pulse.stepper import FIRST, MODE, NEXT, RUN, TICKS
 
-_RP2350 = "RP2350" in sys.implementation._machine
-_SCRATCH4 = (0x400D8000 if _RP2350 else 0x40058000) + 0x1C
-_SCRATCH0 = (0x400D8000 if _RP2350 else 0x40058000) + 0x0C
+_SCRATCH4 = const((chip.WATCHDOG_PAGE << 16) + 0x801C)
+_SCRATCH0 = const((chip.WATCHDOG_PAGE << 16) + 0x800C)
 # in SCRATCH0 while framestep_overlay protects a start with the watchdog
 _STARTING = const(0x1DEA5C3B)
 # in SCRATCH4, by the SDK: the watchdog runs, as opposed to machine.reset()
 _ARMED = const(0x6AB73121)
-_PAGE = 0x400D if _RP2350 else 0x4005
-_COUNTS = 1 if _RP2350 else 2  # of the counter per microsecond (erratum RP2040-E1)
 _GUARD_MS = const(500)
 
 # State words; PASS is one of them
@@ -53,7 +50,7 @@ class Watchdog:
         machine.mem32[_SCRATCH4] = 0  # so that it is not reported again after a soft reset
         # it may still run after a soft reset in motion
         if machine.mem32[_SCRATCH0] != _STARTING:
-            _disable(_PAGE)
+            _disable(chip.WATCHDOG_PAGE)
         self._wdt = None
         self.words = array("i", [0] * _WORDS)  # the main loop keeps PASS
         self._timer = None
@@ -62,7 +59,7 @@ class Watchdog:
         """Begin to feed it from a hard timer as well, see above. header: the tick's."""
         words = self.words
         words[_HEADER] = as_word(addressof(header))
-        words[_REGISTER] = (_PAGE << 16) + 0x8004  # LOAD
+        words[_REGISTER] = (chip.WATCHDOG_PAGE << 16) + 0x8004  # LOAD
         self._timer = machine.Timer(
             -1, period=_GUARD_MS, mode=machine.Timer.PERIODIC, callback=self._look, hard=True
         )
@@ -87,11 +84,11 @@ class Watchdog:
 
     def arm(self, ms):
         self._wdt = machine.WDT(id=0, timeout=ms)
-        self.words[_LOAD] = ms * 1000 * _COUNTS
+        self.words[_LOAD] = ms * 1000 * chip.WATCHDOG_COUNTS
 
     def feed(self):
         self._wdt.feed()
 
     def disarm(self):
         self.words[_LOAD] = 0
-        _disable(_PAGE)
+        _disable(chip.WATCHDOG_PAGE)

@@ -7,6 +7,7 @@ An exchange is at most 8 bytes out and 24 in (echoes included). Each FIFO holds 
 from machine import UART, Pin, mem32
 
 from framestep.base.native import const, micropython, ptr8, ptr32
+from framestep.hal.rp2 import chip
 
 _BAUD = const(115200)
 _SHORT = const(32)  # bytes of the UART's unused software buffers: the minimum
@@ -15,11 +16,7 @@ _FR = const(6)  # word of the flags
 _RXFE = const(0x10)
 _TXFF = const(0x20)
 
-# Distances of UART0 and UART1 from the start of the peripherals (RP2040 datasheet 2.2, RP2350
-# datasheet 2.2)
-_PERIPHERALS = 0x40000000
-_RP2040 = (0x34000, 0x38000)
-_RP2350 = (0x70000, 0x78000)
+_PERIPHERALS = const(0x40000000)
 
 
 @micropython.viper
@@ -51,15 +48,16 @@ def _receive(uart: int, data: ptr8, at: int, limit: int) -> int:
 class Wire:
     """See hal/contract.py. Takes one UART."""
 
-    def __init__(self, wiring, rp2350=False):
+    def __init__(self, wiring):
         """wiring: {"uart", "tx", "rx"} of the board."""
         number = wiring["uart"]
         tx, rx = Pin(wiring["tx"]), Pin(wiring["rx"])
         self._uart = UART(
             number, _BAUD, bits=8, parity=None, stop=1, tx=tx, rx=rx, txbuf=_SHORT, rxbuf=_SHORT
         )
-        self._offset = (_RP2350 if rp2350 else _RP2040)[number]
-        mem32[_PERIPHERALS + self._offset + _UARTIMSC] = 0  # its own buffers are not used
+        at = chip.UART1 if number else chip.UART0
+        self._offset = at - _PERIPHERALS
+        mem32[at + _UARTIMSC] = 0  # its own buffers are not used
 
     def select(self, motor):
         pass
