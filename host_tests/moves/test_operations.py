@@ -9,7 +9,7 @@ from numpy.polynomial import Polynomial
 
 from framestep.motion import reals
 from framestep.moves.operation import Operation
-from framestep.moves.path.registers import OWN, ZERO
+from framestep.moves.path.registers import TOP, ZERO
 from framestep.moves.state_machine import ENDING, IDLE, POSITIONING, READY, RUNNING, STARTING
 from framestep.moves.upload.store import EMPTY
 from framestep.protocol import messages as m
@@ -44,8 +44,8 @@ class There(Operation):
     def queue_first_phases(self, motor):
         self.asked.append(f"lead {motor}")
         numbers = self.operations.player.numbers
-        reals.put(numbers, OWN, TICKS, 0)
-        self.axes[motor].append_phase(OWN, ZERO, ZERO, numbers, self.ends, motor)
+        reals.put(numbers, TOP, TICKS, 0)
+        self.axes[motor].append_phase(TOP, ZERO, ZERO, numbers, self.ends, motor)
         self.axes[motor].set_more_to_come(False)
 
     def started(self, tick):

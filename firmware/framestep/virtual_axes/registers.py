@@ -60,7 +60,7 @@ SIDE = const(110)  # 1, or -1 if the arm is behind the column
 TURNS = const(112)  # degrees: 180 times the half turns of the swing
 REACH = const(114)  # horizontal distance from the column to the wrist
 BOOM_COSINE = const(116)
-BEFORE = const(108)  # of swing-pan: vPan before the host's new count
+BEFORE = const(178)  # of swing-pan: vPan before the host's new count
 
 DIRECTION_PAN = const(118)  # to the aim point (aim.py)
 DIRECTION_TILT = const(120)
@@ -74,7 +74,9 @@ SPARE = const(124)  # for a number that is used at once, between two formulas
 
 BASE = const(144)  # six: the pose, or the axes, at s = 0
 DIRECTION = const(156)  # six: what s adds to it
-LAST_END = const(168)  # six: the pose at the end of the last line, before rounding to steps
+LAST_END = const(
+    256
+)  # six, in no formula: the pose at the end of the last line, before rounding to steps
 PAN_OFFSET = const(180)  # pan and tilt minus the direction of the aim point
 TILT_OFFSET = const(182)
 AIMED_PAN = const(184)  # that direction at s = 0
@@ -90,7 +92,7 @@ MAX_A = const(196)  # greatest acceleration of the point
 HALF_CELL = const(198)  # s in half a cell of level 0
 SAMPLE = const(200)  # s of a sample of the line
 SLOPE = const(202)  # greatest slope of a motor: steps per half cell
-BEND = const(204)  # greatest change of that from one half cell to the next
+BEND = const(204)  # greatest change of the slope from one half cell to the next
 THIRD = const(206)  # bound of a motor's third derivative
 MOTOR_V = const(208)  # limits of a motor
 MOTOR_A = const(210)
@@ -100,7 +102,7 @@ SHARE = const(214)  # part of the motors' limits that is used
 # ---------------------------------------------------------------- the point (point.py, move.py)
 
 S = const(216)  # s of the last knot planned
-V = const(218)  # velocity of the point there
+V = const(218)  # velocity of the point at the last knot planned
 TICKS = const(220)  # from the knot before to it
 LEFT = const(222)  # distance in which the point must be able to stop
 TO_END = const(224)  # distance to the end of the line, or of its survey
@@ -112,8 +114,8 @@ V_HERE = const(234)
 BEFORE_RATE = const(236)  # a motor's velocity at a knot: factors of its steps before and after
 AFTER_RATE = const(238)
 PHASE_TICKS = const(240)
-FROM_V = const(242)  # velocities of a motor at either end of a phase
-TO_V = const(244)
+FROM_V = const(242)  # a motor's velocity at the beginning of a phase
+TO_V = const(244)  # a motor's velocity at the end of a phase
 
 # ---------------------------------------------------------------- jogs (lookahead.py, jogs.py)
 
@@ -121,12 +123,12 @@ CELL_END = const(246)  # s at the end of a cell
 CELL_V = const(248)
 CELL_A = const(250)
 CELL_LENGTH = const(252)
-EXIT_V2 = const(254)  # squares of the velocities at the end of a cell and at its start
-ENTRY_V2 = const(202)
-REACH_S = const(204)  # the farthest s that the point can reach until the next knot
-FASTEST = const(206)  # of the motors in the first cell
-BEFORE_A = const(208)  # acceleration of the cell before
-GOAL = const(246)  # of a move
-CAMERA_AXIS = const(246)  # three: direction of an axis, as vTrack, vEW, vNS
+EXIT_V2 = const(254)  # square of the velocity at the end of a cell
+ENTRY_V2 = const(168)  # square of the velocity at its start
+REACH_S = const(170)  # the farthest s that the point can reach until the next knot
+FASTEST = const(172)  # of the motors in the first cell
+BEFORE_A = const(174)  # acceleration of the cell before
+GOAL = const(176)  # of a move
+CAMERA_AXIS = const(268)  # three, in no formula: direction of an axis, as vTrack, vEW, vNS
 
-REGISTERS = const(256)  # words of the array
+REGISTERS = const(274)  # words of the array; formulas reach those below 256

@@ -12,7 +12,7 @@ from framestep.base import results
 from framestep.motion import reals
 from framestep.moves.path import move_check as module
 from framestep.moves.path.path import FROM_REST, MOST
-from framestep.moves.path.registers import OWN
+from framestep.moves.path.registers import TOP
 from framestep.protocol import messages as m
 from host_tests.fakes import OperationBench
 
@@ -72,9 +72,9 @@ def test_the_velocity_at_a_frame_is_the_slope_at_that_rate(fps_milli, frames, da
     player.store.paths = (frames,)
     player.store.end = len(frames)
     player.set_frame_rate(fps_milli)
-    player.velocity(OWN, 0, index, 1)
+    player.velocity(TOP, 0, index, 1)
     per_tick = player.slope(0, index, 1) / 12 * fps_milli / 1e6
-    assert reals.value(player.numbers, OWN) == pytest.approx(per_tick, rel=1e-8)
+    assert reals.value(player.numbers, TOP) == pytest.approx(per_tick, rel=1e-8)
 
 
 SHARED = player_of([0, 0])
@@ -87,8 +87,8 @@ def test_no_frame_is_passed_faster_than_the_motor(way):
     player = bench.player
     assert check(bench.move_check, 24) == m.OK
     player.set_frame_rate(24_000)
-    player.velocity(OWN, 0, 2, 1)
-    assert reals.value(player.numbers, OWN) == pytest.approx(way * 2.4, rel=1e-8)
+    player.velocity(TOP, 0, 2, 1)
+    assert reals.value(player.numbers, TOP) == pytest.approx(way * 2.4, rel=1e-8)
 
 
 @pytest.mark.parametrize("index", [0, 1, 2, 4, 5])
@@ -321,7 +321,7 @@ def test_a_roll_makes_half_the_way_of_its_velocity(backward, wanted):
     """p - v·T/2: 0.5 steps a tick, reached within 300 ticks."""
     move_check = check_of([0, 0])
     places = place(1000)
-    velocity, ticks = register(move_check, OWN, 0.5), register(move_check, OWN + 2, 300)
+    velocity, ticks = register(move_check, TOP, 0.5), register(move_check, TOP + 2, 300)
     assert move_check.apply_roll(0, velocity, ticks, backward, places)
     assert places[0] == wanted
 
@@ -330,7 +330,7 @@ def test_a_roll_makes_half_the_way_of_its_velocity(backward, wanted):
 def test_a_roll_steeper_than_the_motor_can_is_refused(acceleration, fits):
     """0.5 steps a tick within 300 ticks are 1666.7 steps/s²."""
     move_check = check_of([0, 0], acceleration=acceleration)
-    velocity, ticks = register(move_check, OWN, 0.5), register(move_check, OWN + 2, 300)
+    velocity, ticks = register(move_check, TOP, 0.5), register(move_check, TOP + 2, 300)
     assert move_check.apply_roll(0, velocity, ticks, True, place(0)) is fits
     assert move_check.too_steep(0, velocity, ticks) is not fits
 
@@ -339,7 +339,7 @@ def test_a_roll_past_a_soft_limit_is_refused():
     bench = OperationBench([0, 0])
     bench.limit(-75, None)
     move_check = bench.move_check
-    velocity, ticks = register(move_check, OWN, 0.5), register(move_check, OWN + 2, 300)
+    velocity, ticks = register(move_check, TOP, 0.5), register(move_check, TOP + 2, 300)
     assert move_check.apply_roll(0, velocity, ticks, True, place(0))
     assert not move_check.apply_roll(0, velocity, ticks, True, place(-1))
 
@@ -348,7 +348,7 @@ def test_without_velocity_a_roll_goes_nowhere():
     move_check = check_of([0, 0])
     places = place(9)
     assert move_check.apply_roll(
-        0, register(move_check, OWN, 0), register(move_check, OWN + 2, 0), True, places
+        0, register(move_check, TOP, 0), register(move_check, TOP + 2, 0), True, places
     )
     assert places[0] == 9
 
@@ -359,7 +359,7 @@ def test_without_velocity_a_roll_goes_nowhere():
 def test_a_shift_is_rounded_to_the_nearest_step(by, backward, moved):
     move_check = check_of([0, 0])
     places = place(10)
-    assert move_check.shift(places, 0, register(move_check, OWN, by), backward)
+    assert move_check.shift(places, 0, register(move_check, TOP, by), backward)
     assert places[0] == 10 + moved
 
 
@@ -367,5 +367,5 @@ def test_a_shift_is_rounded_to_the_nearest_step(by, backward, moved):
 def test_a_shift_past_the_range_of_positions_changes_nothing(begin, by):
     move_check = check_of([0, 0])
     places = place(begin)
-    assert not move_check.shift(places, 0, register(move_check, OWN, by), False)
+    assert not move_check.shift(places, 0, register(move_check, TOP, by), False)
     assert places[0] == begin
