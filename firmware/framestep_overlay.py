@@ -3,7 +3,7 @@
 /overlay holds the modules (framestep/motors/backlash.mpy). /overlay/modules is written last: it has
 the ID of the image for which they were compiled (framestep_image.ID), then their names. If another
 image finds the folder, or the list is missing, the overlay is left out. This module, boot.py,
-main.py, framestep/__init__ and framestep/leftovers cannot be replaced.
+main.py, framestep/__init__ and framestep/soft_reset cannot be replaced.
 
 A frozen package looks for its modules in only one place, the string __path__. So every import goes
 through `_import`, which points __path__ to the right place for that one import. Modules are loaded

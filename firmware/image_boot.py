@@ -11,10 +11,10 @@ import micropython
 
 micropython.kbd_intr(-1)  # so that a Ctrl-C does not break off the start
 
-import framestep.leftovers  # noqa: E402
+import framestep.soft_reset  # noqa: E402
 
-framestep.leftovers.lower_pins()
-framestep.leftovers.stop_dma()
+framestep.soft_reset.lower_pins()
+framestep.soft_reset.stop_dma()
 try:
     os.stat("/overlay")
 except OSError:
@@ -29,7 +29,7 @@ else:
     micropython.kbd_intr(3)
     execfile("/boot.py")  # type: ignore[name-defined]  # noqa: F821 -- MicroPython has it
 
-if framestep.leftovers.usb_alive():
+if framestep.soft_reset.usb_alive():
     micropython.kbd_intr(-1)
     if "framestep_overlay" in sys.modules:
         sys.modules["framestep_overlay"].start(True)

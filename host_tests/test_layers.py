@@ -13,7 +13,7 @@ LAYERS = (
     ("base.native_cpython",),
     ("base.native",),
     ("hal.rp2.chip", "hal.rp2.chip_rp2350"),
-    ("leftovers",),
+    ("soft_reset",),
     ("base",),
     ("pulse",),
     ("hal",),

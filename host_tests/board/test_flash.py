@@ -143,7 +143,7 @@ def edited_flash(args):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"framestep/leftovers.mpy": b"x"}, "an overlay cannot replace this"),
+        ({"framestep/soft_reset.mpy": b"x"}, "an overlay cannot replace this"),
         ({"framestep/motors/axis.mpy": bytes(50_000)}, "much for an overlay"),
     ],
     ids=["fixed", "large"],

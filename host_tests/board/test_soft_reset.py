@@ -155,13 +155,13 @@ def dma_running(repl, chip, enabled=1):
 # boot.py that framestep 0.1.0 copied onto a stock MicroPython
 COPIED = """
 try:
-    import framestep.leftovers
+    import framestep.soft_reset
 except ImportError:
     pass
 else:
-    framestep.leftovers.lower_pins()
-    framestep.leftovers.stop_dma()
-    if framestep.leftovers.usb_alive():
+    framestep.soft_reset.lower_pins()
+    framestep.soft_reset.stop_dma()
+    if framestep.soft_reset.usb_alive():
         import framestep.boot
 
         framestep.boot.start(True)

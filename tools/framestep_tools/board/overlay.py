@@ -27,7 +27,7 @@ PLACE = Place(FOLDER, FOLDER, LIST)
 FAILED = FOLDER + "/failed"  # why framestep_overlay has left the overlay out
 MOST = 48 * 1024  # bytes of modules; more would leave room for too few frames
 # Loaded before the overlay, or what tells a board from others
-_FIXED = ("framestep/__init__.mpy", "framestep/leftovers.mpy", "framestep/board.mpy")
+_FIXED = ("framestep/__init__.mpy", "framestep/soft_reset.mpy", "framestep/board.mpy")
 _IMAGE = """
 try:
     from framestep_image import ID, HASHES

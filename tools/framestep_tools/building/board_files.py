@@ -83,7 +83,7 @@ CHIPS = {"rp2040": "framestep/hal/rp2/chip.py", "rp2350": "framestep/hal/rp2/chi
 _CHIP = CHIPS["rp2040"]
 # Beginnings of the names of modules that only boards with this HAL get
 _OF_HAL = {
-    "rp2": ("framestep/leftovers", "framestep/hal/rp2/"),
+    "rp2": ("framestep/soft_reset", "framestep/hal/rp2/"),
     "esp32": ("framestep/hal/esp32/",),
 }
 # Only chips with two ports get these

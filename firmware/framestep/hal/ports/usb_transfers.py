@@ -123,7 +123,7 @@ KEPT_FILL = const(1)
 KEPT_DTR = const(2)
 KEPT_FLAG = const(3)  # distance of the flag from the beginning of MicroPython's object
 
-ALIVE = const(0x1D7A5C3B)  # also used by framestep.leftovers
+ALIVE = const(0x1D7A5C3B)  # also used by framestep.soft_reset
 OBJECT = const(256)  # bytes of MicroPython's object that are searched
 UNCHANGED = const(0x101)  # both flags set: changes of the first have no effect
 # in the memory for USB: two slots, outgoing bytes, a packet, line coding

@@ -5,7 +5,7 @@ from machine import Pin
 
 from framestep.hal import STACK
 from framestep.hal.rp2.pins import drivers_off  # noqa: F401 -- part of the contract
-from framestep.leftovers import stop_dma as clear  # noqa: F401
+from framestep.soft_reset import stop_dma as clear  # noqa: F401
 
 SPARE = 10 * 1024
 SPENT = (

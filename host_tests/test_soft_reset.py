@@ -1,4 +1,4 @@
-"""Constants of the core that framestep.leftovers repeats, as it does not import the core."""
+"""Constants of the core that framestep.soft_reset repeats, as it does not import the core."""
 
 import re
 
@@ -15,6 +15,6 @@ def number(file, name):
 
 def test_leftovers_are_looked_for_where_the_port_leaves_its_mark():
     at = number("hal/rp2/usb.py", "_MEMORY") + number("hal/ports/usb_transfers.py", "KEPT_AT")
-    assert number("leftovers.py", "_MARK") == at
-    assert number("leftovers.py", "_ALIVE") == number("hal/ports/usb_transfers.py", "ALIVE")
-    assert number("leftovers.py", "_ADDRESS") == number("hal/rp2/usb.py", "ADDRESS_REGISTER")
+    assert number("soft_reset.py", "_MARK") == at
+    assert number("soft_reset.py", "_ALIVE") == number("hal/ports/usb_transfers.py", "ALIVE")
+    assert number("soft_reset.py", "_ADDRESS") == number("hal/rp2/usb.py", "ADDRESS_REGISTER")
