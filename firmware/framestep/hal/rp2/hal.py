@@ -43,7 +43,7 @@ class Rp2Hal:
     def __init__(self, board, rig):
         import rp2
 
-        from framestep.hal.rp2 import parts
+        from framestep.hal.rp2 import peripherals
         from framestep.pulse.shape import pulse_shape
 
         self.board = board
@@ -64,7 +64,7 @@ class Rp2Hal:
             self.kernel.configure(
                 i, self.engine.fifo(i), width, setup, rig.motor(i)["invert"], hold
             )
-        self._servos = parts.servos(self, rig, cycles_per_us) if rig.servos else None
+        self._servos = peripherals.servos(self, rig, cycles_per_us) if rig.servos else None
         # Drivers stay off until a motor has to move.
         self._on_level = [1 if rig.motor(i)["enable_high"] else 0 for i in motors]
         self._enabled = 0
@@ -74,16 +74,16 @@ class Rp2Hal:
         self.floats = self._motors_of(1 << held_pin()) if held_pin() >= 0 else 0
         self._everyone = (1 << self.motors) - 1
         self._bus_guard_callback = self._bus_guard
-        self.dmx = parts.dmx(board.get("dmx"), rig)
+        self.dmx = peripherals.dmx(board.get("dmx"), rig)
         self._watched = rig.watchdog
-        self.watchdog = parts.watchdog(rig)
+        self.watchdog = peripherals.watchdog(rig)
         self.inside = self.watchdog.words if rig.watchdog else array("i", [0] * (PASS + 1))
         self.report_driver = None  # prints lines about drivers: see contract.py
-        self.driver_wire = parts.wire(board["drivers"], self.motors) if rig.drivers else None
-        self.port = parts.port(rig.ports)
+        self.driver_wire = peripherals.wire(board["drivers"], self.motors) if rig.drivers else None
+        self.port = peripherals.port(rig.ports)
         self.ticker = None
         self.passes = Timer(-1)  # made now, as there may be no memory for it later
-        self.led = parts.led(board, self.motors)
+        self.led = peripherals.led(board, self.motors)
 
     def clock_kept(self):
         return machine.freq() == self._hz

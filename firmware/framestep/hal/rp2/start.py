@@ -11,7 +11,7 @@ SPARE = 10 * 1024
 SPENT = (
     "framestep.hal.flash_blocks",
     "framestep.hal.rp2.clock",
-    "framestep.hal.rp2.parts",
+    "framestep.hal.rp2.peripherals",
     "framestep.hal.rp2.stack",
     "framestep.hal.ports.usb_descriptor",
     "framestep.hal.rp2.start",
