@@ -8,8 +8,8 @@ from framestep.motors.axis import MOST_SEGMENTS, Axis
 from framestep.motors.backlash import BACKLASH
 from framestep.motors.feeder import ALL_BITS, coupled, emptiest_queue
 from framestep.motors.positions import Positions
+from framestep.motors.queue_cut import queued
 from framestep.motors.samples import ALARM, choose, make_samples, renumber
-from framestep.motors.splice import queued
 from framestep.pulse import stepper
 
 AHEAD = const(11)  # segments to keep queued

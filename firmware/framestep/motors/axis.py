@@ -16,7 +16,7 @@ from framestep.base.native import addressof, as_word, const
 from framestep.motion import ramps, reals, segments
 from framestep.motion.phases import DURATION_WORDS, Phases, scratch
 from framestep.motion.reals import add_words, order_words
-from framestep.motors import bounds, feeder, splice
+from framestep.motors import bounds, feeder, queue_cut
 from framestep.motors.backlash import BACKLASH, LOAD, MOTOR, PLANNED_LOAD, TARGET, make_backlash
 from framestep.motors.rates import (
     ACCELERATION_LIMIT,
@@ -305,7 +305,7 @@ class Axis:
             taken = self._cut(hal, ticks)
         if not taken:
             return False
-        splice.start_cubic(self.cubic, self.work)
+        queue_cut.start_cubic(self.cubic, self.work)
         self.phases.clear()
         work = self.work
         work[feeder.LEFT] = work[feeder.PART] = work[feeder.AIMED] = work[feeder.MARKED] = work[
@@ -320,9 +320,9 @@ class Axis:
     def _cut(self, hal, ticks):
         bits = 3 if self.partner else 1
         irq = hal.irq_off()
-        taken = splice.cut(hal.kernel.state, self.block, bits, ticks)
+        taken = queue_cut.cut(hal.kernel.state, self.block, bits, ticks)
         hal.irq_on(irq)
-        return taken != splice.TOO_SOON
+        return taken != queue_cut.TOO_SOON
 
     def move_to(self, hal, target, i, speed=FULL_SPEED, direction=0, resumed=False):
         """Move to the position target[i]. Return whether anything moves, from the next tick on.
@@ -429,12 +429,12 @@ class Axis:
         self.phases.aim(duration, start, end, numbers, self.backlash, MOTOR, part + beyond)
 
     def resume_from_cut(self, positions, i):
-        """Continue from where splice.cut() has cut; further phases follow.
+        """Continue from where queue_cut.cut() has cut; further phases follow.
 
         positions[i]: a position of the load before the cut, from which it came in the same
         direction.
         """
-        splice.start_cubic(self.cubic, self.work)
+        queue_cut.start_cubic(self.cubic, self.work)
         self.phases.clear()
         work = self.work
         work[feeder.LEFT] = work[feeder.PART] = work[feeder.AIMED] = work[feeder.MARKED] = 0
@@ -444,7 +444,7 @@ class Axis:
         self.backlash.plan_from(positions, i)
 
     def resume_at_phase_end(self, positions, i):
-        """Continue from where splice.cut_at() has cut; append_coasting_phase() then adds phases.
+        """Continue from where queue_cut.cut_at() has cut; append_coasting_phase() then adds phases.
 
         positions[i] = whole steps of the load there. Return the rest in Q16 of a step. Works only
         among AIM phases of whole ticks.
@@ -452,7 +452,7 @@ class Axis:
         self.phases.clear()
         work = self.work
         work[feeder.LEFT] = work[feeder.PART] = work[feeder.MARKED] = 0
-        splice.dropped(self.block, self.knot)
+        queue_cut.dropped(self.block, self.knot)
         work[feeder.AIMED] = work[feeder.MORE] = 1
         self.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
         return self.backlash.plan_from_cut(self.knot, positions, i)

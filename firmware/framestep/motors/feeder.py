@@ -16,7 +16,7 @@ AIMED = const(2)  # the phase under way ends on the step in `knot`
 MARKED = const(3)  # `state` has the start of the tick that is still open
 MORE = const(4)  # further phases will be appended: do not come to rest
 MIRRORED = const(5)  # a partner does the same: 1; in the opposite sense: 2
-CUT = const(6)  # result of splice.cut(), six words
+CUT = const(6)  # result of queue_cut.cut(), six words
 WORK_WORDS = const(12)
 
 # Entries of `parts` of an axis, for feed()

@@ -90,7 +90,8 @@ SETUP = const(15)  # least cycles from a change of direction to the rising edge
 QUEUE = const(16)  # address of the segment ring
 READ_INDEX = const(17)  # segments taken, modulo 2^30
 WRITE_INDEX = const(18)  # segments put, modulo 2^30
-# Q22 steps per tick per tick: deceleration of the last stop; 0 once a new plan is made (splice.cut)
+# Q22 steps per tick per tick: deceleration of the last stop; 0 once a new plan is made
+# (queue_cut.cut)
 DECEL = const(19)
 BRAKE = const(20)  # Q22: deceleration if the queue runs dry in motion
 WAIT = const(21)  # ticks until the last pulse is out

@@ -19,7 +19,7 @@ from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.motors.axis import ALL_SPLICE_TICKS
 from framestep.motors.feeder import coupled
-from framestep.motors.splice import cut_at
+from framestep.motors.queue_cut import cut_at
 from framestep.pulse import stepper
 from framestep.virtual_axes import registers
 from framestep.virtual_axes.line import ROW

@@ -35,7 +35,7 @@ def test_little_queued_is_a_warning_until_it_has_been_asked_for(left, warned):
     board = session.board._board
     kernel = board.controller.axes.kernel
     block = kernel.blocks[0]
-    from framestep.motors.splice import queued
+    from framestep.motors.queue_cut import queued
 
     while queued(block, 1, 1000) > left:
         board.hal.now_ns += 1_000_000
