@@ -21,9 +21,9 @@ from framestep.motion.segments import G1, velocity
 from framestep.motors.axis import ALL_SPLICE_TICKS, FIRST_TICKS, MOST_SEGMENTS
 from framestep.motors.feeder import coupled
 from framestep.motors.queue_cut import cut, queued
+from framestep.moves.frame_positions import find_frame, find_switch_on_path
 from framestep.moves.jog_landing import ACCELERATION, Landing
 from framestep.moves.jog_phases import INDEX, JogPhases
-from framestep.moves.on_frame import find_frame, find_switch_on_path
 from framestep.moves.operation import Operation
 from framestep.moves.path import path, registers
 from framestep.moves.path.move_check import FASTEST_FPS, HALF

@@ -10,7 +10,7 @@ Loaded only if the rig file has `shoot_input`. Nothing allocates after construct
 
 from framestep.base.native import const
 from framestep.base.results import OK
-from framestep.moves.on_frame import all_on_frame
+from framestep.moves.frame_positions import all_on_frame
 from framestep.moves.shoot import BACKWARD, CLOSED, EXPOSURE, FRAME, MOTORS, OPENED, PERMILLE
 from framestep.moves.state_machine import POSITIONING, READY
 from framestep.pulse import stepper

@@ -38,7 +38,7 @@ from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.motors import bounds
 from framestep.motors.rates import MAX_VELOCITY
-from framestep.moves.on_frame import find_blocking_switch
+from framestep.moves.frame_positions import find_blocking_switch
 from framestep.moves.operation import Operation
 from framestep.moves.path import path, registers
 from framestep.moves.path.move_check import HALF

@@ -29,7 +29,7 @@ discards it as a whole (discard_early_plan()), and it is made again once nothing
 from framestep.base.clock import after, elapsed
 from framestep.base.native import const, micropython
 from framestep.base.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, OK
-from framestep.moves.on_frame import (
+from framestep.moves.frame_positions import (
     all_at,
     all_on_frame,
     find_positions,
