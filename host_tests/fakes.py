@@ -15,7 +15,7 @@ from framestep.motors.axis import Axis
 from framestep.motors.backlash import make_backlash
 from framestep.motors.feeder import MIRRORED, WORK_WORDS
 from framestep.motors.positions import Positions
-from framestep.moves.state_machine import OperationRunner
+from framestep.moves.operation_runner import OperationRunner
 from framestep.moves.upload.store import EMPTY, READY
 from framestep.protocol.messages import OK
 from framestep.pulse import stepper

@@ -15,7 +15,7 @@ from framestep.hal import QUESTION
 from framestep.io.lights import RAMPING
 from framestep.motors.feeder import coupled
 from framestep.motors.samples import choose
-from framestep.moves.state_machine import (
+from framestep.moves.operation_runner import (
     ENDING,
     LEAVING,
     POSITIONING,

@@ -14,8 +14,7 @@ from framestep.io.watchdog import CHECK_MS, Watchdog
 from framestep.motors.axes import Axes
 from framestep.motors.requests import Motors
 from framestep.motors.samples import sample
-from framestep.moves.requests import Moves
-from framestep.moves.state_machine import (
+from framestep.moves.operation_runner import (
     ENDING,
     LEAVING,
     POSITIONING,
@@ -23,6 +22,7 @@ from framestep.moves.state_machine import (
     RUNNING,
     STARTING,
 )
+from framestep.moves.requests import Moves
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING
 from framestep.protocol.link import Link

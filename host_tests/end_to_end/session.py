@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from framestep.moves.state_machine import READY
+from framestep.moves.operation_runner import READY
 from framestep_tools.client.client import Client
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.judge.trace import Trace

@@ -16,8 +16,8 @@ from framestep.hal.host import HostPort, PulseModel
 from framestep.io.requests import Io
 from framestep.motors.axis import Axis
 from framestep.motors.requests import Motors
+from framestep.moves.operation_runner import OperationRunner
 from framestep.moves.requests import Moves
-from framestep.moves.state_machine import OperationRunner
 from framestep.protocol import messages as m
 from framestep.reports import Reports
 from framestep.stops import Stops

@@ -6,7 +6,7 @@ import pytest
 
 from framestep.moves.jog import JogAll
 from framestep.moves.jog_landing import ACCELERATION
-from framestep.moves.state_machine import IDLE, POSITIONING, RUNNING
+from framestep.moves.operation_runner import IDLE, POSITIONING, RUNNING
 from framestep.protocol import messages as m
 from host_tests.fakes import OperationBench
 

@@ -9,8 +9,8 @@ from numpy.polynomial import Polynomial
 
 from framestep.motion import reals
 from framestep.moves.operation import Operation
+from framestep.moves.operation_runner import ENDING, IDLE, POSITIONING, READY, RUNNING, STARTING
 from framestep.moves.path.registers import TOP, ZERO
-from framestep.moves.state_machine import ENDING, IDLE, POSITIONING, READY, RUNNING, STARTING
 from framestep.moves.upload.store import EMPTY
 from framestep.protocol import messages as m
 from framestep.pulse import stepper

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from framestep.motion import reals
+from framestep.moves.operation_runner import IDLE, POSITIONING, READY, RUNNING
 from framestep.moves.run import RunMove
 from framestep.moves.run_plan import LONGEST_ROLL
-from framestep.moves.state_machine import IDLE, POSITIONING, READY, RUNNING
 from framestep.protocol import messages as m
 from host_tests.fakes import OperationBench
 from host_tests.pulse.engine import PER_TICK

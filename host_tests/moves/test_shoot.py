@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from framestep.motion import reals
+from framestep.moves.operation_runner import READY, RUNNING
 from framestep.moves.run_outputs import METER, SHUTTER
 from framestep.moves.shoot import LONGEST_MS, ShootFrame
-from framestep.moves.state_machine import READY, RUNNING
 from framestep.protocol import messages as m
 from framestep.pulse import stepper
 from framestep.pulse.engine import CUE_DELAY_US, LEAD

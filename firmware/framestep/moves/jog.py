@@ -25,10 +25,10 @@ from framestep.moves.frame_positions import find_frame, find_switch_on_path
 from framestep.moves.jog_landing import ACCELERATION, Landing
 from framestep.moves.jog_phases import INDEX, JogPhases
 from framestep.moves.operation import Operation
+from framestep.moves.operation_runner import ENDING, POSITIONING
 from framestep.moves.path import path, registers
 from framestep.moves.path.move_check import FASTEST_FPS, HALF
 from framestep.moves.path.registers import DURATION, FRAME_SCALE, NEXT, RATE, SPEEDS, TOP
-from framestep.moves.state_machine import ENDING, POSITIONING
 from framestep.moves.upload.store import READY as UPLOADED
 from framestep.pulse import stepper
 

@@ -11,8 +11,8 @@ Loaded only if the rig file has `shoot_input`. Nothing allocates after construct
 from framestep.base.native import const
 from framestep.base.results import OK
 from framestep.moves.frame_positions import all_on_frame
+from framestep.moves.operation_runner import POSITIONING, READY
 from framestep.moves.shoot import BACKWARD, CLOSED, EXPOSURE, FRAME, MOTORS, OPENED, PERMILLE
-from framestep.moves.state_machine import POSITIONING, READY
 from framestep.pulse import stepper
 
 # What is done

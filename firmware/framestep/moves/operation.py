@@ -1,4 +1,4 @@
-"""Base class of a run, an exposure and a jog of all motors, for state_machine.py."""
+"""Base class of a run, an exposure and a jog of all motors, for operation_runner.py."""
 
 from framestep.base.native import micropython
 from framestep.base.results import OK

@@ -2,7 +2,7 @@
 
 The controller merges handlers() into its own table. A handler returns the code to acknowledge with,
 or 0 if it has answered itself. Within moves, only this module reads payloads. What a request means
-is decided in state_machine.py and by the operations. Nothing allocates after construction.
+is decided in operation_runner.py and by the operations. Nothing allocates after construction.
 """
 
 from array import array
@@ -10,11 +10,11 @@ from array import array
 from framestep.base.native import const
 from framestep.base.results import BY, FRAME, MOTOR, ROOM, WHAT
 from framestep.moves.jog import JogAll
+from framestep.moves.operation_runner import READY, OperationRunner
 from framestep.moves.path.move_check import UNREPORTED
 from framestep.moves.run import RunMove
 from framestep.moves.run_outputs import OUTPUTS, RunOutputs
 from framestep.moves.shoot import EXPOSURE, ShootFrame
-from framestep.moves.state_machine import READY, OperationRunner
 from framestep.moves.upload.chunks import ASKED, LEFT
 from framestep.moves.upload.light_levels import LightLevels
 from framestep.moves.upload.store import UploadStore

@@ -6,7 +6,7 @@ the main loop, so a pass never finds anything half done.
 
 from framestep import boot
 from framestep.base.native import CPYTHON
-from framestep.moves.state_machine import ENDING, LEAVING, READY
+from framestep.moves.operation_runner import ENDING, LEAVING, READY
 from framestep.protocol import messages as m
 
 if not CPYTHON:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from framestep.moves.state_machine import ENDING, POSITIONING
+from framestep.moves.operation_runner import ENDING, POSITIONING
 from framestep.protocol.frames import FrameReader
 from framestep_tools import payloads as p
 from framestep_tools.client.wire import encode

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from framestep.moves.state_machine import POSITIONING
+from framestep.moves.operation_runner import POSITIONING
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
 from framestep_tools.building.board_files import ROOT
