@@ -165,7 +165,7 @@ def start(again=False):
     gc.collect()  # so that what start() makes fills holes, not the room for moves
     hal.start()
     release = chip.release
-    forget("framestep.io.restore", *chip.SPENT)
+    forget("framestep.io.position_restore", *chip.SPENT)
     del chip
     try:
         controller.moves.take_memory()

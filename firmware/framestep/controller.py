@@ -158,7 +158,7 @@ class Controller:
         """Restore the positions of before the power cut. Return the journal, or None without
         one."""
         from framestep.io.position_journal import PositionJournal
-        from framestep.io.restore import restore
+        from framestep.io.position_restore import restore
 
         try:
             journal = PositionJournal(self.hal.flash(), self.axes)

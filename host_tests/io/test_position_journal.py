@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from framestep.hal.host import HostFlash, HostHal
 from framestep.hal.host_board import HostBoard
 from framestep.io.position_journal import SLOT_BYTES, STILL_MS, PositionJournal, checksum
-from framestep.io.restore import restore
+from framestep.io.position_restore import restore
 from framestep.motors.backlash import BACKLASH, LOAD
 from framestep.motors.positions import (
     BEFORE,

@@ -5,7 +5,7 @@ import binascii
 from array import array
 
 from framestep.io.position_journal import STILL_MS, PositionJournal
-from framestep.io.restore import restore
+from framestep.io.position_restore import restore
 from framestep.motion.reals import copy_word
 from framestep.motors.backlash import LOAD, make_backlash
 from framestep.motors.positions import Positions

@@ -102,7 +102,7 @@ def _erased(page: ptr32, at: int) -> bool:
 
 
 class PositionJournal:
-    """Keeps the positions of `axes` in a Flash (hal/contract.py). io/restore.py restores them."""
+    """Keeps the positions of `axes` in a Flash, see hal/contract.py."""
 
     def __init__(self, flash, axes):
         self.flash = flash
