@@ -23,8 +23,9 @@ ERR_HARD_LOW = const(0x0023)
 WHAT = const(0)  # EXCEEDED_
 MOTOR = const(1)
 FRAME = const(2)  # scene frame
-# excess in steps/s or steps/s²; SLOWED: the rate used, thousandths of a frame per second
-BY = const(3)  # MEMORY: the bytes needed
+# excess in steps/s or steps/s²; SLOWED: the rate used, thousandths of a frame per second; MEMORY:
+# the bytes needed
+BY = const(3)
 ROOM = const(4)  # MEMORY: the bytes that were free; RATE: the greatest
 EXCEEDED_WORDS = const(5)
 
@@ -33,10 +34,10 @@ EXCEEDED_VELOCITY = const(1)  # refused
 EXCEEDED_ACCELERATION = const(2)  # refused with `strict_moves` only
 EXCEEDED_BOARD = const(3)  # refused: beyond what the board can make
 EXCEEDED_SLOWED = const(4)  # JOG_ALL goes slower than requested
-EXCEEDED_UPPER = const(5)  # refused, like all below: beyond the upper soft limit,
-EXCEEDED_LOWER = const(6)  # the lower one,
-EXCEEDED_PREROLL = const(7)  # a limit or the acceleration in the pre-roll,
-EXCEEDED_POSTROLL = const(8)  # in the post-roll
+EXCEEDED_UPPER = const(5)  # refused: beyond the upper soft limit
+EXCEEDED_LOWER = const(6)  # refused: beyond the lower soft limit
+EXCEEDED_PREROLL = const(7)  # refused: a limit or the acceleration in the pre-roll
+EXCEEDED_POSTROLL = const(8)  # refused: a limit or the acceleration in the post-roll
 EXCEEDED_MEMORY = const(9)  # refused: the upload does not fit
 # refused: too many frames per second; BY asked, ROOM possible, in thousandths
 EXCEEDED_RATE = const(10)

@@ -37,7 +37,7 @@ from framestep.pulse.stepper import (
 RELEASE_MS = const(20)
 _READINGS = const(3)  # after the first one
 ESTOP = const(24)  # result of unreported(): the E-stop was pressed
-LOWER = const(12)  # the same: motor 0 is at its lower limit, as in the bits of _approaching()
+LOWER = const(12)  # result of unreported(): motor 0 is at its lower limit; see _approaching()
 _STANDSTILL = const(4194)  # lower velocities count as rest: a step per second, Q22 steps per tick
 
 # Words of Safety.words

@@ -19,7 +19,7 @@ END = const(0)
 ADD = const(1)  # to = a + b
 SUBTRACT = const(2)  # to = a - b
 ABOVE = const(3)  # if not a > b, the formula ends and compute() returns 0
-NOT_ABOVE = const(4)  # the same if a > b
+NOT_ABOVE = const(4)  # if a > b, the formula ends and compute() returns 0
 LESSER = const(5)  # to = the lesser of a and b
 GREATER = const(6)  # to = the greater of a and b
 MULTIPLY = const(7)  # to = a · b

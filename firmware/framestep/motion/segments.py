@@ -147,12 +147,12 @@ def meet(cubic: ptr32, block: ptr32, ticks: int):
 
 
 # What mark() and knot() keep about a tick that two phases share
-OPEN_WHOLE = const(0)  # position at its start: whole steps
-OPEN_FRACTION = const(1)  # and Q22 of one more
-OPEN_ACCEL = const(2)  # half the acceleration there, Q27
-OPEN_SHARE = const(3)  # share of the tick (Q30) after which the place is known, or 0;
-OPEN_STEP = const(4)  # whole steps,
-OPEN_PART = const(5)  # Q16 of one more
+OPEN_WHOLE = const(0)  # position at its start, whole steps
+OPEN_FRACTION = const(1)  # position at its start, Q22 of one more step
+OPEN_ACCEL = const(2)  # half the acceleration at its start, Q27
+OPEN_SHARE = const(3)  # share of the tick (Q30) after which the place is known, or 0
+OPEN_STEP = const(4)  # that place, whole steps
+OPEN_PART = const(5)  # that place, Q16 of one more step
 OPEN_WORDS = const(6)
 
 

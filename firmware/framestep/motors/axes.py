@@ -14,8 +14,8 @@ from framestep.pulse import stepper
 
 AHEAD = const(11)  # segments to keep queued
 LOW = const(5)  # the queue of a moving motor with fewer segments is filled in every pass
-_PIECE = const(4)  # work of one pass: each segment cut takes 1 from it,
-_CALL = const(2)  # and each motor begun takes this
+_PIECE = const(4)  # work of one pass, in segments
+_CALL = const(2)  # work of beginning with a motor, in segments
 
 
 class Axes:

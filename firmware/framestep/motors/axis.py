@@ -37,7 +37,7 @@ SPEED_FLOOR = const(100)  # lowest speed of a jog (field note 4.2)
 MOST_SEGMENTS = const(14)  # leaves room in the ring for the two segments that end a motion
 FIRST_TICKS = const(100)  # queued before a motion starts: the main loop may be away for that long
 SPLICE_TICKS = const(12)  # from a request to the beginning of the new plan
-ALL_SPLICE_TICKS = const(40)  # the same for all motors of a motion
+ALL_SPLICE_TICKS = const(40)  # from a request to a new plan for all motors of a motion
 SLOW_SPLICE_TICKS = const(32)  # with a jerk limit, which an RP2040 plans in up to 20 ms
 
 # Registers of `numbers`, after those of rates.py

@@ -16,9 +16,9 @@ from framestep.pulse import stepper
 # Words of a Backlash
 BACKLASH = const(0)  # in steps
 LOAD = const(1)  # position of the load, as far as refresh() has followed the motor
-PLANNED_LOAD = const(2)  # position of the load at the end of the phases,
-OFFSET = const(3)  # the offset there,
-MOTOR = const(4)  # and the position of the motor
+PLANNED_LOAD = const(2)  # position of the load at the end of the phases
+OFFSET = const(3)  # offset at the end of the phases
+MOTOR = const(4)  # position of the motor at the end of the phases
 TARGET = const(5)  # position to which move_to() brings the load
 BLOCK = const(6)  # address of the motor's words in the StepKernel
 WORDS = const(7)

@@ -22,12 +22,14 @@ from framestep.moves.path.registers import DISTANCE, DURATION, HERE, HERE_RATE, 
 _ROWS = const(24)
 _ROW = const(14)
 _WHOLE = const(0)  # whole ticks from the beginning of the jog to the phase
-_FRACTION = const(1)  # real: and a fraction of a tick
-_TIME = const(3)  # reals: duration in ticks,
-_FROM = const(5)  # velocity at its start and
-_TO = const(7)  # at its end, frames per tick,
-_PASSED = const(9)  # frames from INDEX to its start,
-_DISTANCE = const(11)  # and from there to its end
+# numbers of reals.py
+_FRACTION = const(1)  # the fraction of a tick to be added to _WHOLE
+_TIME = const(3)  # duration in ticks
+_FROM = const(5)  # velocity at its start, frames per tick
+_TO = const(7)  # velocity at its end, frames per tick
+_PASSED = const(9)  # frames from INDEX to its start
+_DISTANCE = const(11)  # frames from its start to its end
+
 INDEX = const(13)  # of the last frame before it
 
 # Add a phase of DURATION: whole ticks, and the fraction in SINCE.

@@ -101,8 +101,8 @@ class OperationRunner:
         self.move_time = 0  # MOVE TIME while no operation runs, thousandths of a scene frame
         # index of the frame whose positions are reported, -1: report those of the pins
         self.reported_frame = -1
-        self.sent = 0  # bits of motors sent to a frame,
-        self.sent_frame = 0  # and that frame
+        self.sent = 0  # bits of motors sent to the frame `sent_frame`
+        self.sent_frame = 0
         self.rt_end_due = False
         self.starts_by_itself = False  # the next lap starts without a GO
         self.host_gone = False  # the host that requested the operation

@@ -72,24 +72,21 @@ class Plan:
         self.post_ms = 0  # from the end of the last frame to the end
         self.pre_rolls = array("i", [0] * (2 * motors))  # reals, for each motor: ticks of its ramp
         self.post_rolls = array("i", [0] * (2 * motors))
-        self.loops = False  # each lap begins at the start again, or
-        self.turns = False  # runs the other way (ping-pong), until STOP_LOOP
-        self.video = False  # a video camera runs during the lap,
-        self.stills = False  # or the shutter opens at each frame
+        self.loops = False  # until STOP_LOOP each lap begins at the start again
+        self.turns = False  # until STOP_LOOP each lap runs the other way (ping-pong)
+        self.video = False  # a video camera runs during the lap
+        self.stills = False  # the shutter opens at each frame
         self.open_angle = 0
         self.close_angle = 0
         self.sync = False
         self.bloop_bits = 0
         self.bloop_channel = 0
         self.bloop_ms = 0
-        self.begins = array("i", [0] * motors)  # for each motor: where it waits,
-        self.begin_directions = array(
-            "i", [0] * motors
-        )  # and the direction in which it starts: 1 up, -1 down, 0 not at all
-        # where it comes to rest after any lap but the last,
-        self.ends = array("i", [0] * motors)
-        # and the direction in which it starts from there to play backward
-        self.end_directions = array("i", [0] * motors)
+        # For each motor. A direction is 1 for up, -1 for down, 0 if it does not move.
+        self.begins = array("i", [0] * motors)  # where it waits
+        self.begin_directions = array("i", [0] * motors)  # in which it starts from there
+        self.ends = array("i", [0] * motors)  # where it rests after any lap but the last
+        self.end_directions = array("i", [0] * motors)  # in which it starts to play backward
 
 
 class RunPlanner:

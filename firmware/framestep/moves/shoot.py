@@ -127,8 +127,8 @@ class Shot:
         self.lasts_ms = 0  # from GO to RT_END
         # reals: ticks from GO to the first ramp, of a ramp, and of constant velocity, from a to b
         self.times = array("i", [0] * 6)
-        self.starts = array("i", [0] * motors)  # for each motor: where it waits,
-        # and the direction in which it starts: 1 up, -1 down, 0 not at all
+        self.starts = array("i", [0] * motors)  # for each motor: where it waits
+        # for each motor: the direction in which it starts, 1 up, -1 down, 0 not at all
         self.directions = array("i", [0] * motors)
         self.a = array("i", [0] * motors)
         self.b = array("i", [0] * motors)

@@ -140,8 +140,8 @@ SEGMENTS = const(16)
 
 # Words of a segment
 SEG_TICKS = const(0)
-SEG_WHOLE = const(1)  # position at its start: whole steps
-SEG_FRACTION = const(2)  # and a Q22 fraction
+SEG_WHOLE = const(1)  # position at its start, whole steps
+SEG_FRACTION = const(2)  # position at its start, Q22 of one more step
 SEG_VELOCITY = const(3)  # Q22
 SEG_ACCEL = const(4)  # Q27
 SEG_JERK = const(5)  # Q27

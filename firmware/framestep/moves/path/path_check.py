@@ -30,8 +30,9 @@ PULSED = const(13)  # steps from frame to frame that the board can pulse
 SHARPEST = const(14)
 SHARPEST_AT = const(15)
 FOUND = const(16)  # what was refused: steps, or a change of steps
-BENT = const(17)  # found by bends(), steps per frame and frame: the bend of the path,
-GATHERED = const(18)  # and the additional change while the rate changes
+# found by bends(), steps per frame and frame
+BENT = const(17)  # the bend of the path
+GATHERED = const(18)  # the additional change while the rate changes
 FINE = const(19)
 CHECK_WORDS = const(20)
 

@@ -92,8 +92,9 @@ class UploadPlayer:
         self.numbers = array("i", [0] * registers.REGISTERS)
         self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is a run's most of the time
         self.window[path.MOST] = path.MONOTONE
-        self.view = self.window  # window of a run, and the function for its velocities;
-        self.curve = path.velocity  # replaced if runs are smoothed
+        # both are replaced if runs are smoothed
+        self.view = self.window  # window of a run
+        self.curve = path.velocity  # the function for a run's velocities
         self.values = array("i", [0] * BATCH)
         self.position = array("i", [0])
         reals.put(self.numbers, registers.THOUSAND, 1000, 0)

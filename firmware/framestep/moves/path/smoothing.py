@@ -42,7 +42,7 @@ _Q = const(8)
 _HALF = const(128)  # half a step
 _CLOSEST = const(122)  # limit of what smoothing adds; a fortieth of a step remains on either side
 _FAR = const(0x20000)  # a position farther from the middle one counts as this far
-_FARTHEST = const(0x1000000)  # the same if BITS is 0
+_FARTHEST = const(0x1000000)  # _FAR if BITS is 0
 _HOLD = const(6)
 _FADE = const(4)  # frames in which the path approaches the position of a hold, or leaves it
 _WORKABLE = const(0x8000)  # steps around a turn within a frame; with more it is left as it is
@@ -51,7 +51,7 @@ _STILL = const(0)
 _ONWARD = const(1)
 _BEYOND = const(2)  # the first or the last frame of several at a turn
 _TURNS = const(3)  # a single frame at a turn
-_CORNER = const(4)  # the same, passed on its position, as in path.py
+_CORNER = const(4)  # a single frame at a turn, passed on its position, as in path.py
 
 
 @micropython.viper

@@ -119,12 +119,13 @@ EXCEEDED_POSTROLL = const(results.EXCEEDED_POSTROLL)
 EXCEEDED_MEMORY = const(results.EXCEEDED_MEMORY)
 EXCEEDED_RATE = const(results.EXCEEDED_RATE)
 
-SET_LOWER = const(0x01)  # of MSG_EXCEEDED, settings of a motor: it has a lower soft limit,
-SET_UPPER = const(0x02)  # an upper one;
-SET_ENABLED = const(0x04)  # it is enabled;
-SET_FOLLOWS = const(0x08)  # it follows another one;
-SET_AT_UPPER = const(0x10)  # its upper limit switch is active,
-SET_AT_LOWER = const(0x20)  # its lower one
+# Settings of a motor in MSG_EXCEEDED
+SET_LOWER = const(0x01)  # it has a lower soft limit
+SET_UPPER = const(0x02)  # it has an upper soft limit
+SET_ENABLED = const(0x04)  # it is enabled
+SET_FOLLOWS = const(0x08)  # it follows another motor
+SET_AT_UPPER = const(0x10)  # its upper limit switch is active
+SET_AT_LOWER = const(0x20)  # its lower limit switch is active
 
 LINE_X = const(0)
 LINE_Y = const(1)
