@@ -26,7 +26,7 @@ LAYERS = (
     ("rig.homes", "rig.servos", "rig.pendants"),
     ("rig.pins",),
     ("rig",),
-    ("reports", "gate"),
+    ("reports", "interlock"),
     ("answers",),
     ("stops",),
     ("homing", "hand_wheel"),
@@ -178,7 +178,7 @@ def test_files_have_one_subject():
 # inputs and outputs, so it is not listed.
 PARTS = {
     "faults",
-    "gate",
+    "interlock",
     "homing",
     "motors",
     "moves",
@@ -194,7 +194,7 @@ WHOLE = ("controller", "answers", "runner", "boot", "texts", "hal.host_board", "
 
 
 def _part(node: ast.expr) -> str:
-    """Return the name of a part: of `gate` or `self.gate`; "" for anything else."""
+    """Return the name of a part: of `interlock` or `self.interlock`; "" for anything else."""
     match node:
         case ast.Attribute(value=ast.Name(id="self"), attr=name) | ast.Name(id=name):
             return name if name in PARTS else ""
@@ -213,7 +213,7 @@ def test_parts_know_no_controller():
 
 
 def test_parts_keep_their_fields_and_what_they_consist_of_to_themselves():
-    """A part of another module is called (`gate.enabled(motor)`), but nobody writes to it or
+    """A part of another module is called (`interlock.enabled(motor)`), but nobody writes to it or
     reaches through it, not even the controller. Only an operation and its runner, which are one
     state machine, may."""
     for path, file in sources().items():

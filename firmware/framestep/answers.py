@@ -87,7 +87,7 @@ def _slow_down(controller, bits: int):
             bits |= int(coupled(block, taken & (virtual ^ -1)))
         if state == RUNNING:
             spared = spared & (taken ^ -1) if operation.at_once else spared | taken
-    spared |= virtual | int(controller.gate.homing)
+    spared |= virtual | int(controller.interlock.homing)
     bits &= int(coupled(block, spared)) ^ -1
     hal = controller.hal
     irq = hal.irq_off()
@@ -158,7 +158,7 @@ def answer(controller, questions, at: int, to: ptr8) -> int:
             moving |= bit
         bit <<= 1
     if kind == m.MSG_MOTOR_STATUS:
-        moving |= int(controller.gate.homing) | int(controller.virtuals.owned)
+        moving |= int(controller.interlock.homing) | int(controller.virtuals.owned)
         if state >= RUNNING or state == LEAVING or operations.starts_by_itself:
             moving |= int(operations.operation.bits)
         x = ptr32(w[_LIGHTS])

@@ -7,7 +7,7 @@ from framestep.answers import answer, keep_hi, make_answers
 from framestep.base.clock import WRAP, elapsed
 from framestep.base.native import const
 from framestep.base.results import WHAT
-from framestep.gate import Gate, Motion
+from framestep.interlock import Interlock, Motion
 from framestep.io.requests import GO, SHOOT, STOP, Io
 from framestep.io.safety import Safety
 from framestep.io.watchdog import CHECK_MS, Watchdog
@@ -86,8 +86,8 @@ class Controller:
             self.drivers = Drivers(hal, rig)
         self.faults = FaultLog()
         self.reports = Reports(hal, rig, self.writer, self.axes, self.io)
-        self.gate = Gate(rig, self.axes, self.drivers, self.faults, broken)
-        self.moves = Moves(rig, link, self.axes, self.io, self.gate, self.faults)
+        self.interlock = Interlock(rig, self.axes, self.drivers, self.faults, broken)
+        self.moves = Moves(rig, link, self.axes, self.io, self.interlock, self.faults)
         self.handlers = {
             m.MSG_HI: self._hi,
             m.MSG_MOTOR_STATUS: self._status,
@@ -103,7 +103,7 @@ class Controller:
         if rig.shoot_input:
             from framestep.moves.next_shot import NextShot
 
-            self.next_shot = NextShot(self.axes, self.gate, self.moves)
+            self.next_shot = NextShot(self.axes, self.interlock, self.moves)
         self.journal = self._restore() if rig.remember_positions else None
         self.now = 0
         self.housekept_at = 0
@@ -122,14 +122,14 @@ class Controller:
             from framestep.virtual_axes.requests import VirtualAxes
 
             self.virtuals = VirtualAxes(
-                rig, link, self.axes, self.safety, self.operations, self.gate, self.reports
+                rig, link, self.axes, self.safety, self.operations, self.interlock, self.reports
             )
         else:
             from framestep.virtual_axes.absent import NoVirtuals
 
             self.virtuals = NoVirtuals()  # type: ignore[assignment]
         self._merge(self.virtuals)
-        motion = Motion(self.axes, self.gate, self.moves, self.virtuals)
+        motion = Motion(self.axes, self.interlock, self.moves, self.virtuals)
         self.homing = None
         if rig.homing:
             from framestep.homing import Homing
@@ -144,7 +144,7 @@ class Controller:
         self.motors = Motors(rig, link, motion, self.safety, self.homing, self.reports)
         self._merge(self.motors)
         self.stops = Stops(rig, link, motion, self.io, self.homing, self.reports, self.faults)
-        self.gate.join(self.stops, self.operations, self.virtuals)
+        self.interlock.join(self.stops, self.operations, self.virtuals)
         self.reports.join(self.moves, self.virtuals)
         self.handlers[m.MSG_MOTOR_STOP_ALL] = self.stops.stop_all
         self.answers = make_answers(self)
@@ -250,7 +250,7 @@ class Controller:
         self.safety.poll_shared()
         if (now >> 7) & 15 != self.beat:
             self._light((now >> 7) & 15)
-            if self.gate.resting and self.gate.switch_off_resting():
+            if self.interlock.resting and self.interlock.switch_off_resting():
                 self.reports.report_positions()
                 self.active_passes = _ACTIVE_PASSES
         flags = stepper.poll_flags(self.header)
@@ -263,7 +263,7 @@ class Controller:
             return
         else:
             self.active_passes = _IDLE_EVERY  # for messages that could not be sent before
-        if self.gate.jogging:
+        if self.interlock.jogging:
             self.motors.end_jogs(now)
         if self.homing:
             self.homing.poll(now)
@@ -416,7 +416,7 @@ class Controller:
         """
         writer = self.writer
         writer.begin(m.MSG_MOTOR_STATUS, self.reader)
-        writer.u32(stepper.moving(self.header) | self.gate.owned)
+        writer.u32(stepper.moving(self.header) | self.interlock.owned)
         writer.u8(1 if self.io.lights.adjusting else 0)
         writer.end()
         return 0

@@ -97,7 +97,7 @@ class Pendant:
     def __init__(self, settings, motion, safety):
         self.axes = axes = motion.axes
         self.hal = hal = axes.hal
-        self.gate = motion.gate
+        self.interlock = motion.interlock
         self.safety = safety
         self.operations = motion.moves.operations
         self.virtuals = motion.virtuals
@@ -122,9 +122,9 @@ class Pendant:
         axis = self.axes[self.motor]
         if self.going and not axis.moving:
             self.going = False
-        if not self.pressed & _ENABLE or self.operations.busy or self.gate.owned:
+        if not self.pressed & _ENABLE or self.operations.busy or self.interlock.owned:
             self.wheel.rest()
-            if self.going and not self.gate.owned & 1 << self.motor:
+            if self.going and not self.interlock.owned & 1 << self.motor:
                 axis.stop(self.hal, 1, True)
             self.going = False
         elif not self.going or elapsed(now, self.sent_at) >= _APART_MS:
@@ -155,7 +155,7 @@ class Pendant:
         """Move the target by whole clicks, and send the motor there."""
         motor = self.motor
         words = self.words
-        if self.virtuals.moves_camera(motor) or self.gate.may_move(motor) != OK:
+        if self.virtuals.moves_camera(motor) or self.interlock.may_move(motor) != OK:
             return
         if self.going and not reals.equal_words(axis.backlash, TARGET, words, _TARGET):
             self.going = False  # the host has sent it elsewhere
@@ -181,8 +181,8 @@ class Pendant:
         if self.safety.limit_blocking(motor, words, _TARGET) != OK:
             return
         if self.going or not reals.equal_words(words, _TARGET, words, _HERE):
-            self.gate.stop_jogging(1 << motor)
-            self.gate.switch_on(1 << motor)
+            self.interlock.stop_jogging(1 << motor)
+            self.interlock.switch_on(1 << motor)
             axis.move_to(self.hal, words, _TARGET, FULL_SPEED)
             self.going = True
 

@@ -189,8 +189,8 @@ class Seeker:
 
 
 class Homing:
-    """Homes motors. `Gate.homing` has the bits of motors that are not done. Whoever stops motors
-    ends homing (end()).
+    """Homes motors. `Interlock.homing` has the bits of motors that are not done. Whoever stops
+    motors ends homing (end()).
 
     motion: a Motion. faults: a FaultLog.
     """
@@ -199,7 +199,7 @@ class Homing:
         self.reader = link.reader
         self.axes = axes = motion.axes
         self.hal = axes.hal
-        self.gate = motion.gate
+        self.interlock = motion.interlock
         self.operations = motion.moves.operations
         self.virtuals = motion.virtuals
         self.safety = io.safety
@@ -263,20 +263,20 @@ class Homing:
         return bits
 
     def _enabled(self, motor):
-        gate = self.gate
-        if (self.pairs >> motor) & 1 and not gate.flags[motor + 1] & m.MOTOR_ENABLED:
+        interlock = self.interlock
+        if (self.pairs >> motor) & 1 and not interlock.flags[motor + 1] & m.MOTOR_ENABLED:
             return False
-        return gate.enabled(motor)
+        return interlock.enabled(motor)
 
     def start(self, bits):
         """Home the motors of these bits. Return a code; nothing changes unless it is OK."""
         if bits & ~self.capable:
             return m.ERR_RANGE
-        if not bits or not self.gate.allow_motion():
+        if not bits or not self.interlock.allow_motion():
             return m.ERR_GENERAL
         if self.phase == _ENDED and not self._moving():
             self.restore()
-        if self.operations.busy or self.gate.in_virtual_motion or self.phase:
+        if self.operations.busy or self.interlock.in_virtual_motion or self.phase:
             return m.ERR_MOVING
         bits |= bits >> 1 & self.pairs
         bits |= (bits & self.pairs) << 1
@@ -295,7 +295,7 @@ class Homing:
         for motor in range(self.axes.count):
             if (bits >> motor) & 1:
                 positions.put(motor, HELD if (known >> motor) & 1 else LOST, HOMING)
-        self.gate.set_homing(bits)
+        self.interlock.set_homing(bits)
         self.news &= ~bits
         self._next()
         return m.OK
@@ -303,7 +303,7 @@ class Homing:
     def _refusal(self, motor):
         """Return OK, or the reason why this motor may not be homed."""
         leader = motor - 1 if (self.pairs << 1 >> motor) & 1 else motor
-        code = self.gate.may_move(leader)
+        code = self.interlock.may_move(leader)
         if code == m.OK and not self._enabled(leader):
             code = m.ERR_GENERAL
         if code != m.OK:
@@ -375,7 +375,7 @@ class Homing:
     def _next(self):
         """Begin with the next motor, or the next two, if there are any."""
         for motor in self.order:
-            if (self.gate.homing >> motor) & 1:
+            if (self.interlock.homing >> motor) & 1:
                 break
         else:
             return
@@ -413,7 +413,7 @@ class Homing:
         speed = home["speed"]
         if phase == _AGAIN and not home["stall"] or self.probing:
             speed = home["slow_speed"]
-        self.gate.switch_on((3 if self.paired else 1) << first.motor)
+        self.interlock.switch_on((3 if self.paired else 1) << first.motor)
         for i in range(2 if self.paired else 1):
             seeker = self.seekers[i]
             seeker.found = False
@@ -429,7 +429,7 @@ class Homing:
     def _judge(self):
         """At rest after a phase: begin the next one, or note what is wrong."""
         phase = self.phase
-        if not self.gate.allow_motion():
+        if not self.interlock.allow_motion():
             self.end()
             return
         for i in range(2 if self.paired else 1):
@@ -490,7 +490,7 @@ class Homing:
         """Finish these motors, and go on with the next ones."""
         self.release()
         self._note_result(self._bits())
-        self.gate.set_homing(self.gate.homing & ~self._bits())
+        self.interlock.set_homing(self.interlock.homing & ~self._bits())
         self._next()
 
     def _fail(self, i, reason):
@@ -505,8 +505,8 @@ class Homing:
 
     def end(self, bits=-1):
         """End homing if any of these motors, which are about to be stopped, is homed."""
-        if self.gate.homing & bits:
-            self.gate.set_homing(0)
+        if self.interlock.homing & bits:
+            self.interlock.set_homing(0)
             self.release()
 
     def release(self):

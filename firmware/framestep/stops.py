@@ -55,7 +55,7 @@ class Stops:
         self.reader = link.reader
         self.writer = link.writer
         self.axes = axes = motion.axes
-        self.gate = motion.gate
+        self.interlock = motion.interlock
         self.operations = motion.moves.operations
         self.run_outputs = motion.moves.run_outputs
         self.virtuals = motion.virtuals
@@ -82,8 +82,8 @@ class Stops:
         self.io.safe()  # a tick may have given a cue in the meantime
         self.virtuals.halt()
         self.axes.stop()
-        self.gate.stop_jogging()
-        self.gate.switch_off(self.axes.released)
+        self.interlock.stop_jogging()
+        self.interlock.switch_off(self.axes.released)
 
     def crash_stop(self):
         """After an exception in a pass: stop everything, and report it at once (note 8.4)."""
@@ -113,7 +113,7 @@ class Stops:
             self.axes.stop()
         self.io.safe()
         self.run_outputs.abort()
-        self.gate.stop_jogging()
+        self.interlock.stop_jogging()
         self._end_homing()
         self.reports.on_closed()
 
@@ -127,21 +127,21 @@ class Stops:
             if self.rig.estop_cuts_power:
                 self.positions.power_cut(axes.moving_bits() | self.safety.motors_at_estop())
             self._note(FAULT_ESTOP, axes.moving_bits() | self.safety.motors_at_estop())
-            self.gate.stop_jogging()
+            self.interlock.stop_jogging()
             self._end_homing()
             operations.stop(factor)
             virtuals.halt(factor)
             axes.stop(factor)
-            self.gate.switch_off(axes.released)
+            self.interlock.switch_off(axes.released)
             self.io.safe()
             self.run_outputs.abort()
             return
         bits = self.safety.motors_at_limit()
-        if self.gate.homing:
+        if self.interlock.homing:
             bits = self.homing.take_limit(bits)
         if bits:
             self._note(FAULT_LIMIT, bits)
-        self.gate.stop_jogging(bits)
+        self.interlock.stop_jogging(bits)
         if virtuals.owned & bits:
             virtuals.halt()
         for motor in range(self.axes.count):
@@ -182,10 +182,10 @@ class Stops:
 
         Motors whose drivers were on have lost their positions, and everything comes to rest.
         """
-        gate = self.gate
-        bits &= gate.powered
+        interlock = self.interlock
+        bits &= interlock.powered
         if bits:
-            gate.switch_off(bits)
+            interlock.switch_off(bits)
             self.positions.set_lost(bits, DRIVER)
             self._note(FAULT_DRIVER, self.axes.moving_bits())
             self.fault_stop()
@@ -235,7 +235,7 @@ class Stops:
             hard = True
         factor = self.rig.hard_stop_factor if hard else 1
         self.stop_all_at = now
-        self.gate.stop_jogging()
+        self.interlock.stop_jogging()
         self._end_homing()
         landing = operations.stop(factor, not hard, True, spared=virtuals.owned)
         if hard:

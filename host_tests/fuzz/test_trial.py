@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from framestep.controller import Controller
-from framestep.gate import Gate
 from framestep.hal.host import HostPort, PulseModel
+from framestep.interlock import Interlock
 from framestep.io.requests import Io
 from framestep.motors.axis import Axis
 from framestep.motors.requests import Motors
@@ -270,7 +270,7 @@ def outputs_left_on(monkeypatch):
 
 
 def estop_ignored(monkeypatch):
-    monkeypatch.setattr(Gate, "may_move", lambda self, motor: m.OK)
+    monkeypatch.setattr(Interlock, "may_move", lambda self, motor: m.OK)
 
 
 def couple_apart(monkeypatch):
@@ -319,13 +319,13 @@ def stop_ignored(monkeypatch):
 
 
 def jogs_forgotten(monkeypatch):
-    original = Gate.send
+    original = Interlock.prepare
 
     def wrong(self, bits):
         self.jogging = 0
         original(self, bits)
 
-    monkeypatch.setattr(Gate, "send", wrong)
+    monkeypatch.setattr(Interlock, "send", wrong)
 
 
 def begins_in_motion(monkeypatch):

@@ -28,7 +28,7 @@ class Motors:
         self.writer = link.writer
         self.axes = motion.axes
         self.hal = motion.axes.hal
-        self.gate = motion.gate
+        self.interlock = motion.interlock
         self.safety = safety
         self.shared = safety.shared
         self.moves = motion.moves
@@ -90,7 +90,7 @@ class Motors:
 
     def move(self, motor):
         """Move a motor to words[0]. Return a code; nothing moves unless it is OK."""
-        code = self.gate.may_move(motor)
+        code = self.interlock.may_move(motor)
         if code != m.OK:
             return code
         axis = self.axes[motor]
@@ -100,10 +100,10 @@ class Motors:
         code = self.safety.limit_blocking(motor, self.words, 0)
         if code != m.OK:
             return code
-        self.gate.stop_jogging(1 << motor)
+        self.interlock.stop_jogging(1 << motor)
         if self.virtuals.moves_camera(motor):
             return self.virtuals.move_keeping_aim(motor, self.words, 0)
-        self.gate.switch_on(1 << motor)
+        self.interlock.switch_on(1 << motor)
         axis.move_to(self.hal, self.words, 0)
         return m.OK
 
@@ -119,7 +119,7 @@ class Motors:
     def jog(self, motor, speed):
         """Jog a motor toward words[0], at most to its soft limit. speed: 1 … 10000. Return a code,
         like move()."""
-        code = self.gate.may_move(motor)
+        code = self.interlock.may_move(motor)
         if code != m.OK:
             return code
         axis = self.axes[motor]
@@ -131,8 +131,8 @@ class Motors:
         if self.virtuals.moves_camera(motor):
             return self.virtuals.move_keeping_aim(motor, self.words, 0, speed)
         self.heard_at[motor] = self.reader.now
-        if not self.gate.jogging & bit or not axis.heads_for(self.words, 0, speed):
-            self.gate.begin_jog(bit)
+        if not self.interlock.jogging & bit or not axis.heads_for(self.words, 0, speed):
+            self.interlock.begin_jog(bit)
             axis.move_to(self.hal, self.words, 0, speed)
         return m.OK
 
@@ -141,13 +141,13 @@ class Motors:
         limit = self.rig.jog_timeout_ms
         for motor in range(self.axes.count):
             bit = 1 << motor
-            if self.gate.jogging & bit:
+            if self.interlock.jogging & bit:
                 axis = self.axes[motor]
                 if not axis.moving:
-                    self.gate.stop_jogging(bit)
+                    self.interlock.stop_jogging(bit)
                 elif limit and elapsed(now, self.heard_at[motor]) >= limit:
                     axis.stop(self.hal, 1, True)
-                    self.gate.stop_jogging(bit)
+                    self.interlock.stop_jogging(bit)
 
     def _stop(self):
         """MSG_MOTOR_STOP (spec; field notes 1.8 and 6.11).
@@ -157,8 +157,8 @@ class Motors:
         motor = self._motor()
         if motor < 0:
             return m.ERR_RANGE
-        motor = self.gate.leading(motor)
-        self.gate.stop_jogging(1 << motor)
+        motor = self.interlock.leading(motor)
+        self.interlock.stop_jogging(1 << motor)
         if self.homing:
             self.homing.end(1 << motor)
         virtual = self.virtuals.owned
@@ -179,7 +179,7 @@ class Motors:
         if motor < 0:
             return m.ERR_RANGE
         axis = self.axes[motor]
-        if axis.moving or (self.gate.owned >> self.gate.leading(motor)) & 1:
+        if axis.moving or (self.interlock.owned >> self.interlock.leading(motor)) & 1:
             return m.ERR_MOVING  # field note 4.5; a motor of an operation may move soon
         self.reader.copy_i32_to(m.MotorResetPosition.position, self.words, 0)
         if not axis.set_position(self.words, 0):
@@ -200,10 +200,10 @@ class Motors:
             return m.ERR_RANGE
         axis = self.axes[motor]
         enabled = flags & m.MOTOR_ENABLED
-        coupling = (flags ^ self.gate.flags[motor]) & _COUPLING
-        if flags != self.gate.flags[motor]:
-            owned = self.gate.coupled(self.operations.owned | self.gate.homing)
-            virtual = self.gate.coupled(self.virtuals.owned)
+        coupling = (flags ^ self.interlock.flags[motor]) & _COUPLING
+        if flags != self.interlock.flags[motor]:
+            owned = self.interlock.coupled(self.operations.owned | self.interlock.homing)
+            virtual = self.interlock.coupled(self.virtuals.owned)
             if coupling:
                 owned |= owned >> 1  # the next motor is affected as well
                 virtual |= virtual >> 1
@@ -217,14 +217,14 @@ class Motors:
             code = self._couple(motor, flags & _COUPLING)
             if code != m.OK:
                 return code
-        self.gate.flags[motor] = flags
+        self.interlock.flags[motor] = flags
         bit = 1 << motor
         if enabled:
-            self.gate.switch_on(bit)
+            self.interlock.switch_on(bit)
         else:
-            self.gate.switch_off(bit)
+            self.interlock.switch_off(bit)
             self.axes.positions.driver_off(motor)
-        self.moves.set_motors(self.gate.with_flag(m.MOTOR_BLUR), self.gate.excluded())
+        self.moves.set_motors(self.interlock.with_flag(m.MOTOR_BLUR), self.interlock.excluded())
         self.operations.settings_changed()
         return m.OK
 
@@ -260,7 +260,7 @@ class Motors:
             acceleration = ACCELERATION_LIMIT
         self.axes.set_speed(motor, velocity, acceleration)
         self.operations.settings_changed()
-        self.virtuals.changed(self.gate.leading(motor))
+        self.virtuals.changed(self.interlock.leading(motor))
         return m.OK
 
     def _set_limits(self):
@@ -273,7 +273,7 @@ class Motors:
         switches = hw_set & m.HW_SET_MASK
         if motor < 0 or lower_enable > 1 or upper_enable > 1 or not self.safety.has(switches):
             return m.ERR_RANGE
-        if (self.gate.homing >> self.gate.leading(motor)) & 1:
+        if (self.interlock.homing >> self.interlock.leading(motor)) & 1:
             return m.ERR_MOVING  # field note 4.9
         reader.copy_i32_to(m.MotorSetLimits.lower, self.words, 0)
         reader.copy_i32_to(m.MotorSetLimits.upper, self.words, 1)
@@ -283,7 +283,7 @@ class Motors:
             self.homing.restore()
         self.safety.assign(motor, switches, hw_set & m.HW_SET_SWAP)
         self.operations.settings_changed()
-        motor = self.gate.leading(motor)
+        motor = self.interlock.leading(motor)
         self.virtuals.changed(motor)
         if not ((self.operations.on_path | self.virtuals.owned) >> motor) & 1:
             self.axes[motor].keep_to_limits(self.hal)
@@ -315,7 +315,7 @@ class Motors:
             bits |= m.SET_LOWER
         if axis.upper_enabled:
             bits |= m.SET_UPPER
-        if self.gate.flags[motor] & m.MOTOR_ENABLED:
+        if self.interlock.flags[motor] & m.MOTOR_ENABLED:
             bits |= m.SET_ENABLED
         if axis.leader:
             bits |= m.SET_FOLLOWS

@@ -24,9 +24,9 @@ _PREPARED = const(2)  # to where the shot begins
 class NextShot:
     """Shoots the next frame. moves: a Moves, asked whether motors may move."""
 
-    def __init__(self, axes, gate, moves):
+    def __init__(self, axes, interlock, moves):
         self.axes = axes
-        self.gate = gate
+        self.interlock = interlock
         self.moves = moves
         self.operations = moves.operations
         self.player = moves.player
@@ -58,7 +58,7 @@ class NextShot:
         """Go on once these motors have arrived."""
         self.step = step
         self.bits = bits
-        self.gate.begin_shot(bits)
+        self.interlock.begin_shot(bits)
 
     def _next_frame(self):
         """Return the scene frame after the last shot, in its direction."""
@@ -82,7 +82,7 @@ class NextShot:
     def poll(self):
         """Go on if motors have arrived. In each pass in which anything may be planned."""
         operations = self.operations
-        if self.gate.shooting != self.bits:
+        if self.interlock.shooting != self.bits:
             self.step = _NOTHING
         if self.step == _TO_FRAME:
             axes = self.axes
@@ -99,7 +99,7 @@ class NextShot:
                 and all_on_frame(player, player.motors(), index)
                 and self.moves.report_exceeded(self._prepare()) == OK
             ):
-                self.gate.send(self.shoot.bits)
+                self.interlock.prepare(self.shoot.bits)
                 self._wait(_PREPARED, self.shoot.bits)
         elif self.step == _PREPARED:
             if operations.operation is not self.shoot or operations.state != POSITIONING:

@@ -75,11 +75,11 @@ def fetch_positions(store, bits: int, index: int, out):
 class OperationRunner:
     """Runs one operation at a time.
 
-    send: Gate.send, called with the bits of motors before they are sent somewhere. strict: setting
-    `strict_moves`.
+    announce: Interlock.prepare, called with the bits of motors before they are sent somewhere.
+    strict: setting `strict_moves`.
     """
 
-    def __init__(self, axes, store, safety, send=None, strict=False):
+    def __init__(self, axes, store, safety, announce=None, strict=False):
         self.axes = axes
         self.store = store
         self.safety = safety
@@ -87,7 +87,7 @@ class OperationRunner:
         self.move_check = MoveCheck(self.player, strict)
         self.exceeded = self.move_check.exceeded  # the limit that the last move exceeded
         self.state = IDLE
-        self.send = send
+        self.announce = announce
         self.operation = Operation(self)
         self.start_positions = None  # for each motor: where the operation begins
         # for each motor: direction in which it starts, 1 up, -1 down, 0 unknown or not at all
@@ -463,8 +463,8 @@ class OperationRunner:
             self._send(motor, self.start_positions, self.directions)
 
     def _send_all(self, bits, positions, directions=None):
-        if self.send:
-            self.send(bits)
+        if self.announce:
+            self.announce(bits)
         for motor in range(self.axes.count):
             if (bits >> motor) & 1:
                 self._send(motor, positions, directions)

@@ -27,20 +27,22 @@ _RUN_FLAGS = const(m.RUN_PING_PONG | m.RUN_LOOP | m.RUN_VIDEO | m.RUN_STILLS)
 class Moves:
     """Handlers of requests about the uploaded move, and the parts that play it.
 
-    gate: a Gate. faults: a FaultLog.
+    interlock: an Interlock. faults: a FaultLog.
     """
 
-    def __init__(self, rig, link, axes, io, gate, faults):
+    def __init__(self, rig, link, axes, io, interlock, faults):
         self.link = link
         self.reader = link.reader
         self.io = io
-        self.gate = gate
+        self.interlock = interlock
         self.faults = faults
         self.axes = axes
         self.levels = LightLevels()
         self.triggers = Triggers()
         self.store = UploadStore(axes.count)
-        self.operations = OperationRunner(axes, self.store, io.safety, gate.send, rig.strict_moves)
+        self.operations = OperationRunner(
+            axes, self.store, io.safety, interlock.prepare, rig.strict_moves
+        )
         self.player = self.operations.player
         if rig.smoothing:
             from framestep.moves.path.smoothing import velocity
@@ -94,7 +96,7 @@ class Moves:
         """
         if self.run_outputs.busy:
             self.run_outputs.poll()
-        if self.operations.state == READY and self.gate.in_virtual_motion:
+        if self.operations.state == READY and self.interlock.in_virtual_motion:
             return False  # its motors belong to a virtual motion, whether they move or not
         return self.operations.poll()
 
@@ -182,13 +184,13 @@ class Moves:
         Moves the motors there, and sets lights and triggers as at that frame.
         """
         frame = self.reader.i32(m.RtPositionFrame.frame)
-        code = self.gate.may_move_all()
-        if code == m.OK and (self.operations.running or self.gate.in_virtual_motion):
+        code = self.interlock.may_move_all()
+        if code == m.OK and (self.operations.running or self.interlock.in_virtual_motion):
             code = m.ERR_MOVING
         if code == m.OK:
             code = self.operations.send_to_frame(frame, self.positions)
         if code == m.OK:
-            self.gate.send(self.player.motors())
+            self.interlock.prepare(self.player.motors())
             self.run_outputs.show_frame(frame - self.store.start)
         return code
 
@@ -229,7 +231,7 @@ class Moves:
             closed,
         )
         if code == m.OK:
-            self.gate.send(self.run.bits)
+            self.interlock.prepare(self.run.bits)
         return self.report_exceeded(code)
 
     def _exceeded(self, code):
@@ -273,7 +275,7 @@ class Moves:
                 listed,
             )
         if code == m.OK:
-            self.gate.send(self.shoot.bits)
+            self.interlock.prepare(self.shoot.bits)
         return self.report_exceeded(code)
 
     def _shoot_frame2(self):
@@ -290,7 +292,7 @@ class Moves:
                 listed,
             )
         if code == m.OK:
-            self.gate.send(self.shoot.bits)
+            self.interlock.prepare(self.shoot.bits)
         return self.report_exceeded(code)
 
     def _listed(self, offset, backward):
@@ -316,17 +318,17 @@ class Moves:
 
     def may_begin(self):
         """Return OK if an operation may be prepared, else the reason (field note 6.1)."""
-        code = self.gate.may_move_all()
+        code = self.interlock.may_move_all()
         if code == m.OK:
-            if self.operations.running or self.axes.moving or self.gate.in_virtual_motion:
+            if self.operations.running or self.axes.moving or self.interlock.in_virtual_motion:
                 return m.ERR_MOVING
             self.operations.exceeded[WHAT] = m.EXCEEDED_NOTHING
         return code
 
     def _may_go(self):
         """Return OK if the waiting operation may start, else the reason."""
-        code = self.gate.may_move_all()
-        return self.operations.may_go(self.gate.in_virtual_motion) if code == m.OK else code
+        code = self.interlock.may_move_all()
+        return self.operations.may_go(self.interlock.in_virtual_motion) if code == m.OK else code
 
     def _go(self):
         """MSG_RT_GO: acknowledge first, then start the motion (field note 6.3)."""
@@ -358,13 +360,13 @@ class Moves:
 
     def _jog_all(self):
         """MSG_RT_JOG_ALL (field note 6.10)."""
-        code = self.gate.may_move_all()
-        if code == m.OK and not self.operations.running and self.gate.in_virtual_motion:
+        code = self.interlock.may_move_all()
+        if code == m.OK and not self.operations.running and self.interlock.in_virtual_motion:
             code = m.ERR_MOVING
         if code == m.OK:
             code = self.jog.prepare(
                 self.reader.u30(m.RtJogAll.fps_milli), self.reader.i32(m.RtJogAll.destination)
             )
         if code == m.OK:
-            self.gate.send(self.jog.bits)
+            self.interlock.prepare(self.jog.bits)
         return self.report_exceeded(code)

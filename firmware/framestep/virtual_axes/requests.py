@@ -115,17 +115,17 @@ def read_configuration(reader, kind, motors, configuration):
 class VirtualAxes:
     """The line along which the camera moves, the move or jog along it, and handlers of requests.
 
-    operations: of uploaded moves. gate: a Gate.
+    operations: of uploaded moves. interlock: an Interlock.
     """
 
-    def __init__(self, rig, link, axes, safety, operations, gate, reports):
+    def __init__(self, rig, link, axes, safety, operations, interlock, reports):
         self.reader = link.reader
         self.writer = link.writer
         self.reports = reports
         self.rig = rig
         self.operations = operations
         self.axes = axes
-        self.gate = gate
+        self.interlock = interlock
         self.r = array("i", [0] * REGISTERS)
         self.line = Line(axes, safety, self.r)
         self.survey = Survey(self.line)
@@ -194,12 +194,12 @@ class VirtualAxes:
         line = self.line
         if not self.configured:
             return m.ERR_GENERAL
-        code = self.gate.may_move_all()
+        code = self.interlock.may_move_all()
         if code != m.OK:
             return code
         if self.operations.owned & line.bits:
             return m.ERR_MOVING
-        if not self.gate.all_enabled(line.bits):
+        if not self.interlock.all_enabled(line.bits):
             return m.ERR_GENERAL
         if not self.move.state and self.axes.moving_bits() & line.bits:
             return m.ERR_MOVING
@@ -208,7 +208,7 @@ class VirtualAxes:
     def set_out(self, number, ahead=None):
         """Set out along the line begun. number: its virtual axis or 0; ahead: of a jog."""
         self.moved = number
-        self.gate.send(self.line.bits)
+        self.interlock.prepare(self.line.bits)
         self.move.begin(ahead)
 
     def head_for(self, to, number):
@@ -323,7 +323,7 @@ class VirtualAxes:
                 bits |= 1 << (motor - 1)
         if bits & busy:
             return m.ERR_MOVING
-        if not self.gate.all_enabled(bits):
+        if not self.interlock.all_enabled(bits):
             return m.ERR_RANGE
         for motor in range(self.axes.count):
             self.axes[motor].position_to(line.present, motor)

@@ -5,7 +5,7 @@ from array import array
 from framestep.protocol import messages as m
 
 
-class Gate:
+class Interlock:
     """Decides which motors may move, and switches their drivers on before they do. No motor starts
     until those have woken up (Axes.wake).
 
@@ -42,7 +42,7 @@ class Gate:
         self.virtuals = None
 
     def join(self, stops, operations, virtuals):
-        """Set the parts that can use motors. They get the gate first, so they are set later."""
+        """Set the parts that can use motors. They get this one first, so they are set later."""
         self.stops = stops
         self.operations = operations
         self.virtuals = virtuals
@@ -121,7 +121,7 @@ class Gate:
 
     # ---------------------------------------------------------------- before motion
 
-    def send(self, bits):
+    def prepare(self, bits):
         """Prepare these motors for an operation or a virtual motion."""
         self.stop_jogging(bits)  # other motors go on jogging until their timeout
         self.switch_on(bits)
@@ -219,10 +219,10 @@ class Gate:
 
 
 class Motion:
-    """The motors and what moves them: the gate, uploaded moves, virtual axes."""
+    """The motors and what moves them: the interlock, uploaded moves, virtual axes."""
 
-    def __init__(self, axes, gate, moves, virtuals):
+    def __init__(self, axes, interlock, moves, virtuals):
         self.axes = axes
-        self.gate = gate
+        self.interlock = interlock
         self.moves = moves
         self.virtuals = virtuals
