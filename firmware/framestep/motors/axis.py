@@ -480,8 +480,8 @@ class Axis:
 
     # ---------------------------------------------------------------- coupling
 
-    def couple(self, partner, reversed):
-        """Make the next motor do what this one does; `reversed`: in the opposite sense.
+    def couple(self, partner, inverted):
+        """Make the next motor do what this one does; `inverted`: in the opposite sense.
 
         Both must be at rest. Their present positions then belong together. The stricter settings
         and limits of the two apply, whenever they are set. Return False, and change nothing, if the
@@ -495,13 +495,13 @@ class Axis:
             stepper.POSITION,
             self.block,
             stepper.POSITION,
-            0 if reversed else 1,
+            0 if inverted else 1,
         ):
             return False
         self.uncouple()
         reals.copy_word(self.base, 0, self.word, 0)
         self.partner = partner
-        self.reversed = 1 if reversed else 0
+        self.reversed = 1 if inverted else 0
         self.work[feeder.MIRRORED] = 1 + self.reversed
         partner.leader = self
         self._apply()
