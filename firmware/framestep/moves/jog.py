@@ -22,7 +22,15 @@ from framestep.motors.axis import ALL_SPLICE_TICKS, FIRST_TICKS, MOST_SEGMENTS
 from framestep.motors.feeder import coupled
 from framestep.motors.queue_cut import cut, queued
 from framestep.moves.frame_positions import find_frame, find_switch_on_path
-from framestep.moves.jog_landing import ACCELERATION, Landing
+from framestep.moves.jog_landing import (
+    ACCELERATION,
+    DESTINATION,
+    END,
+    FOUND_WORDS,
+    HURRY,
+    hurry_time,
+    plan_landing,
+)
 from framestep.moves.jog_phases import INDEX, JogPhases
 from framestep.moves.operation import Operation
 from framestep.moves.operation_runner import ENDING, POSITIONING
@@ -108,7 +116,7 @@ class JogAll(Operation):
         self.stop_asked = 0  # a stop on a frame is under way: 1 for STOP, 2 for STOP_ALL
         self.hurry = False  # the last frame before the stop takes a second at most
         self.phases = JogPhases(self.player.numbers)
-        self.landing = Landing(self.player)
+        self.found = array("i", [0] * FOUND_WORDS)  # of a landing
         self.begun = 0  # tick of the first pulse
         self.positions = array("i", [0] * operations.axes.count)
         # direction in which each motor starts from there
@@ -317,7 +325,7 @@ class JogAll(Operation):
         compute(r, _NEXT_RATE)
         moves = compute(r, _NEXT_FRAME)
         if self.hurry and left == 1:
-            self.landing.hurry_time(self.bits, self.last_queued + self.step, False)
+            hurry_time(player, self.bits, self.last_queued + self.step, False)
         elif not moves:
             compute(r, _FROM_REST_TO_REST)
         self.append_phase(self.last_queued, self.last_queued + self.step)
@@ -419,12 +427,12 @@ class JogAll(Operation):
                 axes[motor].resume_from_cut(player.position, 0)
                 velocity(player.numbers, SPEEDS + 2 * motor, axes[motor].cubic, G1)
         self.phases.begin(ticks)
-        landing = self.landing
-        landing.plan(self.bits, at, self.step, self.destination)
+        found = self.found
+        plan_landing(player, self.bits, at, self.step, self.destination, found)
         self.closed = False
-        self.destination = landing.destination
-        self.hurry = landing.hurry
-        self.append_phase(at, landing.end)
+        self.destination = found[DESTINATION]
+        self.hurry = found[HURRY] != 0
+        self.append_phase(at, found[END])
         for motor in range(player.count):
             if (self.bits >> motor) & 1:
                 axes[motor].feed(MOST_SEGMENTS, FIRST_TICKS)

@@ -128,146 +128,130 @@ _TURNING = formula(
 _AT_CONSTANT_DECELERATION = formula(registers, "DURATION = min(DURATION, 2 * DISTANCE / RATE)")
 
 
-class Landing:
-    """Where a JOG_ALL comes to rest, and how. player: the UploadPlayer.
+# Words in which plan_landing() leaves what it has found
+END = const(0)  # index of the next frame, to which the motors go first
+DESTINATION = const(1)  # index of the frame to rest on
+HURRY = const(2)  # 1: the last frame before the stop takes a second at most
+FOUND_WORDS = const(3)
 
-    `destination`: index of the frame to rest on. `end`: index of the next frame, to which the
-    motors go first. `hurry`: the last frame before the stop takes a second at most.
+
+def plan_landing(player, bits, at, step, destination, found):
+    """Plan from where the queues have been cut, HERE frames after the index `at` at HERE_RATE,
+    to rest on a frame: set `found`, and DISTANCE, DURATION, RATE, NEXT of the first phase.
+
+    step: 1 or -1. destination: index of the last frame possible.
     """
+    axes = player.axes
+    r = player.numbers
+    reals.copy(r, RATE, HERE_RATE)
+    end = at + step * (reals.floor(r, HERE, HALF) + 1)
+    if (destination - end) * step < 0:
+        end = destination
+    reals.put(r, _TO_NEXT_FRAME.frames, (end - at) * step, 0)
+    compute(r, _TO_NEXT_FRAME)
+    # The end is `more` frames beyond the next one.
+    _find_limit(player, bits, at, end, step)
+    compute(r, _STOPPING_DISTANCE)
+    more = min(max(-reals.floor(r, _STOPPING_DISTANCE.frames, HALF), 0), (destination - end) * step)
+    found[DESTINATION] = end + step * more
+    reals.put(r, _DECELERATE.frames, more, 0)
+    found[HURRY] = 1 if compute(r, _DECELERATE) else 0
+    if more:
+        if compute(r, _IS_BRIEF):
+            for motor in range(player.count):
+                if (bits >> motor) & 1:
+                    # by way of that frame, where the motor may turn
+                    player.store.position(motor, end, player.position, 0)
+                    axes[motor].backlash.turn_to(player.position, 0, 0)
+            end += step
+            more -= 1
+            compute(r, _ONE_MORE_FRAME)
+    if found[HURRY]:
+        compute(r, _TWICE_THE_LIMIT)
+    reals.put(r, _NEXT_RATE.frames, more, 0)
+    compute(r, _NEXT_RATE)
+    if found[HURRY] and not more:
+        hurry_time(player, bits, end, True)
+    else:
+        compute(r, _TIME)
+    if not more:
+        _stay_before(player, bits, end)
+    found[END] = end
 
-    def __init__(self, player):
-        self.player = player
-        self.store = player.store
-        self.bits = 0
-        self.step = 1
-        self.destination = 0
-        self.end = 0
-        self.hurry = False
 
-    def plan(self, bits, at, step, destination):
-        """Plan from where the queues have been cut, HERE frames after the index `at` at HERE_RATE,
-        to rest on a frame: set the fields, and DISTANCE, DURATION, RATE, NEXT of the first phase.
+def _stay_before(player, bits, end):
+    """Shorten DURATION, by a quarter at most, if a motor would overshoot the frame `end`.
 
-        step: 1 or -1. destination: index of the last frame possible.
-        """
-        self.bits = bits
-        self.step = step
-        player = self.player
-        axes = player.axes
-        r = player.numbers
-        reals.copy(r, RATE, HERE_RATE)
-        end = at + step * (reals.floor(r, HERE, HALF) + 1)
-        if (destination - end) * step < 0:
-            end = destination
-        reals.put(r, _TO_NEXT_FRAME.frames, (end - at) * step, 0)
-        compute(r, _TO_NEXT_FRAME)
-        # The end is `more` frames beyond the next one.
-        self._find_limit(at, end)
-        compute(r, _STOPPING_DISTANCE)
-        more = min(
-            max(-reals.floor(r, _STOPPING_DISTANCE.frames, HALF), 0), (destination - end) * step
-        )
-        self.destination = end + step * more
-        reals.put(r, _DECELERATE.frames, more, 0)
-        self.hurry = bool(compute(r, _DECELERATE))
-        if more:
-            if compute(r, _IS_BRIEF):
-                for motor in range(player.count):
-                    if (bits >> motor) & 1:
-                        # by way of that frame, where the motor may turn
-                        self.store.position(motor, end, player.position, 0)
-                        axes[motor].backlash.turn_to(player.position, 0, 0)
-                end += step
-                more -= 1
-                compute(r, _ONE_MORE_FRAME)
-        if self.hurry:
-            compute(r, _TWICE_THE_LIMIT)
-        reals.put(r, _NEXT_RATE.frames, more, 0)
-        compute(r, _NEXT_RATE)
-        if self.hurry and not more:
-            self.hurry_time(bits, end, True)
-        else:
-            compute(r, _TIME)
-        if not more:
-            self._stay_before(end)
-        self.end = end
+    It would if its velocity is more than three times the mean, as in a fast cubic that has been
+    cut late.
+    """
+    r = player.numbers
+    compute(r, _THREE_QUARTERS)
+    for motor in range(player.count):
+        if (bits >> motor) & 1:
+            axis = player.axes[motor]
+            own = SPEEDS + 2 * motor
+            if not reals.sign(r, own):
+                continue
+            player.store.position(motor, end, player.position, 0)
+            axis.backlash.turn_to(player.position, 0, 0)
+            reals.put_difference(
+                r, _BEFORE_OVERSHOOT.steps, axis.backlash, MOTOR, axis.cubic, WHOLE
+            )
+            reals.copy(r, _BEFORE_OVERSHOOT.velocity, own)
+            compute(r, _BEFORE_OVERSHOOT)
 
-    def _stay_before(self, end):
-        """Shorten DURATION, by a quarter at most, if a motor would overshoot the frame `end`.
 
-        It would if its velocity is more than three times the mean, as in a fast cubic that has been
-        cut late.
-        """
-        player = self.player
-        r = player.numbers
-        compute(r, _THREE_QUARTERS)
-        for motor in range(player.count):
-            if (self.bits >> motor) & 1:
-                axis = player.axes[motor]
-                own = SPEEDS + 2 * motor
-                if not reals.sign(r, own):
-                    continue
-                self.store.position(motor, end, player.position, 0)
-                axis.backlash.turn_to(player.position, 0, 0)
-                reals.put_difference(
-                    r, _BEFORE_OVERSHOOT.steps, axis.backlash, MOTOR, axis.cubic, WHOLE
-                )
-                reals.copy(r, _BEFORE_OVERSHOOT.velocity, own)
-                compute(r, _BEFORE_OVERSHOOT)
+def _find_limit(player, bits, at, end, step):
+    """LIMIT = the deceleration, in frames per tick², with which the motors can stop there.
 
-    def _find_limit(self, at, end):
-        """LIMIT = the deceleration, in frames per tick², with which the motors can stop there.
+    It is at least what the check has found for this rate. It is higher, up to ACCELERATION, if
+    the frames around `end` allow it.
+    """
+    r = player.numbers
+    store = player.store
+    values = player.values
+    if not compute(r, _GENTLEST):
+        return
+    for motor in range(player.count):
+        if (bits >> motor) & 1:
+            store.position(motor, at, values, 0)
+            store.position(motor, end, values, 1)
+            store.position(motor, min(max(end + step, 0), store.end - store.start), values, 2)
+            reals.put_difference(r, _STEEPEST.before, values, 1, values, 0)
+            reals.put_difference(r, _STEEPEST.beyond, values, 2, values, 1)
+            numbers = player.axes[motor].numbers
+            reals.fetch(r, _STEEPEST.acceleration, numbers, MAX_ACCELERATION)
+            compute(r, _STEEPEST)
+    compute(r, _AT_LEAST_GENTLEST)
 
-        It is at least what the check has found for this rate. It is higher, up to ACCELERATION, if
-        the frames around `end` allow it.
-        """
-        player = self.player
-        r = player.numbers
-        store = self.store
-        values = player.values
-        if not compute(r, _GENTLEST):
-            return
-        for motor in range(player.count):
-            if (self.bits >> motor) & 1:
-                store.position(motor, at, values, 0)
-                store.position(motor, end, values, 1)
-                store.position(
-                    motor, min(max(end + self.step, 0), store.end - store.start), values, 2
-                )
-                reals.put_difference(r, _STEEPEST.before, values, 1, values, 0)
-                reals.put_difference(r, _STEEPEST.beyond, values, 2, values, 1)
-                numbers = player.axes[motor].numbers
-                reals.fetch(r, _STEEPEST.acceleration, numbers, MAX_ACCELERATION)
-                compute(r, _STEEPEST)
-        compute(r, _AT_LEAST_GENTLEST)
 
-    def hurry_time(self, bits, end, cut):
-        """DURATION = ticks to rest on the frame `end`, DISTANCE frames away, at a frame per second
-        or as fast as the motors of these bits can.
+def hurry_time(player, bits, end, cut):
+    """DURATION = ticks to rest on the frame `end`, DISTANCE frames away, at a frame per second
+    or as fast as the motors of these bits can.
 
-        cut: start from where the queues have been cut, else from the last frame queued. DURATION is
-        never longer than at a constant deceleration.
-        """
-        player = self.player
-        r = player.numbers
-        compute(r, _A_FRAME_PER_SECOND)
-        for motor in range(player.count):
-            if (bits >> motor) & 1:
-                axis = player.axes[motor]
-                own = SPEEDS + 2 * motor
-                reals.copy_word(player.values, 0, axis.backlash, MOTOR)
-                if cut:
-                    reals.copy_word(player.values, 0, axis.cubic, WHOLE)
-                self.store.position(motor, end, player.position, 0)
-                axis.backlash.turn_to(player.position, 0, 0)
-                steps = _AS_MOTORS_CAN.steps
-                reals.put_difference(r, steps, axis.backlash, MOTOR, player.values, 0)
-                turns = reals.sign(r, steps) * reals.sign(r, own) < 0
-                reals.fetch(r, _AS_MOTORS_CAN.velocity, axis.numbers, MAX_VELOCITY)
-                reals.fetch(r, _AS_MOTORS_CAN.acceleration, axis.numbers, MAX_ACCELERATION)
-                compute(r, _AS_MOTORS_CAN)
-                if turns:
-                    reals.copy(r, _TURNING.speed, own)
-                    compute(r, _TURNING)
-        if reals.sign(r, RATE):
-            compute(r, _AT_CONSTANT_DECELERATION)
+    cut: start from where the queues have been cut, else from the last frame queued. DURATION is
+    never longer than at a constant deceleration.
+    """
+    r = player.numbers
+    compute(r, _A_FRAME_PER_SECOND)
+    for motor in range(player.count):
+        if (bits >> motor) & 1:
+            axis = player.axes[motor]
+            own = SPEEDS + 2 * motor
+            reals.copy_word(player.values, 0, axis.backlash, MOTOR)
+            if cut:
+                reals.copy_word(player.values, 0, axis.cubic, WHOLE)
+            player.store.position(motor, end, player.position, 0)
+            axis.backlash.turn_to(player.position, 0, 0)
+            steps = _AS_MOTORS_CAN.steps
+            reals.put_difference(r, steps, axis.backlash, MOTOR, player.values, 0)
+            turns = reals.sign(r, steps) * reals.sign(r, own) < 0
+            reals.fetch(r, _AS_MOTORS_CAN.velocity, axis.numbers, MAX_VELOCITY)
+            reals.fetch(r, _AS_MOTORS_CAN.acceleration, axis.numbers, MAX_ACCELERATION)
+            compute(r, _AS_MOTORS_CAN)
+            if turns:
+                reals.copy(r, _TURNING.speed, own)
+                compute(r, _TURNING)
+    if reals.sign(r, RATE):
+        compute(r, _AT_CONSTANT_DECELERATION)
