@@ -68,7 +68,7 @@ class Controller:
         self.rig = rig
         self.broken = broken
         self.overlay = 0  # CONDITION_OVERLAY or CONDITION_OVERLAY_LEFT_OUT
-        self.link = link = Link(hal.port, rig.dword_acks)
+        link = Link(hal.port, rig.dword_acks)
         self.port = link.port
         self.reader = link.reader
         self.writer = link.writer
@@ -88,15 +88,16 @@ class Controller:
         self.reports = Reports(hal, rig, self.writer, self.axes, self.io)
         self.interlock = Interlock(rig, self.axes, self.drivers, self.faults, broken)
         self.moves = Moves(rig, link, self.axes, self.io, self.interlock, self.faults)
-        self.handlers = {
-            m.MSG_HI: self._hi,
-            m.MSG_MOTOR_STATUS: self._status,
-            m.MSG_MOTOR_GET_POSITION: self._get_position,
-            m.MSG_CONDITION: self._condition,
-            m.MSG_LOAD: self._load,
-        }
-        self._merge(self.moves)
-        self._merge(self.io)
+        self.handlers = link.handlers
+        self.handlers.update(
+            {
+                m.MSG_HI: self._hi,
+                m.MSG_MOTOR_STATUS: self._status,
+                m.MSG_MOTOR_GET_POSITION: self._get_position,
+                m.MSG_CONDITION: self._condition,
+                m.MSG_LOAD: self._load,
+            }
+        )
         self.operations = self.moves.operations
         self.run_outputs = self.moves.run_outputs
         self.next_shot = None
@@ -128,31 +129,23 @@ class Controller:
             from framestep.virtual_axes.absent import NoVirtuals
 
             self.virtuals = NoVirtuals()  # type: ignore[assignment]
-        self._merge(self.virtuals)
         motion = Motion(self.axes, self.interlock, self.moves, self.virtuals)
         self.homing = None
         if rig.homing:
             from framestep.homing import Homing
 
             self.homing = Homing(rig, link, motion, self.io, self.reports, self.faults)
-            self._merge(self.homing)
         self.pendant = None
         if rig.pendant:
             from framestep.hand_wheel import Pendant
 
             self.pendant = Pendant(rig.pendant, motion, self.safety)
         self.motors = Motors(rig, link, motion, self.safety, self.homing, self.reports)
-        self._merge(self.motors)
         self.stops = Stops(rig, link, motion, self.io, self.homing, self.reports, self.faults)
         self.interlock.join(self.stops, self.operations, self.virtuals)
         self.reports.join(self.moves, self.virtuals)
         self.handlers[m.MSG_MOTOR_STOP_ALL] = self.stops.stop_all
         self.answers = make_answers(self)
-
-    def _merge(self, part):
-        """Take over a part's handlers. Soon after it is made, so that the next parts fill the
-        memory that is freed."""
-        self.handlers.update(part.handlers())
 
     def _restore(self):
         """Restore the positions of before the power cut. Return the journal, or None without

@@ -235,10 +235,7 @@ class Homing:
         button = rig.home_input
         self.button = 1 << (button - 1) if button else 0
         self.was_on = inputs.values & self.button
-
-    def handlers(self):
-        """Return the handlers of requests, by number."""
-        return {m.MSG_HOME: self._home}
+        link.handlers.update({m.MSG_HOME: self._home})
 
     # ---------------------------------------------------------------- requests
 

@@ -1,6 +1,6 @@
 """Requests about lights, outputs, inputs and the camera, and reports of inputs and stop inputs.
 
-The controller merges handlers() into its own table. A handler returns the code to acknowledge with,
+It adds its handlers to those of the link. A handler returns the code to acknowledge with,
 or 0 if it has answered itself. Nothing allocates after construction.
 """
 
@@ -90,17 +90,15 @@ class Io:
         self._shoot_bit = 1 << (rig.shoot_input - 1) if rig.shoot_input else 0
         self._buttons = self._go_bit | self._shoot_bit
         self._were_on = self.gio.inputs.values & self._buttons
-
-    def handlers(self):
-        """Return the handlers of requests, by number."""
-        handlers = {
-            m.MSG_GIO_OUT: self._gio_out,
-            m.MSG_GIO_IN: self._gio_in,
-            m.MSG_GIO_CAM: self._gio_cam,
-        }
+        link.handlers.update(
+            {
+                m.MSG_GIO_OUT: self._gio_out,
+                m.MSG_GIO_IN: self._gio_in,
+                m.MSG_GIO_CAM: self._gio_cam,
+            }
+        )
         if self.lights.count:
-            handlers[m.MSG_DMX] = self._dmx
-        return handlers
+            link.handlers[m.MSG_DMX] = self._dmx
 
     def poll(self, now):
         """Do one pass. now: milliseconds modulo 2^29. Return bits of NEWS, STOP, GO and

@@ -1,6 +1,6 @@
 """Requests about single motors: moves, jogs, stops, positions, settings.
 
-The controller merges handlers() into its own table. A handler returns the code to acknowledge with,
+It adds its handlers to those of the link. A handler returns the code to acknowledge with,
 or 0 if it has answered itself. Nothing allocates after construction.
 """
 
@@ -47,19 +47,18 @@ class Motors:
         for i in range(self.axes.count):
             self.axes[i].set_jerk(self.rig.motor(i)["jerk"])
             self.axes.set_backlash(i, self.rig.motor(i)["backlash"])
-
-    def handlers(self):
-        """Return the handlers of requests, by number."""
-        return {
-            m.MSG_MOTOR_MOVE: self._move,
-            m.MSG_MOTOR_STOP: self._stop,
-            m.MSG_MOTOR_RESET_POSITION: self._reset_position,
-            m.MSG_MOTOR_JOG: self._jog,
-            m.MSG_MOTOR_CONFIGURE: self._configure,
-            m.MSG_MOTOR_SET_SPEED: self._set_speed,
-            m.MSG_MOTOR_SET_LIMITS: self._set_limits,
-            m.MSG_EXCEEDED: self._exceeded,
-        }
+        link.handlers.update(
+            {
+                m.MSG_MOTOR_MOVE: self._move,
+                m.MSG_MOTOR_STOP: self._stop,
+                m.MSG_MOTOR_RESET_POSITION: self._reset_position,
+                m.MSG_MOTOR_JOG: self._jog,
+                m.MSG_MOTOR_CONFIGURE: self._configure,
+                m.MSG_MOTOR_SET_SPEED: self._set_speed,
+                m.MSG_MOTOR_SET_LIMITS: self._set_limits,
+                m.MSG_EXCEEDED: self._exceeded,
+            }
+        )
 
     # ---------------------------------------------------------------- moves, jogs, stops
 

@@ -1,6 +1,6 @@
 """Requests about uploaded moves and the operations that play them.
 
-The controller merges handlers() into its own table. A handler returns the code to acknowledge with,
+It adds its handlers to those of the link. A handler returns the code to acknowledge with,
 or 0 if it has answered itself. Within moves, only this module reads payloads. What a request means
 is decided in operation_runner.py and by the operations. Nothing allocates after construction.
 """
@@ -33,7 +33,6 @@ class Moves:
     def __init__(self, rig, link, axes, io, interlock, faults):
         self.link = link
         self.reader = link.reader
-        self.io = io
         self.interlock = interlock
         self.faults = faults
         self.axes = axes
@@ -53,25 +52,23 @@ class Moves:
         self.shoot = ShootFrame(self.operations, self.run_outputs)
         self.jog = JogAll(self.operations)
         self.positions = array("i", [0] * axes.count)
-
-    def handlers(self):
-        """Return the handlers of requests, by number."""
-        handlers = {
-            m.MSG_RT_UPLOAD_MOVE_BEGIN: self._begin,
-            m.MSG_RT_UPLOAD_MOVE_AXIS: self._axis,
-            m.MSG_RT_UPLOAD_MOVE_TRIGGERS: self._triggers,
-            m.MSG_RT_UPLOAD_MOVE_END: self._end,
-            m.MSG_RT_POSITION_FRAME: self._position_frame,
-            m.MSG_RT_RUN_MOVE: self._run_move,
-            m.MSG_RT_SHOOT_FRAME: self._shoot_frame,
-            m.MSG_RT_SHOOT_FRAME2: self._shoot_frame2,
-            m.MSG_RT_GO: self._go,
-            m.MSG_RT_STOP_LOOP: self._stop_loop,
-            m.MSG_RT_JOG_ALL: self._jog_all,
-        }
-        if self.io.lights.count:
-            handlers[m.MSG_RT_UPLOAD_MOVE_DMX] = self._dmx
-        return handlers
+        link.handlers.update(
+            {
+                m.MSG_RT_UPLOAD_MOVE_BEGIN: self._begin,
+                m.MSG_RT_UPLOAD_MOVE_AXIS: self._axis,
+                m.MSG_RT_UPLOAD_MOVE_TRIGGERS: self._triggers,
+                m.MSG_RT_UPLOAD_MOVE_END: self._end,
+                m.MSG_RT_POSITION_FRAME: self._position_frame,
+                m.MSG_RT_RUN_MOVE: self._run_move,
+                m.MSG_RT_SHOOT_FRAME: self._shoot_frame,
+                m.MSG_RT_SHOOT_FRAME2: self._shoot_frame2,
+                m.MSG_RT_GO: self._go,
+                m.MSG_RT_STOP_LOOP: self._stop_loop,
+                m.MSG_RT_JOG_ALL: self._jog_all,
+            }
+        )
+        if io.lights.count:
+            link.handlers[m.MSG_RT_UPLOAD_MOVE_DMX] = self._dmx
 
     def take_memory(self):
         """Allocate the memory for positions, light levels and triggers, at the end of boot."""

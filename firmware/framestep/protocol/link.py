@@ -5,7 +5,8 @@ from framestep.protocol.messages import LARGEST_FRAME
 
 
 class Link:
-    """A port with the reader of its requests and the writer of answers and reports.
+    """A port with the reader of its requests and the writer of answers and reports; and handlers of
+    requests by number, to which each part adds its own.
 
     port: Hal.port, see hal/contract.py. dword_acks: Rig.dword_acks.
     """
@@ -15,6 +16,7 @@ class Link:
         self.reader = FrameReader()
         self.writer = FrameWriter(LARGEST_FRAME)
         self.dword_acks = dword_acks
+        self.handlers = {}
 
     def acknowledge(self, code):
         """Acknowledge the request at once, before it is carried out."""

@@ -8,9 +8,6 @@ class NoVirtuals:
     owned = 0
     configured = False
 
-    def handlers(self):
-        return {}
-
     def poll(self, now):
         return False
 

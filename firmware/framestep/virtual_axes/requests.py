@@ -1,7 +1,7 @@
 """The virtual axes of a rig and their requests, VIRT_* of the specification: whether they may move,
 how they start, what stops them.
 
-The controller merges handlers() into its own table. A handler returns the code to acknowledge with,
+It adds its handlers to those of the link. A handler returns the code to acknowledge with,
 or 0 if it has answered itself. Nothing allocates after construction.
 """
 
@@ -138,20 +138,18 @@ class VirtualAxes:
         self.word = array("i", [0] * 2)
         self.point = array("i", [0] * 3)  # the aim point, units · 1000
         self.old = array("i", [0] * 6)  # the previous point, in case a new one is refused
-
-    def handlers(self):
-        """Return the handlers of requests, by number."""
-        handlers = {
-            m.MSG_VIRT_CONFIG: self._configure,
-            m.MSG_VIRT_MOVE: self._move,
-            m.MSG_VIRT_STOP: self._stop,
-            m.MSG_VIRT_JOG: self._jog,
-            m.MSG_VIRT_JOG_ON_LINE: self._jog_on_line,
-            m.MSG_VIRT_GET_POSITION: self._get_position,
-        }
+        link.handlers.update(
+            {
+                m.MSG_VIRT_CONFIG: self._configure,
+                m.MSG_VIRT_MOVE: self._move,
+                m.MSG_VIRT_STOP: self._stop,
+                m.MSG_VIRT_JOG: self._jog,
+                m.MSG_VIRT_JOG_ON_LINE: self._jog_on_line,
+                m.MSG_VIRT_GET_POSITION: self._get_position,
+            }
+        )
         if self.capabilities & m.CAP_AIM_POINT:
-            handlers[m.MSG_VIRT_AIM_POINT] = self._aim_point
-        return handlers
+            link.handlers[m.MSG_VIRT_AIM_POINT] = self._aim_point
 
     @property
     def configured(self):
