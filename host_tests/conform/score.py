@@ -6,6 +6,7 @@ simulated ESP32; ARGS="--subject framing" runs a part of it.
 """
 
 import argparse
+import itertools
 import sys
 from collections.abc import Iterable, Sequence
 
@@ -44,11 +45,14 @@ def found(fault: Fault) -> bool:
 
 def play_on(board: str, subjects: Iterable[str]) -> None:
     """Print what the kit finds on one board. SystemExit if there is an alarm, or no check."""
-    reported = []
-    for result in results_on(board, subjects):
-        reported.append(result)
-        if alarms([result]):
-            print(f"  {report.line(result)}", flush=True)
+    reported: list[Result] = []
+    played = itertools.groupby(results_on(board, subjects), lambda result: result.check.subject)
+    for subject, results_of_it in played:
+        found = list(results_of_it)
+        print(f"{subject}: {report.counts(found)}", flush=True)
+        for line in alarms(found):
+            print(f"  {line}", flush=True)
+        reported += found
     print(f"{board}: {len(reported)} checks: {report.counts(reported)}")
     if alarms(reported) or not reported:
         raise SystemExit(1)

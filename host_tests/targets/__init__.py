@@ -24,7 +24,7 @@ NEEDS = {
     "ramped E-stop": "sees motors ramp down after the E-stop",
     "little memory": "fills the memory for uploads of the host simulation",
     "short pulses": "drives a motor faster than pulses of 4 µs allow",
-    "cycles of 10 ns": "counts on how a Pico rounds the times of a pulse",
+    "cycles": "knows the clock of the pulse engine",
     "120 frames/s": "moves eight motors in more frames a second than a Pico 2 plans in time",
     "150 frames/s": "moves eight motors in more frames a second than a Pico plans in time",
     "instants": "looks for a level of no duration",

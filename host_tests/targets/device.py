@@ -31,6 +31,7 @@ LACKS = {
     "prompt",
     "little memory",
     "instants",
+    "cycles",
     "servo edges",
     "edges",
     "inputs",

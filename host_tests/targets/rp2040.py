@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
+from framestep.pulse.engine import FASTEST_HZ
 from framestep.rig import Rig
 from framestep_tools.building.board_files import board_data
 from framestep_tools.judge.trace import Edge
@@ -71,6 +72,14 @@ class Target(EmulatedBoard):
     @property
     def pending(self) -> int:
         return self.protocol.pending
+
+    @property
+    def engine_mhz(self) -> int:
+        """The clock of the pulse engine, as the HAL divides the processor's."""
+        mhz = self._board.controller.rig.board["clock_mhz"]
+        while mhz * 1_000_000 > FASTEST_HZ:
+            mhz //= 2
+        return mhz
 
     def edges(self) -> list[Edge]:
         return self._first.drop(super().edges())

@@ -6,7 +6,7 @@ from typing import Any
 from host_tests.targets import rp2040
 
 NAME = "pico2"
-LACKS = rp2040.LACKS | {"120 frames/s", "cycles of 10 ns"}  # its pulses have cycles of 13 ns
+LACKS = rp2040.LACKS | {"120 frames/s"}
 _MOTORS = 8  # with more, the scenarios' inputs and outputs are motors' pins
 
 

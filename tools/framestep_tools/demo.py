@@ -191,7 +191,8 @@ def play_on(board: str, host: bool, fps: float, move_file: Path, out: Path) -> i
         raise ToolError(f"cannot write {out}: {error.strerror}") from None
     console.print(f"bringing up {'a simulated' if host else 'an emulated'} {data['name']}")
     device: Board = SimulatedBoard(board=board) if host else EmulatedBoard(board=board)
-    began = time.monotonic()
+    began, begun_ns = time.monotonic(), device.now_ns
+    began_ms = device.emulator.cmd("time")["cpu_ms"] if isinstance(device, EmulatedBoard) else 0
     try:
         recorder = Recorder(device, out / "trace.csv")
         display = MoveDisplay(move.names, move.start_frame, move.end_frame, console)
@@ -199,14 +200,18 @@ def play_on(board: str, host: bool, fps: float, move_file: Path, out: Path) -> i
             client.on_event = display.show
             start, end = play(client, move, fps_milli, recorder, display)
         trace = recorder.trace()
-        board_s = device.now_ns * 1e-9
+        times = f"{(device.now_ns - begun_ns) * 1e-9:.1f} s of the board's time in "
+        times += f"{time.monotonic() - began:.1f} s"
+        if isinstance(device, EmulatedBoard):
+            used_ms = device.emulator.cmd("time")["cpu_ms"] - began_ms
+            times += f", of which its emulator has used {used_ms / 1000:.1f} s of a processor"
     finally:
         device.close()
     path = Reference(move.positions, fps_milli, ROLL_MS, ROLL_MS)
     verdict = judge(trace, move.positions, fps_milli, start, end, path)
     show_verdict(verdict, move, console)
     plot_move(verdict, move.positions, move.names, out / "move.png")
-    console.print(f"{board_s:.1f} s of the board's time in {time.monotonic() - began:.1f} s")
+    console.print(times)
     console.print(f"edges in {_shown(out / 'trace.csv')}, picture in {_shown(out / 'move.png')}")
     sys.stdout.flush()
     print(verdict.summary())

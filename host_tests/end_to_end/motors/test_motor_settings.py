@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from framestep.hal.host import CLOCK_HZ
 from framestep.protocol import messages as m
 from framestep_tools.payloads import (
     Ack,
@@ -51,14 +52,25 @@ def test_set_speed_refused(both):
 
 
 @pytest.mark.needs("short pulses")
-@pytest.mark.needs("cycles of 10 ns", only=("1.1-",))
+@pytest.mark.needs("cycles", only=("1.1-",))
 @pytest.mark.needs("boards", only=("30-", "50-"))  # a chip's own cycles take a little more
 @pytest.mark.parametrize(
     ("pulse_us", "fastest"),
-    [(0.25, 500_000), (1.0, 500_000), (1.1, 416_666), (4.0, 125_000), (30, 16_666), (50, 10_000)],
+    [
+        (0.25, 500_000),
+        (1.0, 500_000),
+        (1.1, {125: 416_666, 100: 400_000, 75: 375_000}),  # by MHz of the pulse engine
+        (4.0, 125_000),
+        (30, 16_666),
+        (50, 10_000),
+    ],
+    ids=lambda value: "by clock" if isinstance(value, dict) else str(value),
 )
 def test_fastest_speed_depends_on_the_pulse(pulse_us, fastest):
+    """High for at least as long as asked, in whole steps of 25 cycles, and low for as long."""
     rig = simulated({"motors": [{"pulse_us": pulse_us}]})
+    if isinstance(fastest, dict):
+        fastest = fastest[getattr(rig.board, "engine_mhz", CLOCK_HZ // 1_000_000)]
     rig.refuse(Ack.ERR_RANGE, MotorSetSpeed(1, fastest + 1, 1000))
     rig.speed(1, fastest, 4_000_000)
     way = int(fastest**2 / 4_000_000 + fastest / 20)
