@@ -7,6 +7,19 @@ from framestep.hal.host import CYCLES as MS
 from .bounds import STEEPEST, play
 from .findings import Part
 
+# Tolerances. Positions are whole steps, each off by less than one; the path follows virtual lines
+# within a step (field note 9.5). `_MARGIN`: for rounding.
+_MARGIN = 0.05
+_MOVED = 2  # steps between two positions
+_BENT = 4  # of second differences
+_BENT_VIRTUAL = 7
+_TWISTED = 8  # of third differences
+_SHARE = 1.02  # of an acceleration or a jerk, for ticks that are rounded
+# A jerk shorter than four ticks is left out (ramps.py): the acceleration then jumps by four times
+# the jerk, which twists by 3 w² more; twice at a ramp's top.
+_JERK_MS, _LEAST_JERK_MS = 3, 8
+_WIDEST = 512  # ms
+
 
 class Edges(Part):
     """The judge of edges."""
@@ -104,10 +117,9 @@ class Edges(Part):
         return values[np.maximum(np.searchsorted(times, ms, side="right") - 1, 0)]
 
     def _fast(self, motor, name, place, top, ms):
-        w = 1
-        while w < len(place) and w <= 512:
+        for w in _widths(len(place), 1):
             moved = np.abs(place[w:] - place[:-w])
-            over = moved > top[w:] * (w * 1.003e-3) + 2.02
+            over = moved > top[w:] * (w * 1.003e-3) + _MOVED + 0.02
             if over.any():
                 i = int(np.argmax(over))
                 self.fail(
@@ -115,38 +127,31 @@ class Edges(Part):
                     f"{name} makes {moved[i]} steps in {w} ms from {ms[i]} ms on, "
                     f"allowed {top[i + w]:.0f}/s",
                 )
-            w *= 2
 
     def _sharp(self, motor, name, place, steep, ms):
-        w = 2
-        while 2 * w < len(place) and w <= 512:
+        for w in _widths(len(place), 2):
             bend = np.abs(place[2 * w :] - 2 * place[w:-w] + place[: -2 * w])
-            # places are whole steps, each wrong by less than one; the path follows virtual lines
-            # within a step (field note 9.5)
-            allowed = steep[2 * w :] * (w * w * 1.02e-6) + (7.05 if self.trial.virtual else 4.05)
-            over = bend > allowed
-            if over.any():
-                i = int(np.argmax(over))
-                self.fail(
-                    "acceleration",
-                    f"{name} bends by {bend[i]} steps in 2 x {w} ms from {ms[i]} ms on, "
-                    f"{allowed[i]:.1f} are allowed",
-                )
-            if motor.jerk and not motor.jerky and 3 * w < len(place):
-                twist = np.abs(
-                    place[3 * w :] - 3 * place[2 * w : -w] + 3 * place[w : -2 * w] - place[: -3 * w]
-                )
-                # A jerk shorter than four ticks is left out (ramps.py): the acceleration then jumps
-                # by four times the jerk, which twists by 3 w² more; twice at a ramp's top.
-                allowed = motor.jerk * max(w + 3, 8) * w * w * 1.02e-9 + 8.05
-                if (twist > allowed).any():
-                    i = int(np.argmax(twist > allowed))
-                    self.fail(
-                        "jerk",
-                        f"{name} twists by {twist[i]} in 3 x {w} ms from {ms[i]} ms on, "
-                        f"{allowed:.1f} are allowed",
-                    )
-            w *= 2
+            rounding = (_BENT_VIRTUAL if self.trial.virtual else _BENT) + _MARGIN
+            allowed = steep[2 * w :] * (_SHARE * 1e-6 * w * w) + rounding
+            self._within("acceleration", f"{name} bends", bend, allowed, f"2 x {w}", ms)
+        if motor.jerk and not motor.jerky:
+            for w in _widths(len(place), 3):
+                a, b, c, d = (place[i * w : len(place) - (3 - i) * w] for i in range(4))
+                twist = np.abs(d - 3 * c + 3 * b - a)
+                lasts = max(w + _JERK_MS, _LEAST_JERK_MS)
+                allowed = motor.jerk * lasts * w * w * _SHARE * 1e-9 + _TWISTED + _MARGIN
+                allowed = np.full(len(twist), allowed)
+                self._within("jerk", f"{name} twists", twist, allowed, f"3 x {w}", ms)
+
+    def _within(self, kind, what, found, allowed, width, ms):
+        """Fail with the first number that is not allowed."""
+        if (over := found > allowed).any():
+            i = int(np.argmax(over))
+            self.fail(
+                kind,
+                f"{what} by {found[i]} steps in {width} ms from {ms[i]} ms on, "
+                f"{allowed[i]:.1f} are allowed",
+            )
 
     def together(self, motor, partner):
         """Compare coupled motors, at every millisecond and at rest."""
@@ -168,3 +173,11 @@ class Edges(Part):
                     f"motors {motor.index + 1} and {partner.index + 1} are "
                     f"{apart.max()} steps apart from {grid[i] // MS} ms on, {ends} at rest",
                 )
+
+
+def _widths(count, parts):
+    """Yield powers of 2, in ms, of which so many fit."""
+    w = 1 if parts == 1 else 2
+    while parts * w < count and w <= _WIDEST:
+        yield w
+        w *= 2

@@ -20,6 +20,20 @@ from host_tests.pulse.profiles import ONE
 TRAVEL, STOP, PAUSE, SPEED = "travel", "stop", "pause", "speed"
 LONGEST_RUN = 30_000  # ticks
 
+# Tolerances of Motor.check. Segments meet within some ten-thousandths of a step: where they do, a
+# tick may be that much longer, which shows as a velocity and as a change of velocity.
+MEET = 0.25  # steps/s
+MEET_STEEPNESS = 500  # steps/s²
+# Near rest it may be more: a stop ends with a whole tick, and a motion that turns in that tick is
+# half a tick's change ahead. The last 256th of a step is not planned: the motor just counts as
+# being there.
+END_STEEPNESS = 4000  # steps/s²
+END_SHARE = 1.5
+UNPLANNED = 1 / 250  # steps, a little more
+# If a stop ends this near to a whole step, segments.settle() puts it there in its last tick: that
+# is not a motion of the plan.
+SETTLED = 1 / 16  # steps
+
 
 class Motor:
     """One axis on a bench, whose profile is recorded tick by tick: `gone` has the steps of each."""
@@ -44,16 +58,21 @@ class Motor:
         block = self.block
         assert block[stepper.FAULT] == 0
         before, self.place = self.place, block[stepper.POSITION] + block[stepper.FRACTION] / ONE
-        # At rest a motor drops the fraction of a step that a stop has left. If a stop ends within a
-        # sixteenth of a whole step, segments.settle() puts it on the step in its last tick: that is
-        # not a motion of the plan.
-        rests = block[stepper.MODE] in (stepper.DRAIN, stepper.IDLE)
-        on_a_step = abs(self.place - before) <= 1 / 16 and block[stepper.FRACTION] == 0
-        last = (
-            block[stepper.LEFT] == 0 and block[stepper.WRITE_INDEX] - block[stepper.READ_INDEX] <= 1
-        )
-        stood = abs(self.gone[-1]) < 1e-3  # another plan may follow
-        self.gone.append(0.0 if rests or (on_a_step and (last or stood)) else self.place - before)
+        way = self.place - before
+        self.gone.append(0.0 if self._drops_a_fraction() or self._settles(way) else way)
+
+    def _drops_a_fraction(self):
+        """At rest a motor drops the fraction of a step that a stop has left."""
+        return self.block[stepper.MODE] in (stepper.DRAIN, stepper.IDLE)
+
+    def _settles(self, way):
+        block = self.block
+        if abs(way) > SETTLED or block[stepper.FRACTION]:
+            return False
+        segments_left = block[stepper.WRITE_INDEX] - block[stepper.READ_INDEX]
+        is_last = block[stepper.LEFT] == 0 and segments_left <= 1
+        was_at_rest = abs(self.gone[-1]) < 1e-3  # another plan may follow
+        return is_last or was_at_rest
 
     def _prepare_and_look(self, hal, *ticks):
         """Record the state from which a plan starts, in steps and steps per tick."""
@@ -83,24 +102,27 @@ class Motor:
 
     def check(self, velocity, acceleration):
         """Check everything that holds for any motion within these limits, steps/s and steps/s²."""
+        self._check_edges()
+        gone = [*self.gone, 0.0]
+        top = max(map(abs, gone)) * 1e3
+        assert top <= velocity * 1.0001 + MEET, f"{top} steps/s, {velocity} allowed"
+        slow = max(2 * acceleration / 1e6, UNPLANNED)
+        for tick, (before, way) in enumerate(pairwise(gone)):
+            near_rest = max(abs(before), abs(way)) < slow
+            allowed = (
+                acceleration * END_SHARE + END_STEEPNESS
+                if near_rest
+                else acceleration * 1.01 + MEET_STEEPNESS
+            )
+            steepness = abs(way - before) * 1e6
+            assert steepness <= allowed, f"tick {tick}: {steepness} steps/s², {allowed} allowed"
+
+    def _check_edges(self):
+        """The steps add up to the position, each comes after the one before, none is to come."""
         steps = self.bench.engines[0]
         assert self.start + steps.position == self.block[stepper.POSITION]
         assert all(second > first for first, second in pairwise(steps.rises))
         assert not steps.rises or steps.rises[-1] < self.bench.now
-        gone = [*self.gone, 0.0]
-        top = max(map(abs, gone)) * 1e3
-        # Where two segments meet, a tick may be some ten-thousandths of a step longer: 0.25
-        # steps/s.
-        assert top <= velocity * 1.0001 + 0.25, f"{top} steps/s"
-        # Segments meet within some ten-thousandths of a step, which shows as a change of velocity.
-        # Near rest it may be more: a stop ends with a whole tick, and a motion that turns in that
-        # tick is half a tick's change ahead. The last 256th of a step is not planned: the motor
-        # just counts as being there.
-        slow = max(2 * acceleration / 1e6, 1 / 250)
-        for before, way in pairwise(gone):
-            share, step = (1.5, 4000) if max(abs(before), abs(way)) < slow else (1.01, 500)
-            steepness = abs(way - before) * 1e6
-            assert steepness <= acceleration * share + step, f"{steepness} steps/s²"
 
 
 def shortest(way, v, velocity, acceleration):
@@ -284,7 +306,7 @@ def test_retargeted_within_the_jerk_limit(velocity, acceleration, jerk):
         motor.run(tick)
         motor.move_to(velocity * 11)
         motor.run(min(round(acceleration / jerk), 110) + 40)
-        assert max(motor.gone) * 1e3 <= velocity * 1.0001 + 0.25, tick
+        assert max(motor.gone) * 1e3 <= velocity * 1.0001 + MEET, tick
 
 
 @pytest.mark.parametrize("jerk", [2000, 1000, 300])

@@ -416,59 +416,72 @@ def test_release_starts_all_in_one_tick():
 # ------------------------------------------------------- phases from outside, as a run appends them
 
 
-@pytest.mark.parametrize("period", ["41.70837", "33.3667", "7.3", "1.9", "0.4", "1000.25"])
-def test_phases_appended_on_the_way(period):
-    """A path through steps at times between ticks, appended one by one: exact at each of them,
-    whenever that is."""
-    rig = Rig(jitter_us=0)
+class Sine:
+    """A path from rest to rest through whole steps, one for each frame of so many ticks."""
+
+    def __init__(self, ticks):
+        self.ticks = ticks
+        self.frames = 40 if ticks > 1 else 300
+        self.wave = max(0.4 * self.frames * ticks, 60.0)  # ticks
+        self.size = min(0.02 * self.wave * self.wave, 20_000)  # steps
+
+    def step(self, frame):
+        return round(self.size * (1 - np.cos(2 * np.pi * frame * self.ticks / self.wave)) / 2)
+
+    def velocity(self, frame):
+        if not 0 < frame < self.frames:
+            return 0.0
+        turn = 2 * np.pi * frame * self.ticks / self.wave
+        return self.size * np.pi / self.wave * np.sin(turn)
+
+
+def put_real(numbers, register, value):
+    m, e = np.frexp(value)
+    reals.put(numbers, register, round(m * 2**29), int(e) - 29)
+
+
+def play_appended(rig, path):
+    """Play a path whose frames are appended while it runs, as a run does. Return when it begins, in
+    cycles of the bench."""
     axis = rig[0]
-    ticks = float(period)
-    count = 40 if ticks > 1 else 300
-    # a sine of whole steps, velocities by its derivative
-    wave = max(0.4 * count * ticks, 60.0)
-    size = min(0.02 * wave * wave, 20_000)
-
-    def step(k):
-        return round(size * (1 - np.cos(2 * np.pi * k * ticks / wave)) / 2)
-
-    def velocity(k):
-        return size * np.pi / wave * np.sin(2 * np.pi * k * ticks / wave)
-
     numbers = array("i", [0] * 16)
-
-    def put(register, value):
-        m, e = np.frexp(value)
-        reals.put(numbers, register, round(m * 2**29), int(e) - 29)
-
+    put_real(numbers, 0, path.ticks)
     axis.begin_plan(rig.bench)
     axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
     axis.set_more_to_come(True)
-    put(0, ticks)
     begun = rig.bench.due + rig.bench.state[stepper.AHEAD]
-    k = 0
+    frame = 0
     started = False
     while rig.axes.moving or not started:
-        while k < count and axis.phases.count() < 3:
-            put(2, velocity(k) if k else 0.0)
-            put(4, velocity(k + 1) if k + 1 < count else 0.0)
-            axis.append_phase(0, 2, 4, numbers, word(step(k + 1)), 1)
-            k += 1
-            axis.set_more_to_come(k < count)
+        while frame < path.frames and axis.phases.count() < 3:
+            put_real(numbers, 2, path.velocity(frame))
+            frame += 1
+            put_real(numbers, 4, path.velocity(frame))
+            axis.append_phase(0, 2, 4, numbers, word(path.step(frame)), 1)
+            axis.set_more_to_come(frame < path.frames)
         if not started:
             axis.feed()
             axis.start(rig.bench)
             started = True
         rig.run(1)
         assert rig.bench.state[stepper.FAULTS] == 0
+    return begun
+
+
+@pytest.mark.parametrize("period", ["41.70837", "33.3667", "7.3", "1.9", "0.4", "1000.25"])
+def test_phases_appended_on_the_way_meet_each_frame(period):
+    """Within 20 µs of its time, which is between two ticks, a motor is within a step of it."""
+    rig = Rig(jitter_us=0)
+    path = Sine(float(period))
+    begun = play_appended(rig, path)
+    assert rig.place() == path.step(path.frames)
     rises = np.array(rig.bench.engines[0].rises, dtype=float)
-    made = np.cumsum(rig.bench.engines[0].ways)
-    assert rig.place() == step(count)
-    for frame in range(1, count + 1):
-        at = begun + frame * ticks * PER_TICK
-        near = np.searchsorted(rises, [at - 20 * PER_US, at + 20 * PER_US])
-        places = [made[i - 1] if i else 0 for i in range(near[0], near[1] + 1)]
-        best = min(abs(place - step(frame)) for place in places)
-        assert best <= (1 if ticks > 1 else 2), f"frame {frame}"
+    places = np.concatenate(([0], np.cumsum(rig.bench.engines[0].ways)))
+    for frame in range(1, path.frames + 1):
+        at = begun + frame * path.ticks * PER_TICK
+        first, last = np.searchsorted(rises, [at - 20 * PER_US, at + 20 * PER_US])
+        off = np.abs(places[first : last + 1] - path.step(frame)).min()
+        assert off <= (1 if path.ticks > 1 else 2), f"frame {frame}: {off} steps off"
 
 
 def test_a_frame_of_minutes_stays_on_its_path():

@@ -3,6 +3,7 @@
 import pytest
 
 from framestep import texts
+from framestep.hal.host import HostFlash
 from framestep.motors.positions import DRIVER_OFF, HELD, KNOWN, LOST, SET, STEPS, UNPOWERED, UNSET
 from framestep.protocol import messages as m
 from framestep_tools import cli
@@ -19,7 +20,7 @@ from framestep_tools.payloads import (
     PositionTrust,
 )
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
-from host_tests.end_to_end.session import simulated
+from host_tests.end_to_end.session import Session, simulated
 
 NOT_SET = PositionTrust(LOST, UNSET)
 IS_SET = PositionTrust(KNOWN, SET)
@@ -191,3 +192,27 @@ def test_the_status_command_says_so(monkeypatch, capsys):
         "motor 2: 0",
         "this device does not report how far its positions can be trusted",
     ]
+
+
+@pytest.mark.needs("inside")
+@pytest.mark.provokes("positions")  # the observers count from 0
+@pytest.mark.each_processor
+def test_positions_of_any_size_outlast_power_cuts():
+    """They are saved 2 s after they are set; motor 1, which is never set, stays lost."""
+    steps = (2**31 - 1, -(2**31), 5, -5, 2**30, -(2**30), 0)
+    flash = HostFlash()
+    saved = {}
+    for turn in range(3):
+        session = Session(SimulatedBoard({"remember_positions": True}, flash=flash))
+        assert trust(session, 1)[0].state == LOST
+        for motor, place in saved.items():
+            assert session.position(motor) == place, f"motor {motor} in turn {turn}"
+            assert trust(session, motor)[0].state == HELD, f"motor {motor} in turn {turn}"
+        saved = {motor: steps[(motor + turn) % len(steps)] for motor in range(2, 9)}
+        session.accept(*(MotorResetPosition(motor, place) for motor, place in saved.items()))
+        session.run(2.1)
+        if turn == 1:
+            session.accept(MotorMove(2, saved[2] - 900), MotorStopAll())
+            session.wait_idle()
+            session.run(2.1)
+            saved[2] = session.position(2)

@@ -22,6 +22,7 @@ from .driver_chips import Chip, Chips
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+    from framestep.hal.host import HostFlash
     from framestep.hal.host_board import HostBoard
 
 _BOOT_LIMIT_MS = 10_000
@@ -86,8 +87,8 @@ class SimulatedBoard:
     """The controller on the host HAL, with the pins of a board in boards/.
 
     motors: number of motors, if not the board's; upload_bytes: memory for the uploaded move, 0 for
-    the default. `chips`: simulated TMC2209 drivers of motors 1, 2, …, if the board has a UART for
-    them.
+    the default; flash: what keeps positions over a power cut, None for one that is new. `chips`:
+    simulated TMC2209 drivers of motors 1, 2, …, if the board has a UART for them.
     """
 
     slice_ns = 1_000_000
@@ -100,6 +101,7 @@ class SimulatedBoard:
         motors: int | None = None,
         board: str = "pico",
         upload_bytes: int = 0,
+        flash: "HostFlash | None" = None,
     ):
         from framestep.hal.host_board import HostBoard
 
@@ -116,6 +118,7 @@ class SimulatedBoard:
             motors,
             board_data(board),
             wire=wire,
+            flash=flash,
             upload_bytes=upload_bytes,
         )
         self._edges: list[Edge] = []
