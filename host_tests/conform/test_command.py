@@ -81,7 +81,7 @@ def test_edges_are_judged_by_the_trace_of_a_board_that_runs(conform, board, tmp_
         writer.flush()
 
     monkeypatch.setattr(trace_tail.time, "sleep", write)
-    monkeypatch.setattr(checks, "every_check", lambda: edges.CHECKS[:3])
+    monkeypatch.setattr(checks, "every_check", lambda: edges.EDGES.checks[:3])
     status, out, err = conform("--subject", "edges", "--trace", str(path))
     assert (status, err) == (DONE, "")
     assert out == "3 checks: 3 passed, 0 left out, 0 reading, 0 departs, 0 fault\n"
@@ -89,7 +89,7 @@ def test_edges_are_judged_by_the_trace_of_a_board_that_runs(conform, board, tmp_
 
 
 def test_a_trace_of_another_device_shows_faults(conform, tmp_path, monkeypatch):
-    monkeypatch.setattr(checks, "every_check", lambda: edges.CHECKS[:1])
+    monkeypatch.setattr(checks, "every_check", lambda: edges.EDGES.checks[:1])
     path = tmp_path / "trace.csv"
     path.write_text(HEADER + "\n")
     monkeypatch.setattr(trace_tail.time, "sleep", lambda seconds: None)

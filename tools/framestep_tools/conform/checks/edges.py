@@ -6,24 +6,20 @@ backlash. That is measured first, and then allowed at each turn.
 """
 
 from itertools import pairwise
+from typing import NamedTuple
 
 from ...judge.trace import Edge
 from .. import spec
 from ..bench import FRAMES, Bench
-from ..kit import MUST, SHOULD, Check
+from ..kit import Subject, once
 from ..link import Failed
 from ..sampling import SLACK
 from ..spec import Request
 
-CHECKS: list[Check] = []
 _V, _A = 800, 2000
 
 
-def _put(name, source, run, level=MUST, needs=lambda bench: True, full=False):
-    def has(bench: Bench) -> bool:
-        return bench.pins is not None and bench.hello.motors > 0 and needs(bench)
-
-    CHECKS.append(Check("edges", name, source, run, level, has, full))
+EDGES = Subject("edges", lambda bench: bench.pins is not None and bench.hello.motors > 0)
 
 
 def _steps(edges: list[Edge], motor: int) -> list[tuple[float, int]]:
@@ -37,19 +33,17 @@ def _taken(bench: Bench, seconds: float = 0.2) -> list[Edge]:
     return bench.pins.take()
 
 
+@once
 def _moved(bench: Bench, motor: int, *targets: int) -> list[list[tuple[float, int]]]:
     """Return the steps of successive moves from home and back. Made only once."""
-    key = "edges", motor, targets
-    if key not in bench.kept:
-        bench.expect(spec.speed(motor, _V, _A))
-        _taken(bench)
-        made = []
-        for target in (*targets, 0):
-            bench.go(motor, target)
-            made.append(_steps(_taken(bench), motor))
-        bench.prepare()
-        bench.kept[key] = made
-    return bench.kept[key]
+    bench.expect(spec.speed(motor, _V, _A))
+    _taken(bench)
+    made = []
+    for target in (*targets, 0):
+        bench.go(motor, target)
+        made.append(_steps(_taken(bench), motor))
+    bench.prepare()
+    return made
 
 
 def _play(bench: Bench, motor: int) -> int:
@@ -63,40 +57,57 @@ def _is_right(made: int, wanted: int, play: int) -> bool:
     return made - wanted in (-play, 0, play)
 
 
-def _counted(last: bool, *targets: int):
-    def run(bench: Bench):
-        motor = bench.hello.motors if last else 1
-        for steps, (a, b) in zip(
-            _moved(bench, motor, *targets), pairwise((0, *targets, 0)), strict=True
-        ):
-            made = sum(value for _, value in steps)
-            if len(steps) != abs(made) or not _is_right(made, b - a, _play(bench, motor)):
-                raise Failed(f"a move from {a} to {b} made {len(steps)} steps, {made} in all")
+class Targets(NamedTuple):
+    """Successive moves from home and back."""
 
-    return run
+    last: bool
+    targets: tuple[int, ...]
 
+    def __str__(self) -> str:
+        motor = "last" if self.last else "first"
+        return f"{motor} motor to {', '.join(map(str, self.targets))} and back"
 
-def _spaced(last: bool, *targets: int):
-    def run(bench: Bench):
-        for steps in _moved(bench, bench.hello.motors if last else 1, *targets):
-            for (a, _), (b, _) in pairwise(steps):
-                if b - a < 0.96 / _V:
-                    raise Failed(
-                        f"two steps came {1e6 * (b - a):.0f} µs apart, MAX VELOCITY asks for "
-                        f"{1e6 / _V:.0f} µs"
-                    )
+    def steps(self, bench: Bench) -> list[list[tuple[float, int]]]:
+        return _moved(bench, self.motor(bench), *self.targets)
 
-    return run
+    def motor(self, bench: Bench) -> int:
+        return bench.hello.motors if self.last else 1
 
 
-def _ramped(last: bool, *targets: int):
-    def run(bench: Bench):
-        for steps in _moved(bench, bench.hello.motors if last else 1, *targets):
-            times = [time for time, _ in steps]
-            for way in (times, [-time for time in reversed(times)]):
-                _from_rest(way)
+_MOVES = (
+    Targets(False, (400,)),
+    Targets(False, (-300,)),
+    Targets(False, (1, -1, 3, -250, 10)),
+    Targets(True, (350, -90)),
+)
 
-    return run
+
+@EDGES.must("{moves}: a step for each, all one way", "MSG_MOTOR_MOVE", moves=_MOVES)
+def _counted(bench: Bench, moves: Targets):
+    play = _play(bench, moves.motor(bench))
+    for steps, (a, b) in zip(moves.steps(bench), pairwise((0, *moves.targets, 0)), strict=True):
+        made = sum(value for _, value in steps)
+        if len(steps) != abs(made) or not _is_right(made, b - a, play):
+            raise Failed(f"a move from {a} to {b} made {len(steps)} steps, {made} in all")
+
+
+@EDGES.must("{moves}: MAX VELOCITY", "MSG_MOTOR_SET_SPEED", moves=_MOVES)
+def _spaced(bench: Bench, moves: Targets):
+    for steps in moves.steps(bench):
+        for (a, _), (b, _) in pairwise(steps):
+            if b - a < 0.96 / _V:
+                raise Failed(
+                    f"two steps came {1e6 * (b - a):.0f} µs apart, MAX VELOCITY asks for "
+                    f"{1e6 / _V:.0f} µs"
+                )
+
+
+@EDGES.must("{moves}: MAX ACCEL", "MSG_MOTOR_SET_SPEED", moves=_MOVES)
+def _ramped(bench: Bench, moves: Targets):
+    for steps in moves.steps(bench):
+        times = [time for time, _ in steps]
+        for way in (times, [-time for time in reversed(times)]):
+            _from_rest(way)
 
 
 def _from_rest(times: list[float]) -> None:
@@ -109,18 +120,7 @@ def _from_rest(times: list[float]) -> None:
             )
 
 
-for _last, _targets in (
-    (False, (400,)),
-    (False, (-300,)),
-    (False, (1, -1, 3, -250, 10)),
-    (True, (350, -90)),
-):
-    _text = f"{'last' if _last else 'first'} motor to {', '.join(map(str, _targets))} and back"
-    _put(f"{_text}: a step for each, all one way", "MSG_MOTOR_MOVE", _counted(_last, *_targets))
-    _put(f"{_text}: MAX VELOCITY", "MSG_MOTOR_SET_SPEED", _spaced(_last, *_targets))
-    _put(f"{_text}: MAX ACCEL", "MSG_MOTOR_SET_SPEED", _ramped(_last, *_targets))
-
-
+@EDGES.must("after stops the position matches the steps", "MSG_MOTOR_GET_POSITION")
 def _agrees(bench: Bench):
     """After a stop at any place, the position equals the steps."""
     play = _play(bench, 1)
@@ -139,9 +139,7 @@ def _agrees(bench: Bench):
     bench.return_home()
 
 
-_put("after stops the position matches the steps", "MSG_MOTOR_GET_POSITION", _agrees)
-
-
+@EDGES.must("requests without motion make no step", "MSG_MOTOR_RESET_POSITION: does not move")
 def _still(bench: Bench):
     _taken(bench)
     bench.expect(spec.move(1, bench.home[0]))
@@ -153,56 +151,58 @@ def _still(bench: Bench):
         raise Failed("a motor stepped without a request for motion")
 
 
-_put("requests without motion make no step", "MSG_MOTOR_RESET_POSITION: does not move", _still)
-
-
 def _runs(bench: Bench) -> bool:
     return bool(bench.hello.can & spec.CAN_RUN)
 
 
+@once
 def _run(bench: Bench, fps: float, back: bool):
     """Return the steps of the first two motors since GO, from their start. Played only once."""
-    key = "edges of a run", fps, back
-    if key not in bench.kept:
-        first, last = (FRAMES, 1) if back else (1, FRAMES)
-        bench.upload()
-        bench.expect(spec.run(fps, first, last))
-        bench.idle()
-        _taken(bench)
-        waits = bench.positions().steps
-        bench.link.reports.clear()
-        bench.expect(Request(spec.GO))
-        end = bench.link.clock() + FRAMES / fps + 5
-        while not bench.ends() and bench.link.clock() < end:
-            bench.link.pump(0.1)
-        edges = _taken(bench)
-        bench.idle()
-        bench.return_home()
-        bench.kept[key] = waits, [_steps(edges, m) for m in range(1, min(2, len(waits)) + 1)]
-    return bench.kept[key]
+    first, last = (FRAMES, 1) if back else (1, FRAMES)
+    bench.upload()
+    bench.expect(spec.run(fps, first, last))
+    bench.idle()
+    _taken(bench)
+    waits = bench.positions().steps
+    bench.link.reports.clear()
+    bench.expect(Request(spec.GO))
+    end = bench.link.clock() + FRAMES / fps + 5
+    while not bench.ends() and bench.link.clock() < end:
+        bench.link.pump(0.1)
+    edges = _taken(bench)
+    bench.idle()
+    bench.return_home()
+    return waits, [_steps(edges, m) for m in range(1, min(2, len(waits)) + 1)]
 
 
 def _at(steps: list[tuple[float, int]], start: int, time_s: float) -> int:
     return start + sum(value for time, value in steps if time <= time_s)
 
 
-def _framed(fps: float, back: bool):
-    def run(bench: Bench):
-        waits, made = _run(bench, fps, back)
-        order = [FRAMES - i if back else 1 + i for i in range(FRAMES)]
-        path = [[bench.path(m)[n - 1] for n in order] for m in range(1, len(made) + 1)]
-        start = _middle(made[0], waits[0], path[0]) - (FRAMES - 1) / 2 / fps
-        for i, number in enumerate(order):
-            for motor, steps in enumerate(made, 1):
-                found = _at(steps, waits[motor - 1], start + i / fps)
-                # the time of frame 1 is uncertain by one step at most
-                if abs(found - path[motor - 1][i]) > 1:
-                    raise Failed(
-                        f"at the time of frame {number} motor {motor} had stepped to {found}, "
-                        f"uploaded is {path[motor - 1][i]}"
-                    )
-
-    return run
+@EDGES.must(
+    "{row}: each frame's steps are made at its time",
+    "MSG_RT_RUN_MOVE: FPS; note 5.6",
+    rows={
+        "12 frames/s forward": (12, False),
+        "24 frames/s backward": (24, True),
+        "29.97 frames/s forward": (29.97, False),
+    },
+    needs=_runs,
+)
+def _framed(bench: Bench, fps: float, back: bool):
+    waits, made = _run(bench, fps, back)
+    order = [FRAMES - i if back else 1 + i for i in range(FRAMES)]
+    path = [[bench.path(m)[n - 1] for n in order] for m in range(1, len(made) + 1)]
+    start = _middle(made[0], waits[0], path[0]) - (FRAMES - 1) / 2 / fps
+    for i, number in enumerate(order):
+        for motor, steps in enumerate(made, 1):
+            found = _at(steps, waits[motor - 1], start + i / fps)
+            # the time of frame 1 is uncertain by one step at most
+            if abs(found - path[motor - 1][i]) > 1:
+                raise Failed(
+                    f"at the time of frame {number} motor {motor} had stepped to {found}, "
+                    f"uploaded is {path[motor - 1][i]}"
+                )
 
 
 def _middle(steps: list[tuple[float, int]], start: int, path: list[int]) -> float:
@@ -216,16 +216,11 @@ def _middle(steps: list[tuple[float, int]], start: int, path: list[int]) -> floa
     raise Failed("motor 1 did not step through the middle of its path")
 
 
-for _fps, _back in ((12, False), (24, True), (29.97, False)):
-    _put(
-        f"{_fps} frames/s {'backward' if _back else 'forward'}: each frame's steps are made at its "
-        "time",
-        "MSG_RT_RUN_MOVE: FPS; note 5.6",
-        _framed(_fps, _back),
-        needs=_runs,
-    )
-
-
+@EDGES.should(
+    "motors of a run start together",
+    "note 6.3",
+    needs=lambda bench: _runs(bench) and bench.hello.motors > 1,
+)
 def _together(bench: Bench):
     _waits, made = _run(bench, 12, False)
     if not all(made):
@@ -233,12 +228,3 @@ def _together(bench: Bench):
     first = [steps[0][0] for steps in made]
     if max(first) - min(first) > 0.004:
         raise Failed(f"motors set off {1000 * (max(first) - min(first)):.1f} ms apart")
-
-
-_put(
-    "motors of a run start together",
-    "note 6.3",
-    _together,
-    SHOULD,
-    lambda bench: _runs(bench) and bench.hello.motors > 1,
-)

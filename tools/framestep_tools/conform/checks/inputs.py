@@ -4,25 +4,21 @@ Nothing says which level of an input counts as on, so only its change is judged.
 """
 
 import struct
+from typing import NamedTuple
 
 from .. import spec
 from ..bench import Bench
-from ..kit import MUST, SHOULD, Check
+from ..kit import Subject
 from ..link import Failed
 from ..spec import Request
 
-CHECKS: list[Check] = []
 _REPORT_S = 0.5
 _V, _A = 500, 4000
 _SLOW_V = 30  # for slow hands
 _WAY = 900  # steps; at most half of them if the switch acts
 
 
-def _put(name, source, run, level, needs, full=False):
-    def has(bench: Bench) -> bool:
-        return bench.hands is not None and needs(bench)
-
-    CHECKS.append(Check("inputs", name, source, run, level, has, full))
+INPUTS = Subject("inputs", lambda bench: bench.hands is not None)
 
 
 def _inputs(bench: Bench) -> bool:
@@ -64,6 +60,9 @@ def _unasked(bench: Bench) -> list[int]:
     ]
 
 
+@INPUTS.must(
+    "GIO_IN has the bit of an input that is pressed", "MSG_GIO_IN; note 8.3", needs=_inputs
+)
 def _changed(bench: Bench):
     before = _levels(bench)
     _press(bench, "input 1", True)
@@ -78,15 +77,11 @@ def _changed(bench: Bench):
         raise Failed(f"released, GIO_IN says 0x{after:X}, before it was 0x{before:X}")
 
 
-_put(
-    "GIO_IN has the bit of an input that is pressed",
-    "MSG_GIO_IN; note 8.3",
-    _changed,
-    MUST,
-    _inputs,
+@INPUTS.must(
+    "each change of an input is reported once, unasked",
+    "MSG_GIO_IN: send this message, unsolicited, any time the inputs change",
+    needs=_inputs,
 )
-
-
 def _reported(bench: Bench):
     bench.link.reports.clear()
     changes = []
@@ -103,22 +98,13 @@ def _reported(bench: Bench):
             )
 
 
-_put(
-    "each change of an input is reported once, unasked",
-    "MSG_GIO_IN: send this message, unsolicited, any time the inputs change",
-    _reported,
-    MUST,
-    _inputs,
+@INPUTS.should(
+    "GIO_IN has no bits of missing inputs", "MSG_GIO_IN; MSG_HI: GIO INPUT COUNT", needs=_inputs
 )
-
-
 def _range(bench: Bench):
     if (levels := _levels(bench)) >> bench.hello.inputs:
         raise Failed(f"GIO_IN says 0x{levels:X}, there are {bench.hello.inputs} inputs")
 
-
-_put("GIO_IN has no bits of missing inputs", "MSG_GIO_IN; MSG_HI: GIO INPUT COUNT",
-     _range, SHOULD, _inputs)  # fmt: skip
 
 # ---- hardware limits
 
@@ -131,15 +117,11 @@ def _hard_stops(bench: Bench) -> list[bytes]:
     return [r.frame.payload for r in bench.link.reports if r.frame.type == spec.HARD_STOP]
 
 
-def _end(sign: int, swapped: bool) -> str:
-    return "upper" if (sign > 0) != swapped else "lower"
-
-
-def _run_into(bench: Bench, sign: int, swapped: bool) -> int:
+def _run_into(bench: Bench, limit: "Limit") -> int:
     """Press a switch while motor 1 moves. Return where it comes to rest."""
-    _set(bench, 0x81 if swapped else 1)
-    _interrupted(bench, f"{_end(sign, swapped)} limit 1", sign * _WAY)
-    return (bench.positions().steps[0] - bench.home[0]) * sign
+    _set(bench, 0x81 if limit.swapped else 1)
+    _interrupted(bench, limit.switch, limit.sign * _WAY)
+    return (bench.positions().steps[0] - bench.home[0]) * limit.sign
 
 
 def _interrupted(bench: Bench, what: str, steps: int) -> None:
@@ -162,14 +144,33 @@ def _is_stopped(bench: Bench, steps: int) -> None:
         raise Failed(f"with its switch pressed on the way the motor went {steps} steps")
 
 
-def _free(check, sign: int, swapped: bool):
+class Limit(NamedTuple):
+    """A limit of motor 1, by the direction that leads to it."""
+
+    sign: int
+    swapped: bool
+
+    def __str__(self) -> str:
+        return f"{'upper' if self.sign > 0 else 'lower'} limit{', swapped' * self.swapped}"
+
+    @property
+    def switch(self) -> str:
+        return f"{'upper' if (self.sign > 0) != self.swapped else 'lower'} limit 1"
+
+
+_STRAIGHT = (Limit(1, False), Limit(-1, False))
+_SWAPPED = (Limit(1, True), Limit(-1, True))
+_LIMITS = (*_STRAIGHT, *_SWAPPED)
+
+
+def _freed(check):
     """Wrap a check: release the switch afterwards, and bring the motor back."""
 
-    def run(bench: Bench):
+    def run(bench: Bench, limit: Limit):
         try:
-            check(bench, sign, swapped)
+            check(bench, limit)
         finally:
-            _press(bench, f"{_end(sign, swapped)} limit 1", False)
+            _press(bench, limit.switch, False)
             bench.link.pump(0.2)
             bench.prepare()
             bench.return_home()
@@ -177,13 +178,33 @@ def _free(check, sign: int, swapped: bool):
     return run
 
 
-def _stops(bench: Bench, sign: int, swapped: bool):
-    _is_stopped(bench, _run_into(bench, sign, swapped))
+@INPUTS.must(
+    "{limit}: its switch stops the motor",
+    "MSG_MOTOR_SET_LIMITS: HW SET; note 8.4",
+    limit=_STRAIGHT,
+    needs=_switches,
+)
+@INPUTS.must(
+    "{limit}: its switch stops the motor",
+    "MSG_MOTOR_SET_LIMITS: HW SET, 0x80 swaps high/low; note 8.4",
+    limit=_SWAPPED,
+    needs=_switches,
+)
+@_freed
+def _stops(bench: Bench, limit: Limit):
+    _is_stopped(bench, _run_into(bench, limit))
 
 
-def _reason(bench: Bench, sign: int, swapped: bool):
-    _run_into(bench, sign, swapped)
-    wanted = bytes((1 if sign > 0 else 2, 1))
+@INPUTS.should(
+    "{limit}: HARD_STOP says which and whose",
+    "MSG_MOTOR_HARD_STOP: when a limit has been hit",
+    limit=_LIMITS,
+    needs=_switches,
+)
+@_freed
+def _reason(bench: Bench, limit: Limit):
+    _run_into(bench, limit)
+    wanted = bytes((1 if limit.sign > 0 else 2, 1))
     if (found := _hard_stops(bench)) != [wanted]:
         raise Failed(
             f"HARD_STOP came as {[m.hex() for m in found] or 'nothing'}, "
@@ -191,36 +212,36 @@ def _reason(bench: Bench, sign: int, swapped: bool):
         )
 
 
-def _further(bench: Bench, sign: int, swapped: bool):
-    at = _run_into(bench, sign, swapped)
+@INPUTS.must(
+    "{limit}: a MOVE further is refused",
+    "ERR_HARD_UP, ERR_HARD_LOW; note 8.4",
+    limit=_LIMITS,
+    needs=_switches,
+)
+@_freed
+def _further(bench: Bench, limit: Limit):
+    at = _run_into(bench, limit)
     home = bench.home[0]
-    code = spec.ERR_HARD_UP if sign > 0 else spec.ERR_HARD_LOW
-    bench.expect(spec.move(1, home + sign * (at + 50)), code)
+    code = spec.ERR_HARD_UP if limit.sign > 0 else spec.ERR_HARD_LOW
+    bench.expect(spec.move(1, home + limit.sign * (at + 50)), code)
     bench.idle()
-    bench.at(1, sign * at)
+    bench.at(1, limit.sign * at)
 
 
-def _away(bench: Bench, sign: int, swapped: bool):
-    at = _run_into(bench, sign, swapped)
-    bench.expect(spec.move(1, bench.home[0] + sign * (at - 40)))
+@INPUTS.should("{limit}: a MOVE away is made", "note 8.4", limit=_LIMITS, needs=_switches)
+@_freed
+def _away(bench: Bench, limit: Limit):
+    at = _run_into(bench, limit)
+    bench.expect(spec.move(1, bench.home[0] + limit.sign * (at - 40)))
     bench.idle()
-    bench.at(1, sign * (at - 40))
+    bench.at(1, limit.sign * (at - 40))
 
 
-for _sign, _swapped in ((1, False), (-1, False), (1, True), (-1, True)):
-    _text = f"{'upper' if _sign > 0 else 'lower'} limit{', swapped' if _swapped else ''}"
-    _set_source = "MSG_MOTOR_SET_LIMITS: HW SET" + (", 0x80 swaps high/low" if _swapped else "")
-    _put(f"{_text}: its switch stops the motor", f"{_set_source}; note 8.4",
-         _free(_stops, _sign, _swapped), MUST, _switches)  # fmt: skip
-    _put(f"{_text}: HARD_STOP says which and whose",
-         "MSG_MOTOR_HARD_STOP: when a limit has been hit",
-         _free(_reason, _sign, _swapped), SHOULD, _switches)  # fmt: skip
-    _put(f"{_text}: a MOVE further is refused", "ERR_HARD_UP, ERR_HARD_LOW; note 8.4",
-         _free(_further, _sign, _swapped), MUST, _switches)  # fmt: skip
-    _put(f"{_text}: a MOVE away is made", "note 8.4",
-         _free(_away, _sign, _swapped), SHOULD, _switches)  # fmt: skip
-
-
+@INPUTS.must(
+    "a limit switch only stops the motor that it is set for",
+    "MSG_MOTOR_SET_LIMITS: HW SET",
+    needs=lambda b: _switches(b) and b.hello.motors > 1,
+)
 def _not_its_own(bench: Bench):
     """Limit set 1 belongs to motor 1, so motor 2 goes on."""
     try:
@@ -240,18 +261,14 @@ def _not_its_own(bench: Bench):
         bench.return_home()
 
 
-_put("a limit switch only stops the motor that it is set for", "MSG_MOTOR_SET_LIMITS: HW SET",
-     _not_its_own, MUST, lambda b: _switches(b) and b.hello.motors > 1)  # fmt: skip
-_put(
-    "HW SET past HW LIMIT COUNT is refused",
-    "MSG_HI: HW LIMIT COUNT; ERR_RANGE",
-    lambda b: b.expect(
-        Request(spec.SET_LIMITS, struct.pack("<BBiBiB", 1, 0, 0, 0, 0, b.hello.limits + 1)),
-        spec.ERR_RANGE,
-    ),
-    MUST,
-    _motors,
+@INPUTS.must(
+    "HW SET past HW LIMIT COUNT is refused", "MSG_HI: HW LIMIT COUNT; ERR_RANGE", needs=_motors
 )
+def _no_such_set(bench: Bench):
+    last = bench.hello.limits
+    request = Request(spec.SET_LIMITS, struct.pack("<BBiBiB", 1, 0, 0, 0, 0, last + 1))
+    bench.expect(request, spec.ERR_RANGE)
+
 
 # ---- the E-stop
 
@@ -272,31 +289,28 @@ def _estop(check):
     return run
 
 
+@INPUTS.must("the E-stop stops the motors", "MSG_MOTOR_HARD_STOP; note 8.4", needs=_has_estop)
+@_estop
 def _rests(bench: Bench):
     _is_stopped(bench, bench.positions().steps[0] - bench.home[0])
 
 
+@INPUTS.should(
+    "the E-stop is reported by HARD_STOP 0",
+    "MSG_MOTOR_HARD_STOP: REASON 0=E-Stop",
+    needs=_has_estop,
+)
+@_estop
 def _says(bench: Bench):
     if (found := _hard_stops(bench)) != [b"\0"]:
         raise Failed(f"HARD_STOP came as {[m.hex() for m in found] or 'nothing'}, expected 00 once")
 
 
+@INPUTS.should("no MOVE is accepted with the E-stop pressed", "note 8.4", needs=_has_estop)
+@_estop
 def _holds(bench: Bench):
     at = bench.positions().steps[0]
     bench.refused(spec.move(1, bench.home[0]))
     bench.link.pump(0.2)
     if bench.positions().steps[0] != at:
         raise Failed("a motor moved with the E-stop pressed")
-
-
-for _name, _source, _check, _level in (
-    ("the E-stop stops the motors", "MSG_MOTOR_HARD_STOP; note 8.4", _rests, MUST),
-    (
-        "the E-stop is reported by HARD_STOP 0",
-        "MSG_MOTOR_HARD_STOP: REASON 0=E-Stop",
-        _says,
-        SHOULD,
-    ),
-    ("no MOVE is accepted with the E-stop pressed", "note 8.4", _holds, SHOULD),
-):
-    _put(_name, _source, _estop(_check), _level, _has_estop)

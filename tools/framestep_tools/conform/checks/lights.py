@@ -9,11 +9,10 @@ from collections.abc import Callable
 from ...judge.trace import Edge
 from .. import spec
 from ..bench import FRAMES, Bench
-from ..kit import MUST, Check
+from ..kit import Subject, once, only_if
 from ..link import Failed
 from ..spec import Request
 
-CHECKS: list[Check] = []
 _FPS = 12
 _FRAME_S = 0.025  # lights are sent about forty times a second
 _DMX = "MSG_DMX"
@@ -31,36 +30,30 @@ def _runs(bench: Bench) -> bool:
     return bool(bench.hello.can & spec.CAN_RUN) and bench.hello.motors > 0
 
 
-def _reaches(channel: int) -> Callable[[Bench], bool]:
-    return lambda bench: bench.hello.lights >= channel
+def _has_camera(bench: Bench) -> bool:
+    return bool(bench.hello.can & (spec.CAN_SHOOT | spec.CAN_CAMERA))
 
 
-def _has_output(number: int) -> Callable[[Bench], bool]:
-    return lambda bench: bench.hello.outputs >= number
+def _plays(bench: Bench) -> bool:
+    return _runs(bench) and bench.hello.lights > 1
 
 
-def _put(name, source, run, level=MUST, needs: Callable[[Bench], bool] = _lights, pins=False):
-    """Add a check for --full only: nobody knows what is connected to lights and outputs."""
-
-    def has(bench: Bench) -> bool:
-        return needs(bench) and (bench.pins is not None or not pins)
-
-    CHECKS.append(Check("lights", name, source, run, level, has, True))
+# For --full only: nobody knows what is connected to lights and outputs. OUTPUTS needs a trace, and
+# SHOWN one that has light levels.
+LIGHTS = Subject("lights", full=True)
+OUTPUTS = LIGHTS.where(lambda bench: bench.pins is not None)
+SHOWN = LIGHTS.where(lambda bench: bench.hello.lights and _levels_show(bench))
 
 
-def _put_shown(name, source, run, needs: Callable[[Bench], bool] = _lights):
-    """Add a check that needs a trace with light levels; not every trace has them."""
-    _put(name, source, run, MUST, lambda b: needs(b) and _levels_show(b), True)
-
-
+@once
 def _levels_show(bench: Bench) -> bool:
     """Return whether the trace shows a change of a level."""
-    if "levels show" not in bench.kept:
-        _dark(bench)
-        edges = _seen(bench, _dmx(0, 1, *[9] * bench.hello.lights)) if bench.pins else []
-        _dark(bench)
-        bench.kept["levels show"] = any(name.startswith("dmx") for _, name, _ in edges)
-    return bench.kept["levels show"]
+    if not bench.pins:
+        return False
+    _dark(bench)
+    edges = _seen(bench, _dmx(0, 1, *[9] * bench.hello.lights))
+    _dark(bench)
+    return any(name.startswith("dmx") for _, name, _ in edges)
 
 
 def _dmx(ramp: int, channel: int, *levels: int) -> Request:
@@ -88,24 +81,40 @@ def _dark(bench: Bench) -> None:
 
 # ---- DMX
 
-for _name, _make in (
-    ("channel 1", lambda b: _dmx(0, 1, 0)),
-    ("the last channel", lambda b: _dmx(0, b.hello.lights, 0)),
-    ("every channel at once", lambda b: _dmx(0, 1, *bytes(b.hello.lights))),
-    ("several channels", lambda b: _dmx(0, 1, *bytes(min(5, b.hello.lights)))),
-):
-    _put(f"DMX of {_name} is taken", f"{_DMX}: START CHANNEL, 1-512; MSG_HI: DMX COUNT",
-         lambda bench, make=_make: bench.expect(make(bench)))  # fmt: skip
-for _name, _make in (
-    ("channel 0", lambda b: _dmx(0, 0, 0)),
-    ("channel DMX COUNT + 1", lambda b: _dmx(0, b.hello.lights + 1, 0)),
-    ("channel 65535", lambda b: _dmx(0, 0xFFFF, 0)),
-    ("two levels from the last channel on", lambda b: _dmx(0, b.hello.lights, 0, 0)),
-):
-    _put(f"DMX of {_name} is refused", f"{_DMX}: START CHANNEL, 1-512; ERR_RANGE",
-         lambda bench, make=_make: bench.expect(make(bench), spec.ERR_RANGE))  # fmt: skip
+
+@LIGHTS.must(
+    "DMX of {make} is taken",
+    f"{_DMX}: START CHANNEL, 1-512; MSG_HI: DMX COUNT",
+    make={
+        "channel 1": lambda b: _dmx(0, 1, 0),
+        "the last channel": lambda b: _dmx(0, b.hello.lights, 0),
+        "every channel at once": lambda b: _dmx(0, 1, *bytes(b.hello.lights)),
+        "several channels": lambda b: _dmx(0, 1, *bytes(min(5, b.hello.lights))),
+    },
+    needs=_lights,
+)
+def _dmx_taken(bench: Bench, make: Callable[[Bench], Request]):
+    bench.expect(make(bench))
 
 
+@LIGHTS.must(
+    "DMX of {make} is refused",
+    f"{_DMX}: START CHANNEL, 1-512; ERR_RANGE",
+    make={
+        "channel 0": lambda b: _dmx(0, 0, 0),
+        "channel DMX COUNT + 1": lambda b: _dmx(0, b.hello.lights + 1, 0),
+        "channel 65535": lambda b: _dmx(0, 0xFFFF, 0),
+        "two levels from the last channel on": lambda b: _dmx(0, b.hello.lights, 0, 0),
+    },
+    needs=_lights,
+)
+def _dmx_refused(bench: Bench, make: Callable[[Bench], Request]):
+    bench.expect(make(bench), spec.ERR_RANGE)
+
+
+@LIGHTS.must(
+    "RAMP 0: no light is adjusting", f"{_DMX}: 0=immediate; MSG_MOTOR_STATUS", needs=_lights
+)
 def _at_once(bench: Bench):
     bench.expect(_dmx(0, 1, 200))
     adjusting = bench.lit()
@@ -114,9 +123,11 @@ def _at_once(bench: Bench):
         raise Failed("after a DMX message with RAMP 0, DMX STATUS is not 0")
 
 
-_put("RAMP 0: no light is adjusting", f"{_DMX}: 0=immediate; MSG_MOTOR_STATUS", _at_once)
-
-
+@LIGHTS.must(
+    "RAMP 1: DMX STATUS is 1 while a light ramps, then 0",
+    f"{_DMX}: ramp the light value; MSG_MOTOR_STATUS: 1=DMX adjusting",
+    needs=_lights,
+)
 def _ramped(bench: Bench):
     _dark(bench)
     bench.expect(_dmx(1, 1, 200))
@@ -130,13 +141,7 @@ def _ramped(bench: Bench):
     _dark(bench)
 
 
-_put(
-    "RAMP 1: DMX STATUS is 1 while a light ramps, then 0",
-    f"{_DMX}: ramp the light value; MSG_MOTOR_STATUS: 1=DMX adjusting",
-    _ramped,
-)
-
-
+@LIGHTS.must("lights do not set MOTOR STATUS", "MSG_MOTOR_STATUS", needs=_lights)
 def _unmoved(bench: Bench):
     bench.expect(_dmx(1, 1, 200))
     moving = bench.moving()
@@ -145,31 +150,28 @@ def _unmoved(bench: Bench):
         raise Failed("a ramp of a light sets the bits of motors")
 
 
-_put("lights do not set MOTOR STATUS", "MSG_MOTOR_STATUS", _unmoved)
+@SHOWN.must(
+    "DMX {row} on these channels and no others",
+    f"{_DMX}: LIGHT VALUE for START CHANNEL",
+    rows={
+        "1 shows 1 levels": (1, b"\xff"),
+        "17 shows 3 levels": (17, b"\xff\1\2"),
+        "100 shows 3 levels": (100, b"\5\0\6"),
+        "512 shows 1 levels": (512, b"\x80"),
+    },
+)
+def _shown(bench: Bench, channel: int, levels: bytes):
+    only_if(bench.hello.lights >= channel + len(levels) - 1)
+    _dark(bench)
+    edges = _seen(bench, _dmx(0, channel, *levels))
+    _dark(bench)
+    wanted = {f"dmx{channel + i}": level for i, level in enumerate(levels) if level}
+    found = {name: value for _, name, value in edges if name.startswith("dmx")}
+    if found != wanted:
+        raise Failed(f"the lights show {found}, asked for were {wanted}")
 
 
-def _shown(channel: int, levels: bytes):
-    def run(bench: Bench):
-        _dark(bench)
-        edges = _seen(bench, _dmx(0, channel, *levels))
-        _dark(bench)
-        wanted = {f"dmx{channel + i}": level for i, level in enumerate(levels) if level}
-        found = {name: value for _, name, value in edges if name.startswith("dmx")}
-        if found != wanted:
-            raise Failed(f"the lights show {found}, asked for were {wanted}")
-
-    return run
-
-
-for _channel, _levels in ((1, b"\xff"), (17, b"\xff\1\2"), (100, b"\5\0\6"), (512, b"\x80")):
-    _put_shown(
-        f"DMX {_channel} shows {len(_levels)} levels on these channels and no others",
-        f"{_DMX}: LIGHT VALUE for START CHANNEL",
-        _shown(_channel, _levels),
-        needs=_reaches(_channel + len(_levels) - 1),
-    )
-
-
+@SHOWN.must("a ramp goes up in small steps", f"{_DMX}: ramp the light value")
 def _slope(bench: Bench):
     _dark(bench)
     edges = _seen(bench, _dmx(1, 3, 200), seconds=1.5)
@@ -179,64 +181,55 @@ def _slope(bench: Bench):
         raise Failed(f"a ramp to 200 showed the levels {levels}")
 
 
-_put_shown("a ramp goes up in small steps", f"{_DMX}: ramp the light value", _slope)
-
 # ---- outputs
 
 
-def _bits(bits: int):
-    def run(bench: Bench):
-        edges = _seen(bench, _gio(0), _gio(bits))
-        bench.expect(_gio(0))
-        wanted = [f"gio{i + 1}" for i in range(bench.hello.outputs) if bits >> i & 1]
-        found = sorted(name for _, name, value in edges if name.startswith("gio") and value)
-        if found != sorted(wanted):
-            raise Failed(f"GIO_OUT 0x{bits:X} switched {found or 'nothing'}, expected {wanted}")
-
-    return run
-
-
-for _bit in range(4):
-    _put(
-        f"GIO_OUT 0x{1 << _bit:X} switches output {_bit + 1} and no other",
-        "MSG_GIO_OUT; note 8.3",
-        _bits(1 << _bit),
-        needs=_has_output(_bit + 1),
-        pins=True,
-    )
-_put("GIO_OUT is acknowledged", "MSG_GIO_OUT", lambda b: b.expect(_gio(0)), needs=_outputs)
-for _flags in (1, 2, 3):
-    _put(
-        f"GIO_CAM {_flags} is acknowledged",
-        "MSG_GIO_CAM",
-        lambda b, flags=_flags: (
-            b.expect(Request(spec.GIO_CAM, struct.pack("<I", flags))),
-            b.expect(Request(spec.GIO_CAM, bytes(4))),
-        )[0],
-        needs=lambda b: bool(b.hello.can & (spec.CAN_SHOOT | spec.CAN_CAMERA)),
-    )
+@OUTPUTS.must(
+    "GIO_OUT {bit} and no other",
+    "MSG_GIO_OUT; note 8.3",
+    bit={
+        "0x1 switches output 1": 0,
+        "0x2 switches output 2": 1,
+        "0x4 switches output 3": 2,
+        "0x8 switches output 4": 3,
+    },
+)
+def _bit(bench: Bench, bit: int):
+    only_if(bench.hello.outputs > bit)
+    bits = 1 << bit
+    edges = _seen(bench, _gio(0), _gio(bits))
+    bench.expect(_gio(0))
+    wanted = [f"gio{i + 1}" for i in range(bench.hello.outputs) if bits >> i & 1]
+    found = sorted(name for _, name, value in edges if name.startswith("gio") and value)
+    if found != sorted(wanted):
+        raise Failed(f"GIO_OUT 0x{bits:X} switched {found or 'nothing'}, expected {wanted}")
 
 
-def _camera(flag: int, signal: str):
-    def run(bench: Bench):
-        off = Request(spec.GIO_CAM, bytes(4))
-        edges = _seen(bench, off, Request(spec.GIO_CAM, struct.pack("<I", flag)))
-        bench.expect(off)
-        on = {name for _, name, value in edges if name in ("shutter", "meter") and value}
-        if on != {signal}:
-            raise Failed(f"GIO_CAM {flag} switched on {sorted(on) or 'nothing'}, not the {signal}")
-
-    return run
+@LIGHTS.must("GIO_OUT is acknowledged", "MSG_GIO_OUT", needs=_outputs)
+def _out_taken(bench: Bench):
+    bench.expect(_gio(0))
 
 
-for _flag, _signal in ((1, "shutter"), (2, "meter")):
-    _put(
-        f"GIO_CAM {_flag} switches the {_signal}",
-        "MSG_GIO_CAM: GIO_CAM_SHUTTER 0x0001, GIO_CAM_METER 0x0002",
-        _camera(_flag, _signal),
-        needs=lambda b: bool(b.hello.can & (spec.CAN_SHOOT | spec.CAN_CAMERA)),
-        pins=True,
-    )
+@LIGHTS.must("GIO_CAM {flags} is acknowledged", "MSG_GIO_CAM", flags=(1, 2, 3), needs=_has_camera)
+def _camera_taken(bench: Bench, flags: int):
+    bench.expect(Request(spec.GIO_CAM, struct.pack("<I", flags)))
+    bench.expect(Request(spec.GIO_CAM, bytes(4)))
+
+
+@OUTPUTS.must(
+    "GIO_CAM {row}",
+    "MSG_GIO_CAM: GIO_CAM_SHUTTER 0x0001, GIO_CAM_METER 0x0002",
+    rows={"1 switches the shutter": (1, "shutter"), "2 switches the meter": (2, "meter")},
+    needs=_has_camera,
+)
+def _camera(bench: Bench, flag: int, signal: str):
+    off = Request(spec.GIO_CAM, bytes(4))
+    edges = _seen(bench, off, Request(spec.GIO_CAM, struct.pack("<I", flag)))
+    bench.expect(off)
+    on = {name for _, name, value in edges if name in ("shutter", "meter") and value}
+    if on != {signal}:
+        raise Failed(f"GIO_CAM {flag} switched on {sorted(on) or 'nothing'}, not the {signal}")
+
 
 # ---- with an uploaded move
 
@@ -261,37 +254,33 @@ def _program(bench: Bench) -> None:
 def _run(sync: int, bloop: int, flags: int) -> Request:
     return Request(
         spec.RUN,
-        struct.pack(
-            "<IiiIIBIHHH", _FPS * 1000, 1, FRAMES, 300, 200, sync, bloop, 0, 150, flags
-        ),
-    )  # fmt: skip
+        struct.pack("<IiiIIBIHHH", _FPS * 1000, 1, FRAMES, 300, 200, sync, bloop, 0, 150, flags),
+    )
 
 
-def _played(bench: Bench, sync: int, bloop: int, flags: int = 0) -> tuple[list[Edge], float]:
+@once
+def _played(bench: Bench, sync: int, bloop: int, flags: int) -> tuple[list[Edge], float]:
     """Return the edges from GO to RT_END and the time of the first frame. Played only once."""
-    key = "program", sync, bloop, flags
-    if key not in bench.kept:
-        if bench.hello.lights:
-            _dark(bench)
-        _program(bench)
-        bench.expect(_run(sync, bloop, flags))
-        bench.idle()
+    if bench.hello.lights:
+        _dark(bench)
+    _program(bench)
+    bench.expect(_run(sync, bloop, flags))
+    bench.idle()
+    bench.link.pump(0.1)
+    assert bench.pins
+    bench.pins.take()
+    bench.link.reports.clear()
+    bench.expect(Request(spec.GO))
+    end = bench.link.clock() + FRAMES / _FPS + 4
+    while not bench.ends() and bench.link.clock() < end:
         bench.link.pump(0.1)
-        assert bench.pins
-        bench.pins.take()
-        bench.link.reports.clear()
-        bench.expect(Request(spec.GO))
-        end = bench.link.clock() + FRAMES / _FPS + 4
-        while not bench.ends() and bench.link.clock() < end:
-            bench.link.pump(0.1)
-        bench.link.pump(0.2)
-        edges = bench.pins.take()
-        if bench.hello.outputs:
-            bench.expect(_gio(0))
-        bench.idle()
-        bench.return_home()
-        bench.kept[key] = edges, _first_frame(bench, edges)
-    return bench.kept[key]
+    bench.link.pump(0.2)
+    edges = bench.pins.take()
+    if bench.hello.outputs:
+        bench.expect(_gio(0))
+    bench.idle()
+    bench.return_home()
+    return edges, _first_frame(bench, edges)
 
 
 def _first_frame(bench: Bench, edges: list[Edge]) -> float:
@@ -307,12 +296,13 @@ def _first_frame(bench: Bench, edges: list[Edge]) -> float:
     raise Failed("motor 1 was not seen to move")
 
 
-def _program_needs(bench: Bench) -> bool:
-    return _runs(bench) and bench.hello.lights > 1
-
-
+@SHOWN.must(
+    "SYNC DMX 1: uploaded levels are shown with their frames",
+    "MSG_RT_RUN_MOVE: SYNC DMX; MSG_RT_UPLOAD_MOVE_DMX",
+    needs=_plays,
+)
 def _synced(bench: Bench):
-    edges, start = _played(bench, 1, 0)
+    edges, start = _played(bench, 1, 0, 0)
     seen = [(time * 1e-9, value) for time, name, value in edges if name == "dmx2"]
     for i, level in enumerate(_LEVELS):
         shown = [value for time, value in seen if time <= start + (i + 0.9) / _FPS]
@@ -327,30 +317,22 @@ def _synced(bench: Bench):
             )
 
 
-_put_shown(
-    "SYNC DMX 1: uploaded levels are shown with their frames",
-    "MSG_RT_RUN_MOVE: SYNC DMX; MSG_RT_UPLOAD_MOVE_DMX",
-    _synced,
-    needs=_program_needs,
+@SHOWN.must(
+    "SYNC DMX 0: lights stay as they are", "MSG_RT_RUN_MOVE: 0=don't play DMX", needs=_plays
 )
-
-
 def _not_synced(bench: Bench):
-    edges, _ = _played(bench, 0, 0)
+    edges, _ = _played(bench, 0, 0, 0)
     if any(name.startswith("dmx") for _, name, _ in edges):
         raise Failed("a run with SYNC DMX 0 changed lights")
 
 
-_put_shown(
-    "SYNC DMX 0: lights stay as they are",
-    "MSG_RT_RUN_MOVE: 0=don't play DMX",
-    _not_synced,
-    needs=_program_needs,
+@OUTPUTS.must(
+    "triggers are on in their frames and off in the others",
+    "MSG_RT_UPLOAD_MOVE_TRIGGERS: Only sends frame/value pairs where one or more triggers is on",
+    needs=lambda b: _plays(b) and _outputs(b),
 )
-
-
 def _switched(bench: Bench):
-    edges, start = _played(bench, 1, 0)
+    edges, start = _played(bench, 1, 0, 0)
     found = [(time * 1e-9 - start, value) for time, name, value in edges if name == "gio1"]
     wanted = [(3 / _FPS, 1), (5 / _FPS, 0), (8 / _FPS, 1), (9 / _FPS, 0)]
     if [value for _, value in found] != [value for _, value in wanted]:
@@ -363,17 +345,13 @@ def _switched(bench: Bench):
             )
 
 
-_put(
-    "triggers are on in their frames and off in the others",
-    "MSG_RT_UPLOAD_MOVE_TRIGGERS: Only sends frame/value pairs where one or more triggers is on",
-    _switched,
-    needs=lambda b: _runs(b) and _outputs(b) and b.hello.lights > 1,
-    pins=True,
+@OUTPUTS.must(
+    "BLOOP LOCATION is on for BLOOP TIME from the first frame",
+    "MSG_RT_RUN_MOVE: BLOOP LOCATION, BLOOP TIME; note 6.7",
+    needs=lambda b: _runs(b) and _outputs(b),
 )
-
-
 def _bloop(bench: Bench):
-    edges, start = _played(bench, 0, 1)
+    edges, start = _played(bench, 0, 1, 0)
     found = [(time * 1e-9, value) for time, name, value in edges if name == "gio1"]
     if [value for _, value in found] != [1, 0]:
         raise Failed(f"output 1 was switched {len(found)} times, a bloop is once on and off")
@@ -384,48 +362,32 @@ def _bloop(bench: Bench):
         raise Failed(f"the bloop began {1000 * (on - start):+.0f} ms from the first frame")
 
 
-_put(
-    "BLOOP LOCATION is on for BLOOP TIME from the first frame",
-    "MSG_RT_RUN_MOVE: BLOOP LOCATION, BLOOP TIME; note 6.7",
-    _bloop,
-    needs=lambda b: _runs(b) and _outputs(b),
-    pins=True,
+@OUTPUTS.must(
+    "camera flag {row} pulses",
+    "MSG_RT_RUN_MOVE: FLAGS 0x10, 0x20; note 6.9",
+    rows={
+        "0x10, video: at start and stop: 2": (0x10, 2),
+        f"0x20, stills: {FRAMES}": (0x20, FRAMES),
+    },
+    needs=lambda b: _runs(b) and b.hello.can & spec.CAN_CAMERA,
 )
+def _camera_run(bench: Bench, flags: int, count: int):
+    edges, _ = _played(bench, 0, 0, flags)
+    pulses = [time for time, name, value in edges if name == "shutter" and value]
+    if len(pulses) != count:
+        raise Failed(f"the shutter was switched on {len(pulses)} times, expected {count}")
 
 
-def _camera_run(flags: int, count: int):
-    def run(bench: Bench):
-        edges, _ = _played(bench, 0, 0, flags)
-        pulses = [time for time, name, value in edges if name == "shutter" and value]
-        if len(pulses) != count:
-            raise Failed(f"the shutter was switched on {len(pulses)} times, expected {count}")
-
-    return run
-
-
-for _flag, _count, _text in ((0x10, 2, "video: at start and stop"), (0x20, FRAMES, "stills")):
-    _put(
-        f"camera flag 0x{_flag:X}, {_text}: {_count} pulses",
-        "MSG_RT_RUN_MOVE: FLAGS 0x10, 0x20; note 6.9",
-        _camera_run(_flag, _count),
-        needs=lambda b: _runs(b) and bool(b.hello.can & spec.CAN_CAMERA),
-        pins=True,
-    )
-
-
-def _bad(request: Request):
-    def run(bench: Bench):
-        bench.expect(spec.begin(1, FRAMES))
-        bench.expect(request, spec.ERR_RANGE)
-
-    return run
-
-
-for _text, _request in (
-    ("UPLOAD_MOVE_DMX of channel 0", struct.pack("<HIB", 0, 0, 0)),
-    ("UPLOAD_MOVE_DMX of channel 513", struct.pack("<HIB", 513, 0, 0)),
-    ("UPLOAD_MOVE_DMX past the range", struct.pack("<HIB", 1, FRAMES, 0)),
-):
-    _put(f"{_text} is refused", "MSG_RT_UPLOAD_MOVE_DMX; ERR_RANGE; note 5.3",
-         _bad(Request(spec.UPLOAD_DMX, _request)),
-         needs=lambda b: _runs(b) and _lights(b))  # fmt: skip
+@LIGHTS.must(
+    "UPLOAD_MOVE_DMX {data} is refused",
+    "MSG_RT_UPLOAD_MOVE_DMX; ERR_RANGE; note 5.3",
+    data={
+        "of channel 0": struct.pack("<HIB", 0, 0, 0),
+        "of channel 513": struct.pack("<HIB", 513, 0, 0),
+        "past the range": struct.pack("<HIB", 1, FRAMES, 0),
+    },
+    needs=lambda b: _runs(b) and _lights(b),
+)
+def _bad(bench: Bench, data: bytes):
+    bench.expect(spec.begin(1, FRAMES))
+    bench.expect(Request(spec.UPLOAD_DMX, data), spec.ERR_RANGE)

@@ -5,11 +5,10 @@ from typing import NamedTuple
 
 from .. import spec
 from ..bench import FRAMES, Bench, Position
-from ..kit import MUST, SHOULD, Check
+from ..kit import Subject, once
 from ..link import Failed
 from ..spec import Request
 
-CHECKS: list[Check] = []
 _FLAGS = "MSG_RT_RUN_MOVE: FLAGS 0x01 is ping-pong, 0x02 is loop"
 _STOP = "MSG_RT_STOP_LOOP: must stop after it reaches the next end point"
 _LATE_S = 0.06
@@ -24,8 +23,7 @@ def _can(bench: Bench) -> bool:
     )
 
 
-def _put(name, source, run, level=MUST):
-    CHECKS.append(Check("loops", name, source, run, level, _can))
+LOOPS = Subject("loops", _can)
 
 
 class Way(NamedTuple):
@@ -35,6 +33,11 @@ class Way(NamedTuple):
     back: bool
     flag: int
     stop_in: int
+
+    def __str__(self) -> str:
+        kind = "loop" if self.flag == spec.LOOP else "ping-pong"
+        way = "backward" if self.back else "forward"
+        return f"{kind} {way} at {self.fps} frames/s, STOP_LOOP in lap {self.stop_in}"
 
     @property
     def ends(self) -> tuple[int, int]:
@@ -47,6 +50,18 @@ class Way(NamedTuple):
         step = 1 if last > first else -1
         frames = list(range(first, last + step, step))
         return frames[::-1] if self.flag == spec.PING_PONG and number % 2 == 0 else frames
+
+
+_WAYS = (
+    Way(24, False, spec.LOOP, 2),
+    Way(12, False, spec.LOOP, 1),
+    Way(12, True, spec.LOOP, 2),
+    Way(25, False, spec.LOOP, 3),
+    Way(24, False, spec.PING_PONG, 2),
+    Way(12, False, spec.PING_PONG, 3),
+    Way(12, False, spec.PING_PONG, 1),
+    Way(30, True, spec.PING_PONG, 2),
+)
 
 
 class Looped(NamedTuple):
@@ -86,9 +101,8 @@ def _laps(way: Way, reports: list[Position]) -> tuple[list[dict[int, Position]],
     return laps, between
 
 
+@once
 def _played(bench: Bench, way: Way) -> Looped:
-    if way in bench.kept:
-        return bench.kept[way]
     bench.upload()
     bench.expect(spec.run(way.fps, *way.ends, flags=way.flag))
     bench.idle()
@@ -119,7 +133,6 @@ def _played(bench: Bench, way: Way) -> Looped:
     bench.idle()
     looped = Looped(laps, between, early, ends, stopped, bench.positions().steps)
     bench.return_home()
-    bench.kept[way] = looped
     return looped
 
 
@@ -127,110 +140,73 @@ def _seen(laps: list[dict[int, Position]]) -> str:
     return "; ".join(" ".join(str(number) for number in one) or "none" for one in laps)
 
 
-def _goes_on(way: Way):
-    def run(bench: Bench):
-        if _played(bench, way).early:
-            raise Failed("RT_END came before STOP_LOOP")
-
-    return run
+@LOOPS.must("{way}: it runs until then", _FLAGS, way=_WAYS)
+def _goes_on(bench: Bench, way: Way):
+    if _played(bench, way).early:
+        raise Failed("RT_END came before STOP_LOOP")
 
 
-def _counted(way: Way):
-    def run(bench: Bench):
-        laps = _played(bench, way).laps
-        if len(laps) != way.stop_in or len(laps[-1]) != FRAMES:
-            raise Failed(
-                f"STOP_LOOP came in lap {way.stop_in}, which has to be the last one and be played "
-                f"to its end; whole frames reported: {_seen(laps)}"
-            )
-
-    return run
+@LOOPS.must("{way}: that lap is the last, and complete", _STOP, way=_WAYS)
+def _counted(bench: Bench, way: Way):
+    laps = _played(bench, way).laps
+    if len(laps) != way.stop_in or len(laps[-1]) != FRAMES:
+        raise Failed(
+            f"STOP_LOOP came in lap {way.stop_in}, which has to be the last one and be played "
+            f"to its end; whole frames reported: {_seen(laps)}"
+        )
 
 
-def _one_way(way: Way):
-    def run(bench: Bench):
-        if between := _played(bench, way).between:
-            raise Failed(f"frames {between} were reached between two laps")
-
-    return run
+@LOOPS.should("{way}: no frames are played between laps", _FLAGS, way=_WAYS)
+def _one_way(bench: Bench, way: Way):
+    if between := _played(bench, way).between:
+        raise Failed(f"frames {between} were reached between two laps")
 
 
-def _placed(way: Way):
-    def run(bench: Bench):
-        for number, frames in enumerate(_played(bench, way).laps, 1):
-            for frame, position in frames.items():
-                if off := bench.off_path(frame, position):
-                    raise Failed(f"in lap {number} {off}")
-
-    return run
+@LOOPS.must("{way}: whole frames are where they were uploaded", _FLAGS, way=_WAYS)
+def _placed(bench: Bench, way: Way):
+    for number, frames in enumerate(_played(bench, way).laps, 1):
+        for frame, position in frames.items():
+            if off := bench.off_path(frame, position):
+                raise Failed(f"in lap {number} {off}")
 
 
-def _timed(way: Way):
-    def run(bench: Bench):
-        for number, frames in enumerate(_played(bench, way).laps, 1):
-            first = next(iter(frames.values())).time_s
-            for i, (frame, position) in enumerate(frames.items()):
-                late = position.time_s - first - i / way.fps
-                if abs(late) > _LATE_S:
-                    raise Failed(
-                        f"in lap {number} frame {frame} is {late * 1000:+.0f} ms from its time"
-                    )
-
-    return run
-
-
-def _ended(way: Way):
-    def run(bench: Bench):
-        played = _played(bench, way)
-        if len(played.ends) != 1:
-            raise Failed(f"RT_END came {len(played.ends)} times after STOP_LOOP")
-        last = list(played.laps[-1].values())[-1].time_s
-        after = played.ends[0] - last
-        if not -0.01 < after < 0.2 + 1 / way.fps + 0.6:
-            raise Failed(f"RT_END came {after:.2f} s after the last frame")
-
-    return run
-
-
-def _rests(way: Way):
-    def run(bench: Bench):
-        played = _played(bench, way)
-        frame = way.frames(way.stop_in)[-1]
-        for motor in range(1, min(2, bench.hello.motors) + 1):
-            wanted = bench.path(motor)[frame - 1]
-            if played.positions[motor - 1] != wanted:
+@LOOPS.must("{way}: frames come at their times", "MSG_RT_RUN_MOVE: FPS", way=_WAYS)
+def _timed(bench: Bench, way: Way):
+    for number, frames in enumerate(_played(bench, way).laps, 1):
+        first = next(iter(frames.values())).time_s
+        for i, (frame, position) in enumerate(frames.items()):
+            late = position.time_s - first - i / way.fps
+            if abs(late) > _LATE_S:
                 raise Failed(
-                    f"afterwards motor {motor} is at {played.positions[motor - 1]}, "
-                    f"frame {frame} is at {wanted}"
+                    f"in lap {number} frame {frame} is {late * 1000:+.0f} ms from its time"
                 )
 
-    return run
+
+@LOOPS.must("{way}: RT_END comes once, after the last lap", "MSG_RT_END; note 6.6", way=_WAYS)
+def _ended(bench: Bench, way: Way):
+    played = _played(bench, way)
+    if len(played.ends) != 1:
+        raise Failed(f"RT_END came {len(played.ends)} times after STOP_LOOP")
+    last = list(played.laps[-1].values())[-1].time_s
+    after = played.ends[0] - last
+    if not -0.01 < after < 0.2 + 1 / way.fps + 0.6:
+        raise Failed(f"RT_END came {after:.2f} s after the last frame")
 
 
-for _way in (
-    Way(24, False, spec.LOOP, 2),
-    Way(12, False, spec.LOOP, 1),
-    Way(12, True, spec.LOOP, 2),
-    Way(25, False, spec.LOOP, 3),
-    Way(24, False, spec.PING_PONG, 2),
-    Way(12, False, spec.PING_PONG, 3),
-    Way(12, False, spec.PING_PONG, 1),
-    Way(30, True, spec.PING_PONG, 2),
-):
-    _text = (
-        f"{'loop' if _way.flag == spec.LOOP else 'ping-pong'} "
-        f"{'backward' if _way.back else 'forward'} at {_way.fps} frames/s, "
-        f"STOP_LOOP in lap {_way.stop_in}"
-    )
-    _put(f"{_text}: it runs until then", _FLAGS, _goes_on(_way))
-    _put(f"{_text}: that lap is the last, and complete", _STOP, _counted(_way))
-    _put(f"{_text}: no frames are played between laps", _FLAGS, _one_way(_way), SHOULD)
-    _put(f"{_text}: whole frames are where they were uploaded", _FLAGS, _placed(_way))
-    _put(f"{_text}: frames come at their times", "MSG_RT_RUN_MOVE: FPS", _timed(_way))
-    _put(f"{_text}: RT_END comes once, after the last lap", "MSG_RT_END; note 6.6", _ended(_way))
-    _put(f"{_text}: the motors rest on its last frame", "note 6.11", _rests(_way), SHOULD)
+@LOOPS.should("{way}: the motors rest on its last frame", "note 6.11", way=_WAYS)
+def _rests(bench: Bench, way: Way):
+    played = _played(bench, way)
+    frame = way.frames(way.stop_in)[-1]
+    for motor in range(1, min(2, bench.hello.motors) + 1):
+        wanted = bench.path(motor)[frame - 1]
+        if played.positions[motor - 1] != wanted:
+            raise Failed(
+                f"afterwards motor {motor} is at {played.positions[motor - 1]}, "
+                f"frame {frame} is at {wanted}"
+            )
 
 
+@LOOPS.should("STOP_LOOP before GO cancels the loop", "note 6.12")
 def _cancelled(bench: Bench):
     bench.upload()
     bench.expect(spec.run(24, 1, FRAMES, flags=spec.LOOP))
@@ -247,39 +223,28 @@ def _cancelled(bench: Bench):
         raise Failed("the loop ran although STOP_LOOP came before GO")
 
 
-_put("STOP_LOOP before GO cancels the loop", "note 6.12", _cancelled, SHOULD)
-_put(
-    "STOP_LOOP without a loop is accepted",
-    "MSG_RT_STOP_LOOP; note 6.12",
-    lambda bench: bench.expect(Request(spec.STOP_LOOP)),
-    SHOULD,
+@LOOPS.should("STOP_LOOP without a loop is accepted", "MSG_RT_STOP_LOOP; note 6.12")
+def _nothing_to_stop(bench: Bench):
+    bench.expect(Request(spec.STOP_LOOP))
+
+
+@LOOPS.should(
+    "STOP_ALL ends a {flag} for good, with RT_END",
+    "MSG_MOTOR_STOP_ALL; note 6.6",
+    flag={"loop": spec.LOOP, "ping-pong": spec.PING_PONG},
 )
-
-
-def _stopped(flag: int):
-    def run(bench: Bench):
-        bench.upload()
-        bench.expect(spec.run(12, 1, FRAMES, flags=flag))
-        bench.idle()
-        bench.link.reports.clear()
-        bench.expect(Request(spec.GO))
-        bench.link.pump(0.8)
-        bench.expect(Request(spec.STOP_ALL))
-        bench.idle(3)
-        bench.link.pump(1.5)
-        ends = len(bench.ends())
-        bench.idle(0.1)
-        bench.return_home()
-        if ends != 1:
-            raise Failed(f"RT_END came {ends} times after STOP_ALL")
-
-    return run
-
-
-for _flag, _kind in ((spec.LOOP, "loop"), (spec.PING_PONG, "ping-pong")):
-    _put(
-        f"STOP_ALL ends a {_kind} for good, with RT_END",
-        "MSG_MOTOR_STOP_ALL; note 6.6",
-        _stopped(_flag),
-        SHOULD,
-    )
+def _stopped(bench: Bench, flag: int):
+    bench.upload()
+    bench.expect(spec.run(12, 1, FRAMES, flags=flag))
+    bench.idle()
+    bench.link.reports.clear()
+    bench.expect(Request(spec.GO))
+    bench.link.pump(0.8)
+    bench.expect(Request(spec.STOP_ALL))
+    bench.idle(3)
+    bench.link.pump(1.5)
+    ends = len(bench.ends())
+    bench.idle(0.1)
+    bench.return_home()
+    if ends != 1:
+        raise Failed(f"RT_END came {ends} times after STOP_ALL")

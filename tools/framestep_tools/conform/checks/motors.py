@@ -1,60 +1,55 @@
 """Moves, jogs, stops, soft limits and positions, judged by position messages."""
 
 from itertools import pairwise
+from typing import NamedTuple
 
 from .. import spec
 from ..bench import ACCELERATION, VELOCITY, Bench
-from ..kit import MUST, SHOULD, Check
+from ..kit import Subject
 from ..link import Failed
 from ..spec import Request
 
-CHECKS: list[Check] = []
+_UP_DOWN = {"up": 1, "down": -1}
 
 
-def _motors(bench: Bench) -> bool:
-    return bench.hello.motors > 0
+_ALL = Subject("motors")
+MOTORS = _ALL.where(lambda bench: bench.hello.motors > 0)
 
 
 def _two(bench: Bench) -> bool:
     return bench.hello.motors > 1
 
 
-def _put(name, source, run, level=MUST, needs=_motors, full=False):
-    CHECKS.append(Check("motors", name, source, run, level, needs, full))
+@MOTORS.must(
+    "the first motor moves {steps} steps and back, exactly",
+    "MSG_MOTOR_MOVE",
+    steps=(1, -1, 2, -7, 40, -40, 150, -150),
+)
+@MOTORS.must(
+    "the first motor moves {steps} steps and back",
+    "MSG_MOTOR_MOVE",
+    steps=(3000, -3000),
+    full=True,
+)
+def _first_moved(bench: Bench, steps: int):
+    _moved(bench, 1, steps)
 
 
-def _moved(steps: int, last: bool):
-    def run(bench: Bench):
-        motor = bench.hello.motors if last else 1
-        bench.go(motor, steps)
-        bench.at(motor, steps)
-        bench.go(motor, 0)
-        bench.at(motor, 0)
-
-    return run
+@MOTORS.must(
+    "the last motor moves {steps} steps and back, exactly", "MSG_MOTOR_MOVE", steps=(3, -90)
+)
+def _last_moved(bench: Bench, steps: int):
+    _moved(bench, bench.hello.motors, steps)
 
 
-for _steps in (1, -1, 2, -7, 40, -40, 150, -150):
-    _put(
-        f"the first motor moves {_steps} steps and back, exactly",
-        "MSG_MOTOR_MOVE",
-        _moved(_steps, False),
-    )
-for _steps in (3, -90):
-    _put(
-        f"the last motor moves {_steps} steps and back, exactly",
-        "MSG_MOTOR_MOVE",
-        _moved(_steps, True),
-    )
-for _steps in (3000, -3000):
-    _put(
-        f"the first motor moves {_steps} steps and back",
-        "MSG_MOTOR_MOVE",
-        _moved(_steps, False),
-        full=True,
-    )
+def _moved(bench: Bench, motor: int, steps: int):
+    bench.go(motor, steps)
+    bench.at(motor, steps)
+    bench.go(motor, 0)
+    bench.at(motor, 0)
 
 
+@MOTORS.must("a MOVE moves no other motor", "MSG_MOTOR_MOVE", needs=_two)
 def _alone(bench: Bench):
     before = bench.positions().steps[1:]
     bench.go(1, 30)
@@ -64,9 +59,10 @@ def _alone(bench: Bench):
         raise Failed("a MOVE of motor 1 moved another motor")
 
 
-_put("a MOVE moves no other motor", "MSG_MOTOR_MOVE", _alone, needs=_two)
-
-
+@MOTORS.must(
+    "MOTOR_STATUS has the bit of the motor that moves, from the answer on",
+    "MSG_MOTOR_STATUS; note 4.7",
+)
 def _bit(bench: Bench):
     for motor in (1, bench.hello.motors):
         bench.expect(spec.move(motor, bench.home[motor - 1] + 60))
@@ -76,13 +72,7 @@ def _bit(bench: Bench):
         bench.go(motor, 0)
 
 
-_put(
-    "MOTOR_STATUS has the bit of the motor that moves, from the answer on",
-    "MSG_MOTOR_STATUS; note 4.7",
-    _bit,
-)
-
-
+@MOTORS.must("a move keeps to its velocity and acceleration", "MSG_MOTOR_SET_SPEED")
 def _timing(bench: Bench):
     distance = 400
     bench.expect(spec.move(1, bench.home[0] + distance))
@@ -100,9 +90,7 @@ def _timing(bench: Bench):
         raise Failed(f"{distance} steps took {took:.3f} s, expected about {expected:.3f} s")
 
 
-_put("a move keeps to its velocity and acceleration", "MSG_MOTOR_SET_SPEED", _timing)
-
-
+@MOTORS.must("SET_SPEED takes effect", "MSG_MOTOR_SET_SPEED")
 def _slower(bench: Bench):
     bench.expect(spec.speed(1, 200, ACCELERATION))
     start = bench.link.clock()
@@ -114,9 +102,10 @@ def _slower(bench: Bench):
         raise Failed(f"200 steps at 200 steps/s took {took:.2f} s")
 
 
-_put("SET_SPEED takes effect", "MSG_MOTOR_SET_SPEED", _slower)
-
-
+@MOTORS.should(
+    "positions come about every 0.1 s while a motor moves, the last one at rest",
+    "MSG_MOTOR_GET_POSITION",
+)
 def _reported(bench: Bench):
     bench.link.reports.clear()
     bench.go(1, 500)
@@ -136,14 +125,9 @@ def _reported(bench: Bench):
         raise Failed(f"no position came for {max(gaps):.2f} s of motion")
 
 
-_put(
-    "positions come about every 0.1 s while a motor moves, the last one at rest",
-    "MSG_MOTOR_GET_POSITION",
-    _reported,
-    SHOULD,
+@MOTORS.should(
+    "no positions are reported at rest", "MSG_MOTOR_GET_POSITION: if any of the motors are moving"
 )
-
-
 def _quiet(bench: Bench):
     bench.link.pump(0.3)
     bench.link.reports.clear()
@@ -152,40 +136,34 @@ def _quiet(bench: Bench):
         raise Failed("positions are reported while nothing moves")
 
 
-_put(
-    "no positions are reported at rest",
-    "MSG_MOTOR_GET_POSITION: if any of the motors are moving",
-    _quiet,
-    SHOULD,
+@MOTORS.must(
+    "{request} brings a motor to rest on its way", "MSG_MOTOR_STOP", request={"STOP": spec.stop(1)}
 )
-
-
-def _stopped(request):
-    def run(bench: Bench):
-        bench.expect(spec.move(1, bench.home[0] + 900))
-        bench.set_out(1)
-        bench.link.pump(0.2)
-        bench.expect(request)
-        bench.idle(2)
-        steps = bench.positions().steps[0] - bench.home[0]
-        bench.link.pump(0.2)
-        bench.at(1, steps)
-        bench.go(1, 0)
-        if not 50 < steps < 500:
-            raise Failed(f"stopped after 0.2 s, the motor came to rest at {steps} of 900 steps")
-
-    return run
-
-
-_put("STOP brings a motor to rest on its way", "MSG_MOTOR_STOP", _stopped(spec.stop(1)))
-_put(
-    "STOP_ALL brings a motor to rest on its way",
+@MOTORS.must(
+    "{request} brings a motor to rest on its way",
     "MSG_MOTOR_STOP_ALL",
-    _stopped(Request(spec.STOP_ALL)),
+    request={"STOP_ALL": Request(spec.STOP_ALL)},
 )
-_put("STOP of a motor at rest is accepted", "MSG_MOTOR_STOP", lambda b: b.expect(spec.stop(1)))
+def _stopped(bench: Bench, request: Request):
+    bench.expect(spec.move(1, bench.home[0] + 900))
+    bench.set_out(1)
+    bench.link.pump(0.2)
+    bench.expect(request)
+    bench.idle(2)
+    steps = bench.positions().steps[0] - bench.home[0]
+    bench.link.pump(0.2)
+    bench.at(1, steps)
+    bench.go(1, 0)
+    if not 50 < steps < 500:
+        raise Failed(f"stopped after 0.2 s, the motor came to rest at {steps} of 900 steps")
 
 
+@MOTORS.must("STOP of a motor at rest is accepted", "MSG_MOTOR_STOP")
+def _stop_at_rest(bench: Bench):
+    bench.expect(spec.stop(1))
+
+
+@MOTORS.must("STOP of motor 2 does not stop motor 1", "MSG_MOTOR_STOP", needs=_two)
 def _other_stop(bench: Bench):
     bench.expect(spec.move(1, bench.home[0] + 200))
     bench.expect(spec.stop(2))
@@ -194,9 +172,7 @@ def _other_stop(bench: Bench):
     bench.go(1, 0)
 
 
-_put("STOP of motor 2 does not stop motor 1", "MSG_MOTOR_STOP", _other_stop, needs=_two)
-
-
+@MOTORS.should("a MOVE gets a new target while it runs", "note 4.8")
 def _retarget(bench: Bench):
     bench.expect(spec.move(1, bench.home[0] + 300))
     bench.link.pump(0.15)
@@ -205,37 +181,26 @@ def _retarget(bench: Bench):
     bench.go(1, 0)
 
 
-_put("a MOVE gets a new target while it runs", "note 4.8", _retarget, SHOULD)
-
-
-def _jogged(sign: int, speed: int):
-    def run(bench: Bench):
-        bench.expect(spec.jog(1, speed, bench.home[0] + sign * 5000))
-        bench.set_out(1)
-        bench.link.pump(0.2)
-        bench.expect(spec.stop(1))
-        bench.idle()
-        steps = (bench.positions().steps[0] - bench.home[0]) * sign
-        bench.go(1, 0)
-        most = 0.2 * VELOCITY * speed / 10000 * 1.5 + 60
-        if not 0 < steps < most:
-            raise Failed(
-                f"a jog of 0.2 s at {speed / 100:g} % went {steps} steps, "
-                f"at most {most:.0f} are expected"
-            )
-
-    return run
-
-
-for _speed in (1000, 5000, 10000):
-    for _sign in (1, -1):
-        _put(
-            f"JOG at {_speed} {'up' if _sign > 0 else 'down'}, then STOP",
-            "MSG_MOTOR_JOG",
-            _jogged(_sign, _speed),
+@MOTORS.must(
+    "JOG at {speed} {sign}, then STOP", "MSG_MOTOR_JOG", speed=(1000, 5000, 10000), sign=_UP_DOWN
+)
+def _jogged(bench: Bench, sign: int, speed: int):
+    bench.expect(spec.jog(1, speed, bench.home[0] + sign * 5000))
+    bench.set_out(1)
+    bench.link.pump(0.2)
+    bench.expect(spec.stop(1))
+    bench.idle()
+    steps = (bench.positions().steps[0] - bench.home[0]) * sign
+    bench.go(1, 0)
+    most = 0.2 * VELOCITY * speed / 10000 * 1.5 + 60
+    if not 0 < steps < most:
+        raise Failed(
+            f"a jog of 0.2 s at {speed / 100:g} % went {steps} steps, "
+            f"at most {most:.0f} are expected"
         )
 
 
+@MOTORS.must("a JOG ends at its DESTINATION", "MSG_MOTOR_JOG")
 def _jog_end(bench: Bench):
     bench.expect(spec.jog(1, 10000, bench.home[0] + 40))
     bench.idle()
@@ -243,90 +208,84 @@ def _jog_end(bench: Bench):
     bench.go(1, 0)
 
 
-_put("a JOG ends at its DESTINATION", "MSG_MOTOR_JOG", _jog_end)
+class Limited(NamedTuple):
+    """Soft limits, a target, and the code of a refusal or 0."""
+
+    lower: int | None
+    upper: int | None
+    target: int
+    code: int
+
+    def __str__(self) -> str:
+        answer = "refused" if self.code else "made"
+        return f"limits {self.lower} and {self.upper}: a MOVE to {self.target} is {answer}"
 
 
-def _limited(steps: int, lower, upper, code: int):
-    def run(bench: Bench):
-        home = bench.home[0]
-        at = [None if limit is None else home + limit for limit in (lower, upper)]
-        bench.expect(spec.limits(1, *at))
-        bench.expect(spec.move(1, home + steps), *((code,) if code else ()))
-        bench.idle()
-        bench.at(1, 0 if code else steps)
-        bench.expect(spec.limits(1))
-        bench.go(1, 0)
-
-    return run
-
-
-for _steps, _lower, _upper, _code in (
-    (101, -100, 100, spec.ERR_SOFT_UP),
-    (-101, -100, 100, spec.ERR_SOFT_LOW),
-    (100, -100, 100, 0),
-    (-100, -100, 100, 0),
-    (150, None, 100, spec.ERR_SOFT_UP),
-    (-150, None, 100, 0),
-    (-150, -100, None, spec.ERR_SOFT_LOW),
-    (150, -100, None, 0),
-    (120, None, None, 0),
-    (-120, None, None, 0),
-):
-    _put(
-        f"limits {_lower} and {_upper}: a MOVE to {_steps} is {'refused' if _code else 'made'}",
-        "MSG_MOTOR_SET_LIMITS; ERR_SOFT_UP, ERR_SOFT_LOW; note 4.3",
-        _limited(_steps, _lower, _upper, _code),
-    )
+@MOTORS.must(
+    "{case}",
+    "MSG_MOTOR_SET_LIMITS; ERR_SOFT_UP, ERR_SOFT_LOW; note 4.3",
+    case=(
+        Limited(-100, 100, 101, spec.ERR_SOFT_UP),
+        Limited(-100, 100, -101, spec.ERR_SOFT_LOW),
+        Limited(-100, 100, 100, 0),
+        Limited(-100, 100, -100, 0),
+        Limited(None, 100, 150, spec.ERR_SOFT_UP),
+        Limited(None, 100, -150, 0),
+        Limited(-100, None, -150, spec.ERR_SOFT_LOW),
+        Limited(-100, None, 150, 0),
+        Limited(None, None, 120, 0),
+        Limited(None, None, -120, 0),
+    ),
+)
+def _limited(bench: Bench, case: Limited):
+    lower, upper, steps, code = case
+    home = bench.home[0]
+    at = [None if limit is None else home + limit for limit in (lower, upper)]
+    bench.expect(spec.limits(1, *at))
+    bench.expect(spec.move(1, home + steps), *((code,) if code else ()))
+    bench.idle()
+    bench.at(1, 0 if code else steps)
+    bench.expect(spec.limits(1))
+    bench.go(1, 0)
 
 
-def _jog_limit(sign: int):
-    def run(bench: Bench):
-        bench.expect(spec.limits(1, bench.home[0] - 60, bench.home[0] + 60))
-        bench.expect(spec.jog(1, 10000, bench.home[0] + sign * 1000))
-        bench.idle()
-        bench.at(1, sign * 60)
-        bench.expect(spec.limits(1))
-        bench.go(1, 0)
-
-    return run
+@MOTORS.should("a JOG {sign} ends at the soft limit", "note 4.2", sign=_UP_DOWN)
+def _jog_limit(bench: Bench, sign: int):
+    bench.expect(spec.limits(1, bench.home[0] - 60, bench.home[0] + 60))
+    bench.expect(spec.jog(1, 10000, bench.home[0] + sign * 1000))
+    bench.idle()
+    bench.at(1, sign * 60)
+    bench.expect(spec.limits(1))
+    bench.go(1, 0)
 
 
-for _sign in (1, -1):
-    _put(
-        f"a JOG {'up' if _sign > 0 else 'down'} ends at the soft limit",
-        "note 4.2",
-        _jog_limit(_sign),
-        SHOULD,
-    )
+@MOTORS.must(
+    "RESET_POSITION to {position} changes it, moves nothing and is confirmed",
+    "MSG_MOTOR_RESET_POSITION",
+    position=(0, 1, -1),
+)
+@MOTORS.must(
+    "RESET_POSITION to {position} changes it, moves nothing and is confirmed",
+    "MSG_MOTOR_RESET_POSITION",
+    position=(65536, -65536, 1_000_000, -1_000_000, 0x7FFFFF, -0x800000),
+    full=True,
+)
+def _renamed(bench: Bench, position: int):
+    home = bench.home[0]
+    bench.link.reports.clear()
+    bench.expect(spec.reset(1, position))
+    bench.link.pump(0.15)
+    found, reports, moved = bench.positions().steps[0], bench.reports(), bench.moving()
+    bench.expect(spec.reset(1, home))
+    if found != position or moved:
+        raise Failed(f"RESET_POSITION to {position} gave {found}")
+    if not reports or reports[-1].steps[0] != position:
+        raise Failed(
+            "RESET_POSITION is not followed by a GET_POSITION message with the new position"
+        )
 
 
-def _renamed(position: int):
-    def run(bench: Bench):
-        home = bench.home[0]
-        bench.link.reports.clear()
-        bench.expect(spec.reset(1, position))
-        bench.link.pump(0.15)
-        found, reports, moved = bench.positions().steps[0], bench.reports(), bench.moving()
-        bench.expect(spec.reset(1, home))
-        if found != position or moved:
-            raise Failed(f"RESET_POSITION to {position} gave {found}")
-        if not reports or reports[-1].steps[0] != position:
-            raise Failed(
-                "RESET_POSITION is not followed by a GET_POSITION message with the new position"
-            )
-
-    return run
-
-
-for _position in (0, 1, -1, 65536, -65536, 1_000_000, -1_000_000, 0x7FFFFF, -0x800000):
-    _put(
-        f"RESET_POSITION to {_position} changes it, moves nothing and is confirmed",
-        "MSG_MOTOR_RESET_POSITION",
-        _renamed(_position),
-        full=_position not in (0, 1, -1),
-    )
-
-
+@MOTORS.should("RESET_POSITION of a motor that moves is refused", "ERR_MOVING; note 4.5")
 def _reset_moving(bench: Bench):
     bench.expect(spec.move(1, bench.home[0] + 200))
     bench.expect(spec.reset(1, 0), spec.ERR_MOVING)
@@ -335,11 +294,7 @@ def _reset_moving(bench: Bench):
     bench.go(1, 0)
 
 
-_put(
-    "RESET_POSITION of a motor that moves is refused", "ERR_MOVING; note 4.5", _reset_moving, SHOULD
-)
-
-
+@MOTORS.must("two motors move at once", "MSG_MOTOR_MOVE", needs=_two)
 def _together(bench: Bench):
     for motor in (1, 2):
         bench.expect(spec.move(motor, bench.home[motor - 1] + 100 * motor))
@@ -351,21 +306,11 @@ def _together(bench: Bench):
         bench.go(motor, 0)
 
 
-_put("two motors move at once", "MSG_MOTOR_MOVE", _together, needs=_two)
-
-
+@_ALL.must(
+    "DMX 0 on channel 1 is accepted",
+    "MSG_DMX",
+    needs=lambda bench: bench.hello.lights > 0,
+    full=True,
+)
 def _lights(bench: Bench):
     bench.expect(Request(spec.DMX, b"\0\1\0\0"))
-
-
-CHECKS.append(
-    Check(
-        "motors",
-        "DMX 0 on channel 1 is accepted",
-        "MSG_DMX",
-        _lights,
-        MUST,
-        lambda b: b.hello.lights > 0,
-        True,
-    )
-)

@@ -3,12 +3,11 @@ end at rest, reports of reached frames."""
 
 from .. import spec
 from ..bench import FRAMES, Bench
-from ..kit import MUST, SHOULD, Check
+from ..kit import Subject, once
 from ..link import Failed
 from ..sampling import Sample, of, sample, took
 from ..spec import Request
 
-CHECKS: list[Check] = []
 _RUN = "MSG_RT_RUN_MOVE"
 _LONG = 240  # frames
 _DRIFT = 4e-4  # as a part of the rate; 24 instead of 23.976 is 1e-3
@@ -19,43 +18,44 @@ def _can(bench: Bench) -> bool:
     return bool(bench.hello.can & spec.CAN_RUN) and bench.hello.motors > 0
 
 
-def _put(name, source, run, level=MUST, full=False):
-    CHECKS.append(Check("runs", name, source, run, level, _can, full))
+ROLLS = Subject("runs", _can)
 
 
-def _drift(fps: float):
+@ROLLS.must(
+    f"{_LONG} frames at {{fps}} frames/s drift by less than {_DRIFT:.2%}",
+    f"{_RUN}: Speed in FPS * 1000",
+    fps=(23.976, 29.97),
+    full=True,
+)
+def _drift(bench: Bench, fps: float):
     """The rate, from a straight line through the times of all frames."""
-
-    def run(bench: Bench):
-        if bench.hello.frames < _LONG:
-            return
-        bench.expect(spec.begin(1, _LONG))
-        positions = [bench.home[0] + abs(i % 120 - 60) for i in range(_LONG)]
-        for at in range(0, _LONG, 120):
-            last = spec.LAST if at + 120 == _LONG else 0
-            bench.expect(spec.axis(1, at | last, positions[at : at + 120]))
-        bench.expect(Request(spec.UPLOAD_END))
-        bench.expect(spec.run(fps, 1, _LONG))
-        bench.idle()
-        bench.link.reports.clear()
-        bench.expect(Request(spec.GO))
-        end = bench.link.clock() + _LONG / fps + 4
-        while not bench.ends() and bench.link.clock() < end:
-            bench.link.pump(0.1)
-        times = {
-            p.move_time // 1000: p.time_s
-            for p in bench.reports()
-            if p.move_time % 1000 == 0 and 1000 < p.move_time < 1000 * _LONG
-        }
-        bench.idle()
-        bench.return_home()
-        if len(times) < _LONG / 2:
-            raise Failed(f"only {len(times)} of {_LONG} frames were reported")
-        period = _slope(times)
-        if abs(period * fps - 1) > _DRIFT:
-            raise Failed(f"frames came at {1 / period:.4f} frames/s, asked for were {fps}")
-
-    return run
+    if bench.hello.frames < _LONG:
+        return
+    bench.expect(spec.begin(1, _LONG))
+    positions = [bench.home[0] + abs(i % 120 - 60) for i in range(_LONG)]
+    for at in range(0, _LONG, 120):
+        last = spec.LAST if at + 120 == _LONG else 0
+        bench.expect(spec.axis(1, at | last, positions[at : at + 120]))
+    bench.expect(Request(spec.UPLOAD_END))
+    bench.expect(spec.run(fps, 1, _LONG))
+    bench.idle()
+    bench.link.reports.clear()
+    bench.expect(Request(spec.GO))
+    end = bench.link.clock() + _LONG / fps + 4
+    while not bench.ends() and bench.link.clock() < end:
+        bench.link.pump(0.1)
+    times = {
+        p.move_time // 1000: p.time_s
+        for p in bench.reports()
+        if p.move_time % 1000 == 0 and 1000 < p.move_time < 1000 * _LONG
+    }
+    bench.idle()
+    bench.return_home()
+    if len(times) < _LONG / 2:
+        raise Failed(f"only {len(times)} of {_LONG} frames were reported")
+    period = _slope(times)
+    if abs(period * fps - 1) > _DRIFT:
+        raise Failed(f"frames came at {1 / period:.4f} frames/s, asked for were {fps}")
 
 
 def _slope(times: dict[int, float]) -> float:
@@ -67,46 +67,47 @@ def _slope(times: dict[int, float]) -> float:
     )
 
 
-for _rate in (23.976, 29.97):
-    _put(
-        f"{_LONG} frames at {_rate} frames/s drift by less than {_DRIFT:.2%}",
-        f"{_RUN}: Speed in FPS * 1000",
-        _drift(_rate),
-        full=True,
-    )
-
-
+@once
 def _steady(bench: Bench) -> tuple[list[Sample], float]:
     """Play a path of constant velocity, forward. Return the samples from before GO until RT_END,
     and its time."""
-    if "steady" not in bench.kept:
-        bench.expect(spec.begin(1, FRAMES))
-        path = [bench.home[0] + _STEP * i for i in range(FRAMES)]
-        bench.expect(spec.axis(1, spec.LAST, path))
-        bench.expect(Request(spec.UPLOAD_END))
-        roll = round(1000 * _ROLL_S)
-        bench.expect(spec.run(_FPS, 1, FRAMES, roll, roll))
-        bench.idle()
-        bench.link.reports.clear()
-        seen = [sample(bench)]
-        bench.expect(Request(spec.GO))
-        limit = bench.link.clock() + 10
-        while not bench.ends():
-            if bench.link.clock() > limit:
-                raise Failed("no RT_END within 10 s of GO")
-            seen.append(sample(bench))
-            bench.link.pump(0.002)
-        end = bench.ends()[0]
-        bench.idle()
-        bench.return_home()
-        bench.kept["steady"] = seen, end
-    return bench.kept["steady"]
+    bench.expect(spec.begin(1, FRAMES))
+    path = [bench.home[0] + _STEP * i for i in range(FRAMES)]
+    bench.expect(spec.axis(1, spec.LAST, path))
+    bench.expect(Request(spec.UPLOAD_END))
+    roll = round(1000 * _ROLL_S)
+    bench.expect(spec.run(_FPS, 1, FRAMES, roll, roll))
+    bench.idle()
+    bench.link.reports.clear()
+    seen = [sample(bench)]
+    bench.expect(Request(spec.GO))
+    limit = bench.link.clock() + 10
+    while not bench.ends():
+        if bench.link.clock() > limit:
+            raise Failed("no RT_END within 10 s of GO")
+        seen.append(sample(bench))
+        bench.link.pump(0.002)
+    end = bench.ends()[0]
+    bench.idle()
+    bench.return_home()
+    return seen, end
 
 
 _SPEED = _STEP * _FPS
 _WAY = _SPEED * _ROLL_S / 2  # distance of a roll with constant acceleration
 
 
+def _came(seen: list[Sample], wanted: int) -> float:
+    """Return when motor 1 was first seen at a position or beyond it."""
+    for _, came, steps in of(seen, 1):
+        if steps >= wanted:
+            return came
+    raise Failed(f"motor 1 never came to {wanted}")
+
+
+@ROLLS.must(
+    "the pre-roll lasts its time", f'{_RUN}: accelerate into full speed after "pre-roll time"'
+)
 def _pre_time(bench: Bench):
     seen, _ = _steady(bench)
     low, high = took(seen, 1, seen[0].steps[0] + 2, 0)
@@ -116,30 +117,17 @@ def _pre_time(bench: Bench):
         raise Failed(f"the pre-roll took {low:.2f} s from its third step, expected {wanted:.2f} s")
 
 
-_put(
-    "the pre-roll lasts its time",
-    f'{_RUN}: accelerate into full speed after "pre-roll time"',
-    _pre_time,
+@ROLLS.should(
+    "the first frame comes a pre-roll after GO", "MSG_RT_GO; " + f"{_RUN}: PRE-ROLL TIME; note 6.2"
 )
-
-
 def _go_time(bench: Bench):
     seen, _ = _steady(bench)
-    track = of(seen, 1)
-    first = next(came for asked, came, steps in track if steps >= 0)
-    late = first - seen[0].came_s - _ROLL_S
+    late = _came(seen, 0) - seen[0].came_s - _ROLL_S
     if late > 0.2:
         raise Failed(f"the first frame came {late:.2f} s later than the pre-roll after GO")
 
 
-_put(
-    "the first frame comes a pre-roll after GO",
-    "MSG_RT_GO; " + f"{_RUN}: PRE-ROLL TIME; note 6.2",
-    _go_time,
-    SHOULD,
-)
-
-
+@ROLLS.must("after the pre-roll the motor has full speed", f"{_RUN}: full speed")
 def _pre_speed(bench: Bench):
     seen, _ = _steady(bench)
     low, high = took(seen, 1, 0.5 * _STEP, 5.5 * _STEP)
@@ -148,9 +136,7 @@ def _pre_speed(bench: Bench):
         raise Failed(f"five frames took {low:.3f} to {high:.3f} s, expected {wanted:.3f} s")
 
 
-_put("after the pre-roll the motor has full speed", f"{_RUN}: full speed", _pre_speed)
-
-
+@ROLLS.should("the post-roll is a ramp that lasts its time", f"{_RUN}: POST-ROLL TIME; note 6.2")
 def _post_way(bench: Bench):
     seen, _ = _steady(bench)
     most = max(steps for _, _, steps in of(seen, 1)) - _STEP * (FRAMES - 1)
@@ -162,29 +148,21 @@ def _post_way(bench: Bench):
         )
 
 
-_put(
-    "the post-roll is a ramp that lasts its time",
-    f"{_RUN}: POST-ROLL TIME; note 6.2",
-    _post_way,
-    SHOULD,
+@ROLLS.should(
+    "RT_END does not come before the post-roll is over",
+    "MSG_RT_END: the process is over; note 6.11",
 )
-
-
 def _post_end(bench: Bench):
     seen, end = _steady(bench)
-    last = next(came for _, came, steps in of(seen, 1) if steps >= _STEP * (FRAMES - 1))
+    last = _came(seen, _STEP * (FRAMES - 1))
     if end - last < _ROLL_S * 0.85:
         raise Failed(f"RT_END came {end - last:.2f} s after the end frame, before the post-roll")
 
 
-_put(
-    "RT_END does not come before the post-roll is over",
-    "MSG_RT_END: the process is over; note 6.11",
-    _post_end,
-    SHOULD,
+@ROLLS.must(
+    "a frame is reported when it is reached",
+    "MSG_RT_GO: each time it reaches a new frame; slightly after is ok",
 )
-
-
 def _fresh(bench: Bench):
     fps = 6
     bench.upload()
@@ -212,10 +190,3 @@ def _fresh(bench: Bench):
             f"when a frame was reported motor 1 was {worst} steps further, "
             f"which takes {worst / fastest:.2f} s at least"
         )
-
-
-_put(
-    "a frame is reported when it is reached",
-    "MSG_RT_GO: each time it reaches a new frame; slightly after is ok",
-    _fresh,
-)

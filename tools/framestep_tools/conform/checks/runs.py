@@ -1,12 +1,14 @@
 """Runs of an uploaded move at several rates, forward and backward, and their answers."""
 
+from collections.abc import Callable
+from typing import Any
+
 from .. import spec
 from ..bench import FRAMES, Bench, Played
-from ..kit import MUST, SHOULD, Check
+from ..kit import Subject
 from ..link import Failed
 from ..spec import Request
 
-CHECKS: list[Check] = []
 _LATE_S = 0.06  # lateness of one frame's report against the others'
 
 
@@ -14,8 +16,11 @@ def _can(bench: Bench) -> bool:
     return bool(bench.hello.can & spec.CAN_RUN) and bench.hello.motors > 0
 
 
-def _put(name, source, run, level=MUST):
-    CHECKS.append(Check("runs", name, source, run, level, _can))
+RUNS = Subject("runs", _can)
+_WAYS: dict[str, Any] = {
+    "fps": (6, 12, 23.976, 24, 25, 29.97, 30, 48),
+    "back": {"forward": False, "backward": True},
+}
 
 
 def _played(bench: Bench, fps: float, back: bool) -> Played:
@@ -36,135 +41,91 @@ def _frames(played: Played):
     return found
 
 
-def _each(fps, back):
-    def run(bench: Bench):
-        seen = {p.move_time // 1000 for p in _played(bench, fps, back).positions}
-        if missing := set(range(1, FRAMES + 1)) - seen:
-            raise Failed(f"no GET_POSITION for the frames {sorted(missing)}")
-        if extra := seen - set(range(1, FRAMES + 1)):
-            raise Failed(f"MOVE TIME names the frames {sorted(extra)}, outside the run")
-
-    return run
-
-
-def _right(fps, back):
-    def run(bench: Bench):
-        for number, position in _frames(_played(bench, fps, back)).items():
-            if not 1 <= number <= FRAMES:
-                raise Failed(f"MOVE TIME names frame {number}, outside the run")
-            if off := bench.off_path(number, position):
-                raise Failed(off)
-
-    return run
+@RUNS.must(
+    "{fps} frames/s {back}: each frame is reported",
+    "MSG_RT_GO: GET_POSITION each time it reaches a new frame",
+    **_WAYS,
+)
+def _each(bench: Bench, fps, back):
+    seen = {p.move_time // 1000 for p in _played(bench, fps, back).positions}
+    if missing := set(range(1, FRAMES + 1)) - seen:
+        raise Failed(f"no GET_POSITION for the frames {sorted(missing)}")
+    if extra := seen - set(range(1, FRAMES + 1)):
+        raise Failed(f"MOVE TIME names the frames {sorted(extra)}, outside the run")
 
 
-def _timed(fps, back):
-    def run(bench: Bench):
-        frames = _frames(_played(bench, fps, back))
-        numbers = sorted(frames, reverse=back)
-        if len(numbers) < 2:
-            raise Failed("fewer than two whole frames were reported")
-        start = frames[numbers[0]].time_s
-        for number in numbers:
-            late = frames[number].time_s - start - abs(number - numbers[0]) / fps
-            if abs(late) > _LATE_S:
-                raise Failed(f"frame {number} is {late * 1000:+.0f} ms from its time")
-
-    return run
+@RUNS.must(
+    "{fps} frames/s {back}: positions of whole frames are the uploaded ones",
+    "MSG_RT_GO; note 4.6",
+    **_WAYS,
+)
+def _right(bench: Bench, fps, back):
+    for number, position in _frames(_played(bench, fps, back)).items():
+        if not 1 <= number <= FRAMES:
+            raise Failed(f"MOVE TIME names frame {number}, outside the run")
+        if off := bench.off_path(number, position):
+            raise Failed(off)
 
 
-def _ended(fps, back):
-    def run(bench: Bench):
-        played = _played(bench, fps, back)
-        if len(played.ends) != 1:
-            raise Failed(f"RT_END came {len(played.ends)} times")
-        frames = _frames(played)
-        last = frames.get(1 if back else FRAMES)
-        if last is None:
-            raise Failed("the last frame was not reported before RT_END")
-        after = played.ends[0] - last.time_s
-        if not -0.01 < after < 0.2 + 1 / fps + 0.6:
-            raise Failed(
-                f"RT_END came {after:.2f} s after the last frame, with a post-roll of 0.2 s"
-            )
-
-    return run
+@RUNS.must("{fps} frames/s {back}: frames come at their times", "MSG_RT_RUN_MOVE: FPS", **_WAYS)
+def _timed(bench: Bench, fps, back):
+    frames = _frames(_played(bench, fps, back))
+    numbers = sorted(frames, reverse=back)
+    if len(numbers) < 2:
+        raise Failed("fewer than two whole frames were reported")
+    start = frames[numbers[0]].time_s
+    for number in numbers:
+        late = frames[number].time_s - start - abs(number - numbers[0]) / fps
+        if abs(late) > _LATE_S:
+            raise Failed(f"frame {number} is {late * 1000:+.0f} ms from its time")
 
 
-for _fps in (6, 12, 23.976, 24, 25, 29.97, 30, 48):
-    for _back in (False, True):
-        _text = f"{_fps} frames/s {'backward' if _back else 'forward'}"
-        for _what, _source, _make, _level in (
-            (
-                "each frame is reported",
-                "MSG_RT_GO: GET_POSITION each time it reaches a new frame",
-                _each,
-                MUST,
-            ),
-            (
-                "positions of whole frames are the uploaded ones",
-                "MSG_RT_GO; note 4.6",
-                _right,
-                MUST,
-            ),
-            ("frames come at their times", "MSG_RT_RUN_MOVE: FPS", _timed, MUST),
-            ("RT_END comes once, after the end", "MSG_RT_END; note 6.4", _ended, MUST),
-        ):
-            _put(f"{_text}: {_what}", _source, _make(_fps, _back), _level)
+@RUNS.must(
+    "{fps} frames/s {back}: RT_END comes once, after the end", "MSG_RT_END; note 6.4", **_WAYS
+)
+def _ended(bench: Bench, fps, back):
+    played = _played(bench, fps, back)
+    if len(played.ends) != 1:
+        raise Failed(f"RT_END came {len(played.ends)} times")
+    frames = _frames(played)
+    last = frames.get(1 if back else FRAMES)
+    if last is None:
+        raise Failed("the last frame was not reported before RT_END")
+    after = played.ends[0] - last.time_s
+    if not -0.01 < after < 0.2 + 1 / fps + 0.6:
+        raise Failed(f"RT_END came {after:.2f} s after the last frame, with a post-roll of 0.2 s")
 
 
-def _refused(codes, *requests):
-    def run(bench: Bench):
-        bench.upload()
-        for request in requests[:-1]:
-            bench.expect(request)
-            bench.idle()
-        bench.expect(requests[-1], *codes)
-        bench.expect(Request(spec.STOP_ALL))
-        bench.idle()
-        bench.return_home()
-
-    return run
-
-
-def _during(request, *codes):
-    def run(bench: Bench):
-        bench.upload()
-        bench.expect(spec.run(12, 1, FRAMES))
-        bench.idle()
-        bench.expect(Request(spec.GO))
-        bench.link.pump(0.4)
-        bench.expect(request(bench), *codes)
-        bench.expect(Request(spec.STOP_ALL))
-        bench.idle()
-        bench.return_home()
-
-    return run
+@RUNS.should(
+    "{request} during a run is refused",
+    "ERR_MOVING; note 5.2",
+    request={
+        "RUN_MOVE": lambda b: spec.run(12, 1, FRAMES),
+        "POSITION_FRAME": lambda b: spec.frame(2),
+        "JOG_ALL": lambda b: spec.jog_all(12, 2),
+        "UPLOAD_MOVE_BEGIN": lambda b: spec.begin(1, 5),
+        "RESET_POSITION": lambda b: spec.reset(1, b.home[0]),
+    },
+)
+def _during(bench: Bench, request: Callable[[Bench], Request]):
+    bench.upload()
+    bench.expect(spec.run(12, 1, FRAMES))
+    bench.idle()
+    bench.expect(Request(spec.GO))
+    bench.link.pump(0.4)
+    bench.expect(request(bench), spec.ERR_MOVING)
+    bench.expect(Request(spec.STOP_ALL))
+    bench.idle()
+    bench.return_home()
 
 
-for _name, _request in (
-    ("RUN_MOVE", lambda b: spec.run(12, 1, FRAMES)),
-    ("POSITION_FRAME", lambda b: spec.frame(2)),
-    ("JOG_ALL", lambda b: spec.jog_all(12, 2)),
-    ("UPLOAD_MOVE_BEGIN", lambda b: spec.begin(1, 5)),
-    ("RESET_POSITION", lambda b: spec.reset(1, b.home[0])),
-):
-    _put(
-        f"{_name} during a run is refused",
-        "ERR_MOVING; note 5.2",
-        _during(_request, spec.ERR_MOVING),
-        SHOULD,
-    )
-
-
+@RUNS.should("GO without a run is refused", "MSG_RT_GO: after a RUN_MOVE or SHOOT_FRAME")
 def _go_alone(bench: Bench):
     bench.upload()
     bench.expect(Request(spec.GO), *(code for code in spec.CODES if code != spec.OK))
 
 
-_put("GO without a run is refused", "MSG_RT_GO: after a RUN_MOVE or SHOOT_FRAME", _go_alone, SHOULD)
-
-
+@RUNS.must("GO before the motors are in position is refused", "ERR_NOT_IN_POSITION; note 6.1")
 def _go_early(bench: Bench):
     bench.upload()
     bench.go(1, 500)
@@ -176,9 +137,7 @@ def _go_early(bench: Bench):
     bench.return_home()
 
 
-_put("GO before the motors are in position is refused", "ERR_NOT_IN_POSITION; note 6.1", _go_early)
-
-
+@RUNS.must("a run waits for GO", "MSG_RT_RUN_MOVE: it must wait for a MSG_RT_GO")
 def _waits(bench: Bench):
     bench.upload()
     bench.expect(spec.run(12, 1, FRAMES))
@@ -189,9 +148,10 @@ def _waits(bench: Bench):
     bench.expect(Request(spec.STOP_ALL))
 
 
-_put("a run waits for GO", "MSG_RT_RUN_MOVE: it must wait for a MSG_RT_GO", _waits)
-
-
+@RUNS.should(
+    "the pre-roll begins where constant acceleration reaches the path's velocity",
+    "MSG_RT_RUN_MOVE: pre-roll; note 6.2",
+)
 def _preroll(bench: Bench):
     home = bench.home[0]
     bench.expect(spec.begin(1, FRAMES))
@@ -204,14 +164,7 @@ def _preroll(bench: Bench):
     bench.return_home()
 
 
-_put(
-    "the pre-roll begins where constant acceleration reaches the path's velocity",
-    "MSG_RT_RUN_MOVE: pre-roll; note 6.2",
-    _preroll,
-    SHOULD,
-)
-
-
+@RUNS.must("a pre-roll past a limit is refused", "ERR_PREROLL")
 def _preroll_limit(bench: Bench):
     home = bench.home[0]
     bench.expect(spec.begin(1, FRAMES))
@@ -222,9 +175,7 @@ def _preroll_limit(bench: Bench):
     bench.expect(spec.limits(1))
 
 
-_put("a pre-roll past a limit is refused", "ERR_PREROLL", _preroll_limit)
-
-
+@RUNS.should("STOP_ALL ends a run with RT_END", "MSG_MOTOR_STOP_ALL; note 6.6")
 def _stopped(bench: Bench):
     bench.upload()
     bench.expect(spec.run(6, 1, FRAMES))
@@ -239,6 +190,3 @@ def _stopped(bench: Bench):
         bench.return_home()
         return
     raise Failed(f"RT_END came {len(ends)} times after STOP_ALL ended a run")
-
-
-_put("STOP_ALL ends a run with RT_END", "MSG_MOTOR_STOP_ALL; note 6.6", _stopped, SHOULD)

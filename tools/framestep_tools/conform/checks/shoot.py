@@ -7,28 +7,28 @@ from typing import NamedTuple
 from ...judge.trace import Edge
 from .. import spec
 from ..bench import FRAMES, Bench
-from ..kit import MUST, SHOULD, Check
+from ..kit import Subject, once
 from ..link import Failed
 from ..sampling import Sample, sample, took, watch
 from ..spec import Request
 
-CHECKS: list[Check] = []
 _A, _B = 0, 160  # the blurred motor's positions at 0 and 360 degrees, from home
 _FRAME = 4
 _TOLERANCE = 0.1
 _PINS_S = 0.004
 
 
-def _can(bit: int, motors: int = 1, pins: bool = False):
-    return lambda bench: (
-        bool(bench.hello.can & bit)
-        and bench.hello.motors >= motors
-        and (bench.pins is not None or not pins)
-    )
+def _two(bench: Bench) -> bool:
+    return bench.hello.motors > 1
 
 
-def _put(name, source, run, level=MUST, bit=spec.CAN_SHOOT, motors=1, pins=False):
-    CHECKS.append(Check("shoot", name, source, run, level, _can(bit, motors, pins)))
+def _pins(bench: Bench) -> bool:
+    return bench.pins is not None
+
+
+_BOTH = Subject("shoot", lambda bench: bench.hello.motors > 0)
+SHOOT = _BOTH.where(lambda bench: bench.hello.can & spec.CAN_SHOOT)
+SHOOT2 = _BOTH.where(lambda bench: bench.hello.can & spec.CAN_SHOOT2)
 
 
 def _shoot(frame: int, forward: bool, exposure_ms: int, blur: int, *pairs) -> Request:
@@ -55,10 +55,9 @@ class Shot(NamedTuple):
     edges: list[Edge]
 
 
+@once
 def _shot(bench: Bench, request: Request) -> Shot:
     """Shoot with motor 1 in motion. Shot only once for all checks."""
-    if request in bench.kept:
-        return bench.kept[request]
     bench.upload()
     bench.expect(spec.configure(1, 3))
     bench.expect(request)
@@ -77,7 +76,6 @@ def _shot(bench: Bench, request: Request) -> Shot:
     bench.idle()
     bench.prepare()
     bench.return_home()
-    bench.kept[request] = shot
     return shot
 
 
@@ -95,65 +93,101 @@ def _part(a: float, part: float, b: float) -> float:
     return a + (b - a) * part
 
 
+class Exposure(NamedTuple):
+    """SHOOT_FRAME: direction, time, and the part of it that is blurred, in 1/1000."""
+
+    forward: bool
+    ms: int
+    blur: int
+
+    def __str__(self) -> str:
+        way = "forward" if self.forward else "backward"
+        return f"{way}, {self.ms} ms, {self.blur / 10:g} %"
+
+    def shoot(self, bench: Bench) -> Shot:
+        pair = (1, bench.home[0] + _A, bench.home[0] + _B)
+        return _shot(bench, _shoot(_FRAME, self.forward, self.ms, self.blur, pair))
+
+    def place(self, part: float) -> float:
+        """Return the position after a part of the distance."""
+        a, b = (_A, _B) if self.forward else (_B, _A)
+        return _part(a, part, b)
+
+
+_EXPOSURES = (
+    Exposure(True, 400, 1000),
+    Exposure(False, 400, 1000),
+    Exposure(True, 800, 500),
+    Exposure(False, 600, 500),
+)
+
+
+class Turn(NamedTuple):
+    """SHOOT_FRAME2: time, and the angles at which the shutter opens and closes."""
+
+    ms: int
+    opens: int
+    closes: int
+
+    def __str__(self) -> str:
+        return f"{self.ms} ms, {self.opens} to {self.closes} degrees"
+
+    def shoot(self, bench: Bench) -> Shot:
+        pair = (1, bench.home[0] + _A, bench.home[0] + _B)
+        return _shot(bench, _shoot2(_FRAME, *self, pair))
+
+
+_TURNS = (Turn(600, 0, 360), Turn(400, 0, 180), Turn(300, 90, 270), Turn(500, 0, 180))
+_BLUR = "MSG_MOTOR_CONFIGURE: 0x02 blur enabled"
+
+
+# ---- both
+
+
+@SHOOT.must("SHOOT_FRAME {exposure}: RT_END comes once", "MSG_RT_END", exposure=_EXPOSURES)
+@SHOOT2.must("SHOOT_FRAME2 {exposure}: RT_END comes once", "MSG_RT_END", exposure=_TURNS)
+def _ends_once(bench: Bench, exposure: Exposure | Turn):
+    if (ends := exposure.shoot(bench).ends) != 1:
+        raise Failed(f"RT_END came {ends} times")
+
+
+@SHOOT.should(
+    "SHOOT_FRAME {exposure}: a motor without blur stays at rest",
+    f"{_BLUR}; note 7.1",
+    exposure=_EXPOSURES,
+    needs=_two,
+)
+@SHOOT2.should(
+    "SHOOT_FRAME2 {exposure}: a motor without blur stays at rest",
+    _BLUR,
+    exposure=_TURNS,
+    needs=_two,
+)
+def _still(bench: Bench, exposure: Exposure | Turn):
+    shot = exposure.shoot(bench)
+    if any(seen.steps[1] != shot.waits[1] for seen in shot.samples):
+        raise Failed("motor 2 moved although it does not blur")
+
+
 # ---- SHOOT_FRAME
 
-_KINDS = ((True, 400, 1000), (False, 400, 1000), (True, 800, 500), (False, 600, 500))
+
+@SHOOT.must(
+    "SHOOT_FRAME {exposure}: the blur takes the exposure",
+    "MSG_RT_SHOOT_FRAME: EXPOSURE TIME, BLUR PERCENT; note 7.1",
+    exposure=_EXPOSURES,
+)
+def _window(bench: Bench, exposure: Exposure):
+    half = 0.8 * exposure.blur / 2000
+    first, last = exposure.place(0.5 - half), exposure.place(0.5 + half)
+    _span(exposure.shoot(bench), first, last, 0.8 * exposure.ms / 1000)
 
 
-def _made(bench: Bench, kind) -> Shot:
-    forward, exposure_ms, blur = kind
-    home = bench.home[0]
-    return _shot(bench, _shoot(_FRAME, forward, exposure_ms, blur, (1, home + _A, home + _B)))
-
-
-def _window(kind):
-    forward, exposure_ms, blur = kind
-
-    def run(bench: Bench):
-        a, b = (_A, _B) if forward else (_B, _A)
-        half = blur / 2000
-        first, last = _part(a, 0.5 - 0.8 * half, b), _part(a, 0.5 + 0.8 * half, b)
-        _span(_made(bench, kind), first, last, 0.8 * exposure_ms / 1000)
-
-    return run
-
-
-def _once(make):
-    def run(bench: Bench):
-        if (ends := make(bench).ends) != 1:
-            raise Failed(f"RT_END came {ends} times")
-
-    return run
-
-
-def _still(make):
-    def run(bench: Bench):
-        for seen in make(bench).samples:
-            if seen.steps[1] != make(bench).waits[1]:
-                raise Failed("motor 2 moved although it does not blur")
-
-    return run
-
-
-for _kind in _KINDS:
-    _forward, _ms, _blur = _kind
-    _text = f"{'forward' if _forward else 'backward'}, {_ms} ms, {_blur / 10:g} %"
-    _make = lambda bench, kind=_kind: _made(bench, kind)  # noqa: E731 - one for each kind
-    _put(
-        f"SHOOT_FRAME {_text}: the blur takes the exposure",
-        "MSG_RT_SHOOT_FRAME: EXPOSURE TIME, BLUR PERCENT; note 7.1",
-        _window(_kind),
-    )
-    _put(f"SHOOT_FRAME {_text}: RT_END comes once", "MSG_RT_END", _once(_make))
-    _put(
-        f"SHOOT_FRAME {_text}: a motor without blur stays at rest",
-        "MSG_MOTOR_CONFIGURE: 0x02 blur enabled; note 7.1",
-        _still(_make),
-        SHOULD,
-        motors=2,
-    )
-
-
+@SHOOT.should(
+    "SHOOT_FRAME: a motor in the list without its blur flag does not move",
+    "MSG_MOTOR_CONFIGURE: 0x02 blur enabled; note 7.1",
+    needs=_two,
+)
 def _listed(bench: Bench):
     home = bench.home
     request = _shoot(
@@ -164,76 +198,37 @@ def _listed(bench: Bench):
         raise Failed("motor 2 moved, whose blur flag is not set")
 
 
-_put(
-    "SHOOT_FRAME: a motor in the list without its blur flag does not move",
-    "MSG_MOTOR_CONFIGURE: 0x02 blur enabled; note 7.1",
-    _listed,
-    SHOULD,
-    motors=2,
-)
-
 # ---- SHOOT_FRAME2
 
-_KINDS2 = ((600, 0, 360), (400, 0, 180), (300, 90, 270), (500, 0, 180))
 
-
-def _made2(bench: Bench, kind) -> Shot:
-    home = bench.home[0]
-    return _shot(bench, _shoot2(_FRAME, *kind, (1, home + _A, home + _B)))
-
-
-def _turn(kind):
+@SHOOT2.must(
+    "SHOOT_FRAME2 {turn}: a turn lasts its time",
+    "MSG_RT_SHOOT_FRAME2: Open, close shutter time, expressed as angle; note 7.2",
+    turn=_TURNS,
+)
+def _lasts(bench: Bench, turn: Turn):
     """A turn lasts exposure x 360 / (CLOSE - OPEN). From a tenth to nine tenths of the distance a
     device takes 0.7 of it (with ramps inside the turn) to 0.8 (without)."""
-    exposure_ms, opens, closes = kind
-
-    def run(bench: Bench):
-        turn = exposure_ms / 1000 * 360 / (closes - opens)
-        shot = _made2(bench, kind)
-        _span(shot, _part(_A, 0.1, _B), _part(_A, 0.9, _B), 0.75 * turn, 0.15)
-
-    return run
+    seconds = turn.ms / 1000 * 360 / (turn.closes - turn.opens)
+    _span(turn.shoot(bench), _part(_A, 0.1, _B), _part(_A, 0.9, _B), 0.75 * seconds, 0.15)
 
 
-def _waits(kind):
-    def run(bench: Bench):
-        if (found := _made2(bench, kind).waits[0]) != _A:
-            raise Failed(f"motor 1 waits at {found}, POS A is {_A}")
-
-    return run
+@SHOOT2.should("SHOOT_FRAME2 {turn}: waits on POS A", "note 7.3", turn=_TURNS)
+def _waits(bench: Bench, turn: Turn):
+    if (found := turn.shoot(bench).waits[0]) != _A:
+        raise Failed(f"motor 1 waits at {found}, POS A is {_A}")
 
 
-def _rests(kind):
-    def run(bench: Bench):
-        if (found := _made2(bench, kind).samples[-1].steps[0]) != _B:
-            raise Failed(f"motor 1 is at {found} when RT_END comes, POS B is {_B}")
-
-    return run
+@SHOOT2.should("SHOOT_FRAME2 {turn}: ends on POS B", "note 7.3", turn=_TURNS)
+def _rests(bench: Bench, turn: Turn):
+    if (found := turn.shoot(bench).samples[-1].steps[0]) != _B:
+        raise Failed(f"motor 1 is at {found} when RT_END comes, POS B is {_B}")
 
 
-for _kind2 in _KINDS2:
-    _text = f"{_kind2[0]} ms, {_kind2[1]} to {_kind2[2]} degrees"
-    _make = lambda bench, kind=_kind2: _made2(bench, kind)  # noqa: E731
-    _two = spec.CAN_SHOOT2
-    _put(
-        f"SHOOT_FRAME2 {_text}: a turn lasts its time",
-        "MSG_RT_SHOOT_FRAME2: Open, close shutter time, expressed as angle; note 7.2",
-        _turn(_kind2),
-        bit=_two,
-    )
-    _put(f"SHOOT_FRAME2 {_text}: waits on POS A", "note 7.3", _waits(_kind2), SHOULD, _two)
-    _put(f"SHOOT_FRAME2 {_text}: ends on POS B", "note 7.3", _rests(_kind2), SHOULD, _two)
-    _put(f"SHOOT_FRAME2 {_text}: RT_END comes once", "MSG_RT_END", _once(_make), bit=_two)
-    _put(
-        f"SHOOT_FRAME2 {_text}: a motor without blur stays at rest",
-        "MSG_MOTOR_CONFIGURE: 0x02 blur enabled",
-        _still(_make),
-        SHOULD,
-        _two,
-        2,
-    )
-
-
+@SHOOT2.should(
+    "SHOOT_FRAME2 without pairs: A and B are half a frame before and after",
+    "The sets of motor numbers and positions are optional; note 7.2",
+)
 def _from_path(bench: Bench):
     path = bench.path(1)
     a = (path[_FRAME - 2] + path[_FRAME - 1]) / 2 - bench.home[0]
@@ -243,14 +238,6 @@ def _from_path(bench: Bench):
         if abs(found - wanted) > 3:
             raise Failed(f"POS {where} by the path is about {wanted:.0f}, motor 1 was at {found}")
 
-
-_put(
-    "SHOOT_FRAME2 without pairs: A and B are half a frame before and after",
-    "The sets of motor numbers and positions are optional; note 7.2",
-    _from_path,
-    SHOULD,
-    spec.CAN_SHOOT2,
-)
 
 # ---- the camera's pins
 
@@ -271,90 +258,92 @@ def _opened(shot: Shot, signal: str) -> tuple[float, float]:
     return levels[-2][0], levels[-1][0]
 
 
-def _shutter(make, exposure_ms: int, a: int | None, b: int | None):
-    def run(bench: Bench):
-        shot = make(bench)
-        begin, end = _opened(shot, "shutter")
-        if abs(end - begin - exposure_ms / 1000) > _PINS_S:
+def _open_for(shot: Shot, exposure_ms: int) -> tuple[float, float]:
+    """Require how long the shutter is open. Return when it opens and closes."""
+    begin, end = _opened(shot, "shutter")
+    if abs(end - begin - exposure_ms / 1000) > _PINS_S:
+        raise Failed(
+            f"the shutter was open for {(end - begin) * 1000:.1f} ms, the exposure is "
+            f"{exposure_ms} ms"
+        )
+    return begin, end
+
+
+@SHOOT.should(
+    "SHOOT_FRAME {exposure}: the shutter is open for the blur",
+    "MSG_RT_SHOOT_FRAME: EXPOSURE TIME; note 7.1",
+    exposure=_EXPOSURES,
+    needs=_pins,
+)
+def _shutter(bench: Bench, exposure: Exposure):
+    shot = exposure.shoot(bench)
+    half = exposure.blur / 2000
+    for time, part in zip(_open_for(shot, exposure.ms), (0.5 - half, 0.5 + half), strict=True):
+        wanted = round(exposure.place(part))
+        if abs(_step_at(shot, time) - wanted) > 2:
             raise Failed(
-                f"the shutter was open for {(end - begin) * 1000:.1f} ms, the exposure is "
-                f"{exposure_ms} ms"
+                f"at an edge of the shutter motor 1 was at {_step_at(shot, time)}, "
+                f"expected {wanted}"
             )
-        for time, wanted in ((begin, a), (end, b)):
-            if wanted is not None and abs(_step_at(shot, time) - wanted) > 2:
-                raise Failed(
-                    f"at an edge of the shutter motor 1 was at {_step_at(shot, time)}, "
-                    f"expected {wanted}"
-                )
-
-    return run
 
 
-for _kind in _KINDS:
-    _forward, _ms, _blur = _kind
-    _way = (_A, _B) if _forward else (_B, _A)
-    _half = _blur / 2000
-    _put(
-        f"SHOOT_FRAME {'forward' if _forward else 'backward'}, {_ms} ms, {_blur / 10:g} %: "
-        "the shutter is open for the blur",
-        "MSG_RT_SHOOT_FRAME: EXPOSURE TIME; note 7.1",
-        _shutter(
-            lambda bench, kind=_kind: _made(bench, kind),
-            _ms,
-            round(_part(_way[0], 0.5 - _half, _way[1])),
-            round(_part(_way[0], 0.5 + _half, _way[1])),
-        ),
-        SHOULD,
-        pins=True,
-    )
-for _kind2 in _KINDS2:
-    _put(
-        f"SHOOT_FRAME2 {_kind2[0]} ms, {_kind2[1]} to {_kind2[2]} degrees: the shutter is open for "
-        "the exposure",
-        "MSG_RT_SHOOT_FRAME2: EXPOSURE TIME",
-        _shutter(lambda bench, kind=_kind2: _made2(bench, kind), _kind2[0], None, None),
-        SHOULD,
-        spec.CAN_SHOOT2,
-        pins=True,
-    )
+@SHOOT2.should(
+    "SHOOT_FRAME2 {turn}: the shutter is open for the exposure",
+    "MSG_RT_SHOOT_FRAME2: EXPOSURE TIME",
+    turn=_TURNS,
+    needs=_pins,
+)
+def _shutter2(bench: Bench, turn: Turn):
+    _open_for(turn.shoot(bench), turn.ms)
+
 
 # ---- refusals
 
 
-def _refused(make, *codes: int):
-    def run(bench: Bench):
-        bench.upload()
-        bench.expect(make(bench), *codes)
-
-    return run
+_IN_UPLOAD = "A frame in the uploaded move; ERR_RANGE"
 
 
-for _number in (0, FRAMES + 1):
-    _put(
-        f"SHOOT_FRAME of frame {_number}, outside the upload, is refused",
-        "MSG_RT_SHOOT_FRAME: A frame in the uploaded move; ERR_RANGE",
-        _refused(lambda b, n=_number: _shoot(n, True, 500, 1000), spec.ERR_RANGE),
-    )
-    _put(
-        f"SHOOT_FRAME2 of frame {_number}, outside the upload, is refused",
-        "MSG_RT_SHOOT_FRAME2: A frame in the uploaded move; ERR_RANGE",
-        _refused(lambda b, n=_number: _shoot2(n, 500, 0, 360), spec.ERR_RANGE),
-        bit=spec.CAN_SHOOT2,
-    )
-for _motor in (0, 33, 255):
-    _put(
-        f"SHOOT_FRAME with motor {_motor} in its list is refused",
-        "MSG_RT_SHOOT_FRAME: Motor number; ERR_RANGE",
-        _refused(lambda b, m=_motor: _shoot(_FRAME, True, 500, 1000, (m, 0, 0)), spec.ERR_RANGE),
-    )
-    _put(
-        f"SHOOT_FRAME2 with motor {_motor} in its list is refused",
-        "MSG_RT_SHOOT_FRAME2: Motor number; ERR_RANGE",
-        _refused(lambda b, m=_motor: _shoot2(_FRAME, 500, 0, 360, (m, 0, 0)), spec.ERR_RANGE),
-        bit=spec.CAN_SHOOT2,
-    )
+@SHOOT.must(
+    "SHOOT_FRAME of frame {number}, outside the upload, is refused",
+    f"MSG_RT_SHOOT_FRAME: {_IN_UPLOAD}",
+    number=(0, FRAMES + 1),
+)
+def _outside(bench: Bench, number: int):
+    bench.upload()
+    bench.expect(_shoot(number, True, 500, 1000), spec.ERR_RANGE)
 
 
+@SHOOT2.must(
+    "SHOOT_FRAME2 of frame {number}, outside the upload, is refused",
+    f"MSG_RT_SHOOT_FRAME2: {_IN_UPLOAD}",
+    number=(0, FRAMES + 1),
+)
+def _outside2(bench: Bench, number: int):
+    bench.upload()
+    bench.expect(_shoot2(number, 500, 0, 360), spec.ERR_RANGE)
+
+
+@SHOOT.must(
+    "SHOOT_FRAME with motor {motor} in its list is refused",
+    "MSG_RT_SHOOT_FRAME: Motor number; ERR_RANGE",
+    motor=(0, 33, 255),
+)
+def _no_such_motor(bench: Bench, motor: int):
+    bench.upload()
+    bench.expect(_shoot(_FRAME, True, 500, 1000, (motor, 0, 0)), spec.ERR_RANGE)
+
+
+@SHOOT2.must(
+    "SHOOT_FRAME2 with motor {motor} in its list is refused",
+    "MSG_RT_SHOOT_FRAME2: Motor number; ERR_RANGE",
+    motor=(0, 33, 255),
+)
+def _no_such_motor2(bench: Bench, motor: int):
+    bench.upload()
+    bench.expect(_shoot2(_FRAME, 500, 0, 360, (motor, 0, 0)), spec.ERR_RANGE)
+
+
+@SHOOT.should("SHOOT_FRAME while a motor moves is refused", "ERR_MOVING; note 6.1")
 def _moving(bench: Bench):
     bench.upload()
     bench.expect(spec.move(1, bench.home[0] + 200))
@@ -363,17 +352,13 @@ def _moving(bench: Bench):
     bench.return_home()
 
 
-_put("SHOOT_FRAME while a motor moves is refused", "ERR_MOVING; note 6.1", _moving, SHOULD)
-
-
+@SHOOT.should("SHOOT_FRAME before UPLOAD_MOVE_END is refused", "note 5.4")
 def _nothing(bench: Bench):
     bench.expect(spec.begin(1, FRAMES))
     bench.refused(_shoot(_FRAME, True, 500, 1000))
 
 
-_put("SHOOT_FRAME before UPLOAD_MOVE_END is refused", "note 5.4", _nothing, SHOULD)
-
-
+@SHOOT.should("STOP_ALL ends an exposure, with RT_END", "MSG_MOTOR_STOP_ALL; note 6.6")
 def _stopped(bench: Bench):
     home = bench.home[0]
     bench.upload()
@@ -391,6 +376,3 @@ def _stopped(bench: Bench):
     bench.return_home()
     if ends != 1:
         raise Failed(f"RT_END came {ends} times after STOP_ALL ended an exposure")
-
-
-_put("STOP_ALL ends an exposure, with RT_END", "MSG_MOTOR_STOP_ALL; note 6.6", _stopped, SHOULD)

@@ -5,16 +5,15 @@ types.
 """
 
 import struct
-from collections.abc import Iterable
+from typing import Any
 
 from .. import spec
 from ..bench import Bench
-from ..kit import MUST, SHOULD, Check
+from ..kit import Subject, only_if
 from ..link import Failed
 from ..sampling import moved, no_faster, ramps_down, ramps_up
 from ..spec import Request
 
-CHECKS: list[Check] = []
 TRACK, EW, NS, PAN, TILT, ROLL = range(1, 7)
 _SPU = 20  # steps per degree or unit
 _MOTOR = {PAN: 1, TILT: 2, TRACK: 3}
@@ -22,15 +21,9 @@ _UNIT = 100_000
 _SCALE = "MSG_VIRT_MOVE: Target position * 100000; note 9.2"
 
 
-def _can(bench: Bench) -> bool:
-    return bool(bench.hello.can & 0x04) and bench.hello.motors > 0
-
-
-def _put(name, source, run, level=MUST, axis=PAN, needs=_can):
-    def has(bench: Bench) -> bool:
-        return needs(bench) and bench.hello.motors >= _MOTOR.get(axis, 1)
-
-    CHECKS.append(Check("virtuals", name, source, run, level, has))
+VIRTUALS = Subject(
+    "virtuals", lambda bench: bench.hello.can & 0x04 and bench.hello.motors >= _MOTOR[PAN]
+)
 
 
 def _config(bench: Bench) -> Request:
@@ -53,10 +46,10 @@ def _configured(check):
     """Wrap a check: configure before it; remove the configuration and bring the motors back after
     it."""
 
-    def run(bench: Bench):
+    def run(bench: Bench, **values: Any):
         bench.expect(_config(bench))
         try:
-            return check(bench)
+            return check(bench, **values)
         finally:
             bench.idle()
             bench.expect(_NONE)
@@ -73,83 +66,91 @@ def _pose(bench: Bench) -> tuple[int, ...]:
     return struct.unpack_from("<6i", data)
 
 
-_put("VIRT_CONFIG of type 0 is accepted", "MSG_VIRT_CONFIG: 0=none", lambda b: b.expect(_NONE))
-_put(
-    "VIRT_CONFIG of type 1 is accepted",
-    "MSG_VIRT_CONFIG: Boom-Swing-Track; note 9.2",
-    _configured(lambda bench: None),
-)
-_put(
+@VIRTUALS.must("VIRT_CONFIG of type 0 is accepted", "MSG_VIRT_CONFIG: 0=none")
+def _removed(bench: Bench):
+    bench.expect(_NONE)
+
+
+@VIRTUALS.must("VIRT_CONFIG of type 1 is accepted", "MSG_VIRT_CONFIG: Boom-Swing-Track; note 9.2")
+@_configured
+def _accepted(bench: Bench):
+    pass
+
+
+@VIRTUALS.must(
     "VIRT_GET_POSITION has a DWORD for each axis, and the aim point if there is one",
     "MSG_VIRT_GET_POSITION",
-    _configured(lambda bench: _pose(bench) and None),
 )
+@_configured
+def _has_pose(bench: Bench):
+    _pose(bench)
 
 
-def _turned(axis: int, units: float):
-    def check(bench: Bench):
-        before = bench.positions().steps
-        bench.expect(_move(axis, units))
-        bench.idle()
-        after = bench.positions().steps
-        wanted = list(before)
-        wanted[_MOTOR[axis] - 1] += round(units * _SPU)
-        if list(after) != wanted:
-            raise Failed(f"motors went from {before} to {after}, expected {tuple(wanted)}")
-        pose = _pose(bench)
-        for number, found in enumerate(pose, 1):
-            expected = units * _UNIT if number == axis else 0
-            if number not in (TRACK, NS, EW) and abs(found - expected) > _UNIT // _SPU:
-                raise Failed(f"axis {number} is reported at {found / _UNIT:g}")
-        if axis == TRACK and abs(pose[0] - units * _UNIT) > _UNIT // _SPU:
-            raise Failed(f"vTrack is reported at {pose[0] / _UNIT:g}, moved to {units:g}")
-
-    return _configured(check)
+@VIRTUALS.must(
+    "VIRT_MOVE of {axis} to {units} moves its motor and is reported",
+    _SCALE,
+    axis={"vPan": PAN, "vTilt": TILT, "vTrack": TRACK},
+    units=(5, -5, 10.5),
+)
+def _turns(bench: Bench, axis: int, units: float):
+    only_if(bench.hello.motors >= _MOTOR[axis])
+    _turned(bench, axis=axis, units=units)
 
 
-for _axis, _name in ((PAN, "vPan"), (TILT, "vTilt"), (TRACK, "vTrack")):
-    for _units in (5, -5, 10.5):
-        _put(
-            f"VIRT_MOVE of {_name} to {_units} moves its motor and is reported",
-            _SCALE,
-            _turned(_axis, _units),
-            axis=_axis,
-        )
+@_configured
+def _turned(bench: Bench, axis: int, units: float):
+    before = bench.positions().steps
+    bench.expect(_move(axis, units))
+    bench.idle()
+    after = bench.positions().steps
+    wanted = list(before)
+    wanted[_MOTOR[axis] - 1] += round(units * _SPU)
+    if list(after) != wanted:
+        raise Failed(f"motors went from {before} to {after}, expected {tuple(wanted)}")
+    pose = _pose(bench)
+    for number, found in enumerate(pose, 1):
+        expected = units * _UNIT if number == axis else 0
+        if number not in (TRACK, NS, EW) and abs(found - expected) > _UNIT // _SPU:
+            raise Failed(f"axis {number} is reported at {found / _UNIT:g}")
+    if axis == TRACK and abs(pose[0] - units * _UNIT) > _UNIT // _SPU:
+        raise Failed(f"vTrack is reported at {pose[0] / _UNIT:g}, moved to {units:g}")
 
 
+@VIRTUALS.must("MOTOR_STATUS has the bits of a virtual move", "MSG_MOTOR_STATUS")
+@_configured
 def _bit(bench: Bench):
     bench.expect(_move(PAN, 20))
     if not bench.moving() & 1:
         raise Failed("during a virtual move MOTOR_STATUS lacks the bit of its motor")
 
 
-_put("MOTOR_STATUS has the bits of a virtual move", "MSG_MOTOR_STATUS", _configured(_bit))
-
-
-def _halted(make):
-    def check(bench: Bench):
-        bench.expect(spec.speed(1, 500, 1000))
-        bench.expect(_move(PAN, 40))
-        bench.set_out(_MOTOR[PAN])
-        bench.link.pump(0.5)
-        bench.expect(make())
-        bench.idle()
-        bench.prepare()
-        found = bench.positions().steps[0] - bench.home[0]
-        if not 60 < found < 700:
-            raise Failed(f"stopped after 0.5 s, the pan motor came to rest at {found} of 800 steps")
-
-    return _configured(check)
-
-
-_put(
-    "VIRT_STOP stops a virtual move",
+@VIRTUALS.must(
+    "{request} stops a virtual move",
     "MSG_VIRT_STOP",
-    _halted(lambda: Request(spec.VIRT_STOP, bytes((PAN,)))),
+    request={"VIRT_STOP": Request(spec.VIRT_STOP, bytes((PAN,)))},
 )
-_put("STOP_ALL stops a virtual move", "MSG_MOTOR_STOP_ALL", _halted(lambda: Request(spec.STOP_ALL)))
+@VIRTUALS.must(
+    "{request} stops a virtual move",
+    "MSG_MOTOR_STOP_ALL",
+    request={"STOP_ALL": Request(spec.STOP_ALL)},
+)
+@_configured
+def _halted(bench: Bench, request: Request):
+    bench.expect(spec.speed(1, 500, 1000))
+    bench.expect(_move(PAN, 40))
+    bench.set_out(_MOTOR[PAN])
+    bench.link.pump(0.5)
+    bench.expect(request)
+    bench.idle()
+    bench.prepare()
+    found = bench.positions().steps[0] - bench.home[0]
+    if not 60 < found < 700:
+        raise Failed(f"stopped after 0.5 s, the pan motor came to rest at {found} of 800 steps")
 
 
+@VIRTUALS.must(
+    "a virtual move keeps to its motor's velocity and acceleration", "MSG_MOTOR_SET_SPEED"
+)
 def _within(bench: Bench):
     bench.expect(_config(bench))
     seen = moved(bench, 1, _move(PAN, 20), 500, 1000)
@@ -159,11 +160,8 @@ def _within(bench: Bench):
     no_faster(seen, 1, 500)
 
 
-_put(
-    "a virtual move keeps to its motor's velocity and acceleration", "MSG_MOTOR_SET_SPEED", _within
-)
-
-
+@VIRTUALS.must("a virtual move keeps to soft limits", "MSG_MOTOR_SET_LIMITS")
+@_configured
 def _limited(bench: Bench):
     bench.expect(spec.limits(1, None, bench.home[0] + 100))
     bench.ask(_move(PAN, 20))
@@ -174,9 +172,8 @@ def _limited(bench: Bench):
         raise Failed(f"a virtual move took a motor {found} steps up, its limit is at 100")
 
 
-_put("a virtual move keeps to soft limits", "MSG_MOTOR_SET_LIMITS", _configured(_limited))
-
-
+@VIRTUALS.should("VIRT_JOG goes toward its destination", "MSG_VIRT_JOG; note 9.6")
+@_configured
 def _jogged(bench: Bench):
     request = struct.pack("<BHi", PAN, 10000, bench.home[0] + 400)
     bench.expect(Request(spec.VIRT_JOG, request))
@@ -189,9 +186,8 @@ def _jogged(bench: Bench):
         raise Failed(f"VIRT_JOG for 0.1 s took the pan motor {found} steps")
 
 
-_put("VIRT_JOG goes toward its destination", "MSG_VIRT_JOG; note 9.6", _configured(_jogged), SHOULD)
-
-
+@VIRTUALS.should("VIRT_JOG_ON_LINE runs until VIRT_STOP", "MSG_VIRT_JOG_ON_LINE; note 9.6")
+@_configured
 def _line(bench: Bench):
     bench.expect(Request(spec.VIRT_JOG_ON_LINE, struct.pack("<Bh", 3, 5000)))
     bench.set_out(_MOTOR[PAN])
@@ -204,14 +200,8 @@ def _line(bench: Bench):
         raise Failed("VIRT_JOG_ON_LINE of PAN did not move the pan motor")
 
 
-_put(
-    "VIRT_JOG_ON_LINE runs until VIRT_STOP",
-    "MSG_VIRT_JOG_ON_LINE; note 9.6",
-    _configured(_line),
-    SHOULD,
-)
-
-
+@VIRTUALS.should("virtual positions are reported with the others", "note 9.8")
+@_configured
 def _reported(bench: Bench):
     bench.link.reports.clear()
     bench.expect(_move(PAN, 20))
@@ -220,82 +210,80 @@ def _reported(bench: Bench):
         raise Failed("no VIRT_GET_POSITION came during a virtual move")
 
 
-_put("virtual positions are reported with the others", "note 9.8", _configured(_reported), SHOULD)
-
-
 # ---- the aim point
 
 
-def _aimed(enable: int, *point: int):
-    def check(bench: Bench):
-        payload = struct.pack("<B3i", enable, *point)
-        reply = bench.ask(Request(spec.AIM, payload))
-        found = reply.frame.payload if reply.code is None else b""
-        bench.ask(Request(spec.AIM, bytes(13)))
-        if found != payload:
-            raise Failed(
-                f"VIRT_AIM_POINT {payload.hex()} is answered with {found.hex() or 'a code'}"
-            )
+@VIRTUALS.must(
+    "VIRT_AIM_POINT {enable_and_point} is answered with the same data",
+    "MSG_VIRT_AIM_POINT: The response contains the same data",
+    enable_and_point={
+        f"{enable} at {point}": (enable, *point)
+        for enable, point in (
+            (0, (0, 0, 0)),
+            (0, (5000, -1000, -90000)),
+            (1, (0, 0, -9_000_000)),
+        )
+    },
+    needs=lambda b: b.hello.can & spec.CAN_AIM and b.hello.motors >= _MOTOR[TRACK],
+)
+@_configured
+def _aimed(bench: Bench, enable_and_point: tuple[int, ...]):
+    payload = struct.pack("<B3i", *enable_and_point)
+    reply = bench.ask(Request(spec.AIM, payload))
+    found = reply.frame.payload if reply.code is None else b""
+    bench.ask(Request(spec.AIM, bytes(13)))
+    if found != payload:
+        raise Failed(f"VIRT_AIM_POINT {payload.hex()} is answered with {found.hex() or 'a code'}")
 
-    return _configured(check)
-
-
-for _enable, _point in ((0, (0, 0, 0)), (0, (5000, -1000, -90000)), (1, (0, 0, -9_000_000))):
-    _put(
-        f"VIRT_AIM_POINT {_enable} at {_point} is answered with the same data",
-        "MSG_VIRT_AIM_POINT: The response contains the same data",
-        _aimed(_enable, *_point),
-        axis=TRACK,
-        needs=lambda b: _can(b) and bool(b.hello.can & spec.CAN_AIM),
-    )
 
 # ---- refusals
 
 
-def _refused(request: Request, codes: Iterable[int]):
-    return _configured(lambda bench: bench.expect(request, *codes))
+@VIRTUALS.must(
+    "VIRT_MOVE of axis {axis} is refused",
+    "MSG_VIRT_MOVE: Virtual motor number; ERR_RANGE; note 9.1",
+    axis=(0, 7, 255),
+)
+@_configured
+def _no_such_axis(bench: Bench, axis: int):
+    bench.expect(_move(axis, 1), spec.ERR_RANGE)
 
 
-for _axis in (0, 7, 255):
-    _put(
-        f"VIRT_MOVE of axis {_axis} is refused",
-        "MSG_VIRT_MOVE: Virtual motor number; ERR_RANGE; note 9.1",
-        _refused(_move(_axis, 1), (spec.ERR_RANGE,)),
-    )
-    _put(
-        f"VIRT_STOP of axis {_axis} is refused",
-        "MSG_VIRT_STOP: Virtual motor number; ERR_RANGE; note 9.1",
-        _refused(Request(spec.VIRT_STOP, bytes((_axis,))), (spec.ERR_RANGE,)),
-        SHOULD,
-    )
-for _type in (5, 255):
-    _put(
-        f"VIRT_CONFIG of type {_type} is refused",
-        "MSG_VIRT_CONFIG: TYPE 0 to 4",
-        lambda b, t=_type: b.refused(Request(spec.VIRT_CONFIG, bytes((t,)) + bytes(92))),
-    )
-for _size in (0, 2, 40, 92):
-    _put(
-        f"VIRT_CONFIG of type 1 with {_size} of 93 bytes is refused",
-        "ERR_RANGE; note 1.8",
-        lambda b, n=_size: b.expect(
-            Request(spec.VIRT_CONFIG, _config(b).payload[:n]), spec.ERR_RANGE
-        ),
-        SHOULD,
-    )
+@VIRTUALS.should(
+    "VIRT_STOP of axis {axis} is refused",
+    "MSG_VIRT_STOP: Virtual motor number; ERR_RANGE; note 9.1",
+    axis=(0, 7, 255),
+)
+@_configured
+def _no_such_stop(bench: Bench, axis: int):
+    bench.expect(Request(spec.VIRT_STOP, bytes((axis,))), spec.ERR_RANGE)
 
 
-def _unset(request: Request):
-    def run(bench: Bench):
-        bench.expect(_NONE)
-        bench.refused(request)
+@VIRTUALS.must(
+    "VIRT_CONFIG of type {type} is refused", "MSG_VIRT_CONFIG: TYPE 0 to 4", type=(5, 255)
+)
+def _no_such_type(bench: Bench, type: int):
+    bench.refused(Request(spec.VIRT_CONFIG, bytes((type,)) + bytes(92)))
 
-    return run
+
+@VIRTUALS.should(
+    "VIRT_CONFIG of type 1 with {size} of 93 bytes is refused",
+    "ERR_RANGE; note 1.8",
+    size=(0, 2, 40, 92),
+)
+def _short(bench: Bench, size: int):
+    bench.expect(Request(spec.VIRT_CONFIG, _config(bench).payload[:size]), spec.ERR_RANGE)
 
 
-for _name, _request in (
-    ("VIRT_MOVE", _move(PAN, 1)),
-    ("VIRT_JOG", Request(spec.VIRT_JOG, struct.pack("<BHi", PAN, 10, 10))),
-    ("VIRT_JOG_ON_LINE", Request(spec.VIRT_JOG_ON_LINE, struct.pack("<Bh", 3, 10))),
-):
-    _put(f"{_name} without a configuration is refused", "note 9.8", _unset(_request), SHOULD)
+@VIRTUALS.should(
+    "{request} without a configuration is refused",
+    "note 9.8",
+    request={
+        "VIRT_MOVE": _move(PAN, 1),
+        "VIRT_JOG": Request(spec.VIRT_JOG, struct.pack("<BHi", PAN, 10, 10)),
+        "VIRT_JOG_ON_LINE": Request(spec.VIRT_JOG_ON_LINE, struct.pack("<Bh", 3, 10)),
+    },
+)
+def _unset(bench: Bench, request: Request):
+    bench.expect(_NONE)
+    bench.refused(request)
