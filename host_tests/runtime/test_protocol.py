@@ -1,6 +1,5 @@
 """The protocol as machine code on 32 bits, with the heap locked, answers as it does on CPython."""
 
-import random
 from pathlib import Path
 
 from hypothesis import HealthCheck, Phase, given, settings
@@ -23,39 +22,3 @@ def test_any_stream_in_any_pieces(runtime, cases):
     for case, answer in zip(cases, answers, strict=False):
         assert answer == streams.expected(case).hex(), case
     assert len(answers) == len(cases) + 1
-
-
-SUMS = Path(__file__).parent / "checksums.py"
-
-
-def test_checksum(runtime):
-    for data in (
-        b"\xff" * 1100,
-        bytes(1100),
-        random.Random(1).randbytes(1100),
-        b"\xff\0" * 550,
-        b"\0\xff" * 550,
-    ):
-        expected = [
-            streams.fletcher(data[start : start + count])
-            for start in range(9)
-            for count in [*range(70), 255, 256, 257, 271, 272, 511, 512, 513, 1030, 1045, 1046]
-        ]
-        assert (
-            list(map(int, runtime.run(SUMS, stdin=data.hex().encode() + b"\n").split())) == expected
-        )
-
-
-CHECK = Path(__file__).parent / "check_bytes.py"
-
-
-def test_check_bytes(runtime):
-    assert runtime.run(CHECK) == "0\n"
-
-
-COPIES = Path(__file__).parent / "copies.py"
-
-
-def test_copies(runtime):
-    """Copies from and to any place in a word, and within one buffer."""
-    assert runtime.run(COPIES) == "0\n"
