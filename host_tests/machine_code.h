@@ -125,6 +125,79 @@ static PyObject *item(PyObject *list, word i) {
     fail(PyExc_IndexError, "a kernel looks for an object that is not in the list");
 }
 
+/* What an object has for its own, so that it lives as long as the object. */
+static PyObject *attribute(PyObject *object, const char *name) {
+    PyObject *found = PyObject_GetAttrString(object, name);
+    if (!found)
+        leave();
+    if (Py_REFCNT(found) == 1 && !PyLong_Check(found))
+        fail(PyExc_TypeError, "a kernel reads an attribute that nothing keeps");
+    Py_DECREF(found);
+    return found;
+}
+
+static word number(PyObject *object) {
+    word found = PyLong_AsLongLong(object);
+    if (found == -1 && PyErr_Occurred())
+        leave();
+    return found;
+}
+
+static int truth(PyObject *object) {
+    int found = PyObject_IsTrue(object);
+    if (found < 0)
+        leave();
+    return found;
+}
+
+static word length(PyObject *object) {
+    Py_ssize_t found = PyObject_Length(object);
+    if (found < 0)
+        leave();
+    return found;
+}
+
+static void set_attribute(PyObject *object, const char *name, PyObject *value) {
+    int failed = PyObject_SetAttrString(object, name, value);
+    Py_DECREF(value);
+    if (failed)
+        leave();
+}
+
+/* The number that a function in Python, or an object's method, returns; 0 for None. form: of
+   Py_BuildValue. */
+static word called(PyObject *object, const char *method, const char *form, ...) {
+    va_list given;
+    va_start(given, form);
+    PyObject *arguments = Py_VaBuildValue(form, given);
+    va_end(given);
+    PyObject *function = method ? PyObject_GetAttrString(object, method) : Py_NewRef(object);
+    PyObject *found = arguments && function ? PyObject_CallObject(function, arguments) : NULL;
+    Py_XDECREF(function);
+    Py_XDECREF(arguments);
+    if (!found)
+        leave();
+    word result = found == Py_None ? 0 : PyLong_AsLongLong(found);
+    Py_DECREF(found);
+    if (result == -1 && PyErr_Occurred())
+        leave();
+    return result;
+}
+
+/* The result of an operation has to fit a board's word. */
+static _Noreturn void leaves_word(word value, int line) {
+    PyErr_Format(PyExc_OverflowError, "%lld leaves 32 bits in a kernel, line %d", (long long)value, line);
+    leave();
+}
+
+static inline word fit(word value, int line) {
+    if (value != (int32_t)value)
+        leaves_word(value, line);
+    return value;
+}
+
+static inline word wrapped(word value) { return (int32_t)value; }
+
 static inline word left_shift(word a, word n) {
     if (n < 0)
         fail(PyExc_ValueError, "negative shift count");

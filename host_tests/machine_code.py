@@ -1,10 +1,15 @@
 """Kernels as machine code of this computer, so that simulated sessions take a third of the time.
 
-`install()`, called before anything of framestep is imported, translates the kernels
-(`@micropython.viper`) of each module of the core to C while the module is loaded, and replaces
-them. Results and exceptions are those of the same kernel in Python: numbers have 64 bits, what is
-stored has to fit its item, and no index may lie outside. What cannot be translated stays as it is.
-So does everything if this computer has no C compiler or no headers of Python.
+`install()`, called before anything of framestep is imported, translates the kernels of each module
+of the core to C while the module is loaded, and replaces them. Results and exceptions are those of
+the same kernel in Python, and more is checked, by base/native.py's contract:
+
+* Each result of an operation has to fit 32 bits signed, unless `& mask` cuts it at once. In a line
+  that ends in `# wraps` it wraps, as on a board.
+* What is stored has to fit its item, and no index may lie outside.
+
+What cannot be translated stays as it is. So does everything if this computer has no C compiler or no
+headers of Python.
 """
 
 import ast
@@ -24,11 +29,16 @@ from array import array
 from pathlib import Path
 
 from framestep.base import native_cpython
+from framestep_tools.building.kernels import is_kernel
 
 _ROOT = Path(__file__).parents[1]
 # Not from framestep_tools: that loads modules of the core.
 _CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or _ROOT / ".cache") / "machine_code"
-_PACKAGES = ("pulse", "motion", "motors", "moves", "virtual_axes", "io", "protocol.checksum")
+# Not protocol.frames: the fuzzer of the frame reader follows its lines. Not answers: the Controller
+# makes a method of a kernel in it.
+_PACKAGES = (
+    "pulse", "motion", "motors", "moves", "virtual_axes", "io", "hand_wheel", "protocol.checksum",
+)  # fmt: skip
 _NAMES = tuple(f"framestep.{each}" for each in _PACKAGES)
 _KEPT = 8  # libraries of a module, for its last versions
 _RUNTIME = Path(__file__).with_suffix(".h").read_text()
@@ -44,6 +54,7 @@ _CALLED = {
 _COMPARED = {
     ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=",
 }  # fmt: skip
+_RING = {ast.Add, ast.Sub, ast.Mult, ast.LShift, ast.BitAnd, ast.BitOr, ast.BitXor}
 # Kinds of values: an item's size of a pointer, or one of these
 _WORD, _OBJECT, _NOTHING = "word", "object", "nothing"
 _C_TYPES = {_WORD: "word", _OBJECT: "PyObject *", _NOTHING: "void"}
@@ -57,19 +68,19 @@ def _c_type(kind) -> str:
     return _C_TYPES.get(kind, "pointer")
 
 
-def _is_kernel(function: ast.FunctionDef) -> bool:
-    return any(isinstance(d, ast.Attribute) and d.attr == "viper" for d in function.decorator_list)
-
-
 @functools.cache
 def _sources(path: str) -> dict[str, ast.FunctionDef]:
-    """Return {qualified name: function} of a file, also of methods."""
+    """Return {qualified name: function} of a file, also of methods. Sums in a function's lines
+    `wraps` may wrap."""
+    text = Path(path).read_text()
+    wraps = {i for i, line in enumerate(text.split("\n"), 1) if line.rstrip().endswith("# wraps")}
     found = {}
-    for node in ast.parse(Path(path).read_text()).body:
+    for node in ast.parse(text).body:
         for function in node.body if isinstance(node, ast.ClassDef) else [node]:
             if isinstance(function, ast.FunctionDef):
                 prefix = f"{node.name}." if function is not node else ""
                 found[prefix + function.name] = function
+                function.wraps = wraps
     return found
 
 
@@ -87,13 +98,19 @@ class _Unit:
     def function(self, python: types.FunctionType) -> "_Function":
         """Return the translation. Raises _Stays if there is none."""
         if python not in self.functions:
-            self.functions[python] = None  # one that calls itself stays
+            self.functions[python] = None
             source = _sources(python.__code__.co_filename).get(python.__qualname__)
             if source is None:
                 raise _Stays
-            translated = _Function(self, python, source, f"k{len(self.functions)}")
+            self.functions[python] = translated = _Function(
+                self, python, source, f"k{len(self.functions)}"
+            )
+            try:
+                translated.translate()  # it may call itself
+            except _Stays:
+                self.functions[python] = None
+                raise
             self.texts.append(translated.text)
-            self.functions[python] = translated
         found = self.functions[python]
         if found is None:
             raise _Stays
@@ -105,6 +122,7 @@ class _Function:
 
     def __init__(self, unit: _Unit, python, source: ast.FunctionDef, name: str):
         self.unit, self.name, self.names = unit, name, python.__globals__
+        self.wraps = source.wraps
         inline = not source.decorator_list  # of base/clock.py
         args = source.args
         if args.defaults or args.kwonlyargs or args.vararg or args.kwarg:
@@ -114,10 +132,15 @@ class _Function:
             _WORD if inline else self._annotated(argument.annotation) for argument in args.args
         ]
         self.returns = self._returned(source, inline)
-        parameters = [argument.arg for argument in args.args]
+        self.source = source
+        self.text = ""
+
+    def translate(self) -> None:
+        """Set `text`. Raises _Stays if there is none."""
+        parameters = [argument.arg for argument in self.source.args.args]
         self.kinds = dict(zip(parameters, self.parameters, strict=True))
-        self._infer(source)
-        body = "".join(map(self._statement, source.body))
+        self._infer(self.source)
+        body = "".join(map(self._statement, self.source.body))
         heads = ", ".join(
             f"{_c_type(kind)} v_{argument}"
             for argument, kind in zip(parameters, self.parameters, strict=True)
@@ -129,14 +152,15 @@ class _Function:
         )
         end = "" if self.returns == _NOTHING else "return 0;\n"
         self.text = (
-            f"static {_c_type(self.returns)} {name}({heads or 'void'}) {{\n{local}{body}{end}}}\n\n"
+            f"static {_c_type(self.returns)} {self.name}({heads or 'void'}) "
+            f"{{\n{local}{body}{end}}}\n\n"
         )
 
     def _annotated(self, annotation):
         name = annotation.id if isinstance(annotation, ast.Name) else None
         if name in _SIZES:
             return _SIZES[name]
-        return {"int": _WORD, None: _OBJECT}.get(name) or self._stay()
+        return {"int": _WORD, "object": _OBJECT, None: _OBJECT}.get(name) or self._stay()
 
     def _returned(self, source, inline):
         values = [n for n in ast.walk(source) if isinstance(n, ast.Return) and n.value]
@@ -185,7 +209,19 @@ class _Function:
                 return kind and (_OBJECT if kind == _OBJECT else _WORD)
             case ast.IfExp(body=one, orelse=other):
                 return self._kind(one) or self._kind(other)
+            case ast.Attribute() if self._constant(node) is None:
+                return _OBJECT
         return _WORD
+
+    def _constant(self, node):
+        """Return the number that a module's constant stands for, None for anything else."""
+        match node:
+            case ast.Attribute(value=ast.Name(id=module), attr=name) if isinstance(
+                self.names.get(module), types.ModuleType
+            ):
+                value = getattr(self.names[module], name, None)
+                return value if type(value) is int else None
+        return None
 
     # ---- statements
 
@@ -200,16 +236,19 @@ class _Function:
                 return self._call(call)[0] + ";\n"
             case ast.Assign(targets=[target], value=value):
                 return self._assign(target, value)
+            case ast.Assign(targets=targets, value=ast.Constant() as value):
+                return "".join(self._assign(target, value) for target in targets)
             case ast.AugAssign(target=target, op=op, value=value):
                 if any(isinstance(n, ast.Call) for n in ast.walk(target)):
                     raise _Stays
                 there = ast.parse(ast.unparse(target), mode="eval").body
-                return self._assign(target, ast.BinOp(there, op, value))
+                total = ast.copy_location(ast.BinOp(there, op, value), node)
+                return self._assign(target, total)
             case ast.If(test=test, body=body, orelse=orelse):
                 other = f" else {self._body(orelse)}" if orelse else "\n"
-                return f"if ({self._word(test)}) {self._body(body)}{other}"
+                return f"if ({self._truth(test)}) {self._body(body)}{other}"
             case ast.While(test=test, body=body, orelse=[]):
-                return f"while ({self._word(test)}) {{ turn();\n{self._body(body)}}}\n"
+                return f"while ({self._truth(test)}) {{ turn();\n{self._body(body)}}}\n"
             case ast.Return(value=None) if self.returns == _NOTHING:
                 return "return;\n"
             case ast.Return(value=value) if value and self.returns == _WORD:
@@ -231,25 +270,62 @@ class _Function:
             if kind in _SIZES.values():
                 at = self._word(target.slice)
                 return f"{{ word t = {self._word(value)}; store_{kind}({text}, {at}, t); }}\n"
+        if isinstance(target, ast.Attribute):
+            owner = self._object(target.value)
+            text, kind = self._expression(value)
+            given = f"PyLong_FromLongLong({text})" if kind == _WORD else f"Py_NewRef({text})"
+            return f'set_attribute({owner}, "{target.attr}", {given});\n'
         raise _Stays
 
     # ---- expressions
 
-    def _word(self, node) -> str:
-        text, kind = self._expression(node)
+    def _word(self, node, masked: bool = False) -> str:
+        text, kind = self._expression(node, masked)
         if kind != _WORD:
             raise _Stays
         return text
 
-    def _ordered(self, form: str, left, right) -> str:
-        """Return an operation. C leaves open which operand comes first, and a call may change
-        memory."""
-        texts = self._word(left), self._word(right)
-        if not any(isinstance(n, ast.Call) for side in (left, right) for n in ast.walk(side)):
+    def _truth(self, node) -> str:
+        match node:
+            case ast.BoolOp(op=op, values=values):
+                sign = " && " if isinstance(op, ast.And) else " || "
+                return f"({sign.join(map(self._truth, values))})"
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                return f"(!{self._truth(operand)})"
+        text, kind = self._expression(node)
+        return f"truth({text})" if kind == _OBJECT else self._word(node)
+
+    def _ordered(self, form: str, *operands: tuple[str, ast.expr]) -> str:
+        """Return an operation on two texts. C leaves open which operand comes first, and a call may
+        change memory."""
+        texts = [text for text, _ in operands]
+        if not any(isinstance(n, ast.Call) for _, node in operands for n in ast.walk(node)):
             return form.format(*texts)
         return f"({{{{ word a = {{}}, b = {{}}; {form}; }}}})".format(*texts, "a", "b")
 
-    def _expression(self, node) -> tuple[str, object]:
+    def _fit(self, node, text: str) -> str:
+        """Return the result of an operation, which has to fit a word."""
+        return f"wrapped({text})" if node.lineno in self.wraps else f"fit({text}, {node.lineno})"
+
+    def _is_mask(self, node) -> bool:
+        value = node.value if isinstance(node, ast.Constant) else None
+        if isinstance(node, ast.Name) and node.id not in self.kinds:
+            value = self.names.get(node.id)
+        return isinstance(value, int) and 0 <= value <= 0x7FFFFFFF
+
+    def _operation(self, node, masked: bool) -> str:
+        op = type(node.op)
+        masked = masked and op in _RING
+        cut = op is ast.BitAnd and (self._is_mask(node.left) or self._is_mask(node.right))
+        left = self._word(node.left, masked or cut)
+        right = self._word(node.right, (masked or cut) and op is not ast.LShift)
+        form = f"({{}} {_SIMPLE[op]} {{}})" if op in _SIMPLE else f"{_CALLED[op]}({{}}, {{}})"
+        text = self._ordered(form, (left, node.left), (right, node.right))
+        return text if masked or cut else self._fit(node, text)
+
+    def _expression(self, node, masked: bool = False) -> tuple[str, object]:
+        """Return the text and kind of an expression. masked: only its value modulo 2^32 counts, as
+        `& mask` follows."""
         match node:
             case ast.Constant(value=bool() | int() as value):
                 return f"INT64_C({int(value)})", _WORD
@@ -257,29 +333,32 @@ class _Function:
                 return f"v_{name}", self.kinds[name]
             case ast.Name(id=name) if type(self.names.get(name)) is int:
                 return f"INT64_C({self.names[name]})", _WORD
-            case ast.Name(id=name) if isinstance(self.names.get(name), array):
-                memory = f"memory_{self.names['__name__'].replace('.', '_')}_{name}"
-                self.unit.objects[memory] = self.names[name]
-                return memory, _OBJECT
-            case ast.Attribute(value=ast.Name(id=module), attr=name) if (
-                isinstance(self.names.get(module), types.ModuleType)
-                and type(getattr(self.names[module], name, None)) is int
-            ):
-                return f"INT64_C({getattr(self.names[module], name)})", _WORD
-            case ast.BinOp(left=left, op=op, right=right) if type(op) in _SIMPLE:
-                return self._ordered(f"({{}} {_SIMPLE[type(op)]} {{}})", left, right), _WORD
-            case ast.BinOp(left=left, op=op, right=right) if type(op) in _CALLED:
-                return self._ordered(f"{_CALLED[type(op)]}({{}}, {{}})", left, right), _WORD
+            case ast.Name(id=name) if self._is_object(self.names.get(name)):
+                return self._bound(self.names["__name__"], name, self.names[name]), _OBJECT
+            case ast.Attribute() if (value := self._constant(node)) is not None:
+                return f"INT64_C({value})", _WORD
+            case ast.Attribute(value=ast.Name(id=owner), attr=name) if isinstance(
+                module := self.names.get(owner), types.ModuleType
+            ) and self._is_object(found := getattr(module, name)):
+                return self._bound(module.__name__, name, found), _OBJECT
+            case ast.Attribute(value=owner, attr=name):
+                return f'attribute({self._object(owner)}, "{name}")', _OBJECT
+            case ast.BinOp(op=op) if type(op) in _SIMPLE or type(op) in _CALLED:
+                return self._operation(node, masked), _WORD
+            case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int() as value)):
+                return f"INT64_C({-value})", _WORD
             case ast.UnaryOp(op=ast.USub(), operand=operand):
-                return f"(-{self._word(operand)})", _WORD
+                return self._fit(node, f"(-{self._word(operand)})"), _WORD
             case ast.UnaryOp(op=ast.Invert(), operand=operand):
                 return f"(~{self._word(operand)})", _WORD
             case ast.UnaryOp(op=ast.Not(), operand=operand):
-                return f"((word)!{self._word(operand)})", _WORD
+                return f"((word)!{self._truth(operand)})", _WORD
             case ast.Compare(left=left, ops=ops, comparators=others):
                 if len(ops) > 1:
                     raise _Stays
-                return self._ordered(f"({{}} {_COMPARED[type(ops[0])]} {{}})", left, *others), _WORD
+                form = f"({{}} {_COMPARED[type(ops[0])]} {{}})"
+                sides = [(self._word(side), side) for side in (left, *others)]
+                return self._ordered(form, *sides), _WORD
             case ast.BoolOp(op=op, values=values):
                 text = self._word(values[-1])
                 for value in reversed(values[:-1]):
@@ -287,7 +366,7 @@ class _Function:
                     text = f"({{ word t = {self._word(value)}; t ? {chosen}; }})"
                 return text, _WORD
             case ast.IfExp(test=test, body=one, orelse=other):
-                return f"({self._word(test)} ? {self._word(one)} : {self._word(other)})", _WORD
+                return f"({self._truth(test)} ? {self._word(one)} : {self._word(other)})", _WORD
             case ast.Subscript(value=value, slice=at):
                 text, kind = self._expression(value)
                 if kind == _OBJECT:
@@ -298,19 +377,63 @@ class _Function:
                 return self._call(node)
         raise _Stays
 
+    @staticmethod
+    def _is_object(value) -> bool:
+        """Return whether a module's name stands for memory or for a function in Python."""
+        return isinstance(value, array | bytearray | types.FunctionType)
+
+    def _bound(self, module: str, name: str, value) -> str:
+        bound = f"of_{module.replace('.', '_')}_{name}"
+        self.unit.objects[bound] = value
+        return bound
+
+    def _object(self, node) -> str:
+        text, kind = self._expression(node)
+        if kind == _OBJECT:
+            return text
+        if kind in _SIZES.values():
+            return f"{text}.object"
+        raise _Stays
+
+    def _in_python(self, function: str, arguments) -> tuple[str, object]:
+        """Return a call of a function in Python: an object, and the name of its method or NULL."""
+        form = given = ""
+        for argument in arguments:
+            text, kind = self._expression(argument)
+            form += "L" if kind == _WORD else "O"
+            given += ", " + (f"(long long){text}" if kind == _WORD else self._object(argument))
+        return f'called({function}, "({form})"{given})', _WORD
+
     def _call(self, node) -> tuple[str, object]:
-        if node.keywords or not isinstance(node.func, ast.Name):
+        if node.keywords:
             raise _Stays
-        name, called = node.func.id, self.names.get(node.func.id)
+        match node.func:
+            case ast.Name(id=name):
+                called = self.names.get(name)
+            case ast.Attribute(value=ast.Name(id=module), attr=name) if isinstance(
+                self.names.get(module), types.ModuleType
+            ):
+                called = getattr(self.names[module], name)
+            case ast.Attribute(value=owner, attr=name):
+                return self._in_python(f'{self._object(owner)}, "{name}"', node.args)
+            case _:
+                raise _Stays
         if name in ("int", "bool") and len(node.args) == 1:
-            text = self._word(node.args[0])
+            text, kind = self._expression(node.args[0])
+            text = f"number({text})" if kind == _OBJECT else self._word(node.args[0])
             return (text if name == "int" else f"((word)!!{text})"), _WORD
+        if name == "len" and len(node.args) == 1:
+            return f"length({self._object(node.args[0])})", _WORD
         if name in _SIZES:
             return self._pointer(*self._expression(node.args[0]), _SIZES[name]), _SIZES[name]
         called = _originals.get(called, called)
         if not isinstance(called, types.FunctionType):
             raise _Stays
-        function = self.unit.function(called)
+        try:
+            function = self.unit.function(called)
+        except _Stays:
+            bound = self._bound(called.__module__, name, called)
+            return self._in_python(f"{bound}, NULL", node.args)
         if len(function.parameters) != len(node.args):
             raise _Stays
         given = ""
@@ -320,6 +443,8 @@ class _Function:
                 text = self._pointer(text, own, kind)
             elif own in _SIZES.values() and kind == _OBJECT:
                 text = f"{text}.object"
+            elif own == _OBJECT and kind == _WORD:
+                text = f"number({text})"
             elif own != kind:
                 raise _Stays
             given += f"{_c_type(kind)} a{i} = {text}; "
@@ -422,7 +547,7 @@ def replace(module: types.ModuleType) -> None:
     path = module.__spec__.origin
     functions, owners = {}, {}
     for qualified, source in _sources(path).items():
-        if _is_kernel(source):
+        if is_kernel(source):
             owner = module
             if "." in qualified:
                 owner = getattr(module, qualified.split(".")[0])
@@ -448,10 +573,13 @@ def replace(module: types.ModuleType) -> None:
         )
 
 
-class _Loader(importlib.machinery.SourceFileLoader):
+class Loader(importlib.machinery.SourceFileLoader):
+    """Loads a module of the core and replaces its kernels."""
+
     def exec_module(self, module):
         super().exec_module(module)
-        replace(module)
+        if module.__name__.startswith(_NAMES):
+            replace(module)
 
 
 class _Finder(importlib.abc.MetaPathFinder):
@@ -461,7 +589,7 @@ class _Finder(importlib.abc.MetaPathFinder):
         spec = importlib.machinery.PathFinder.find_spec(name, path)
         if spec is None or type(spec.loader) is not importlib.machinery.SourceFileLoader:
             return None
-        spec.loader = _Loader(name, spec.origin)
+        spec.loader = Loader(name, spec.origin)
         return spec
 
 

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from framestep_tools.building.board_files import CACHE, FIRMWARE, ROOT
+from framestep_tools.building.kernels import is_kernel
 
 MYPY = [
     sys.executable,
@@ -18,8 +19,6 @@ MYPY = [
     ROOT / "pyproject.toml",
     "--no-error-summary",
 ]
-# Functions in other languages, whose words and types mypy does not know.
-FOREIGN = {"asm_pio", "viper"}
 
 
 def check_host(root: Path = ROOT) -> int:
@@ -28,14 +27,20 @@ def check_host(root: Path = ROOT) -> int:
 
 
 def foreign_lines(source: str) -> set[int]:
-    """Return the numbers of the lines in PIO programs and viper functions."""
+    """Return the numbers of the lines in PIO programs and kernels: functions in other languages,
+    whose words and types mypy does not know."""
     lines: set[int] = set()
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.FunctionDef):
-            names = [d.func if isinstance(d, ast.Call) else d for d in node.decorator_list]
-            if any(isinstance(name, ast.Attribute) and name.attr in FOREIGN for name in names):
-                lines.update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+        if is_kernel(node) or _is_pio_program(node):
+            lines.update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     return lines
+
+
+def _is_pio_program(node: ast.AST) -> bool:
+    match node:
+        case ast.FunctionDef(decorator_list=[ast.Call(func=ast.Attribute(attr="asm_pio"))]):
+            return True
+    return False
 
 
 def board_files(firmware: Path = FIRMWARE) -> list[Path]:

@@ -1,7 +1,7 @@
 """`make fuzz`: random sessions until the time is up; failures are shrunk to scripts.
 
     python -m host_tests.fuzz.fuzz --seconds 60 [--seed 7] [--requests 200] [--minutes 15]
-                                   [--keep-going] [--int32] [--replay] [--target rp2350]
+                                   [--keep-going] [--integers] [--replay] [--target rp2350]
 
 Each session's seed is made of the run's seed and its number, so a session can be repeated.
 """
@@ -177,15 +177,15 @@ def main() -> int:
         help="after a finding as well; each kind is shrunk once",
     )
     parser.add_argument(
-        "--int32", action="store_true", help="check that every number fits (slower)"
+        "--integers", action="store_true", help="refuse numbers that a pass would allocate (slower)"
     )
     options = parser.parse_args()
     if options.replay and options.target != "host":
         parser.error("--replay needs --target host")
-    if options.int32:
-        from host_tests import int32
+    if options.integers:
+        from host_tests import small_integers
 
-        int32.install()
+        small_integers.install()
     else:
         from host_tests import machine_code
 

@@ -13,8 +13,8 @@ from framestep_tools.building.board_files import ROOT
     [
         (0, 8, []),
         pytest.param(8, 16, [], marks=pytest.mark.repeats),
-        (24, 3, ["--int32"]),
-        pytest.param(27, 9, ["--int32"], marks=pytest.mark.repeats),
+        (24, 3, ["--integers"]),
+        pytest.param(27, 9, ["--integers"], marks=pytest.mark.repeats),
     ],
 )
 def test_sessions(first, sessions, checks):

@@ -34,7 +34,7 @@ from typing import Any
 from framestep.io.watchdog import HOST_UNREAD_MS
 from framestep.motors.backlash import LOAD
 from framestep.protocol import messages as m
-from host_tests import int32
+from host_tests import small_integers
 from host_tests.script import Script
 from host_tests.script_player import Player
 
@@ -174,7 +174,7 @@ class Trial:
         places = [
             p
             for p in traceback.extract_tb(error.__traceback__)
-            if not p.filename.endswith("int32.py")
+            if not p.filename.endswith("small_integers.py")
         ]
         where = places[-1]
         text = (
@@ -281,7 +281,7 @@ class Trial:
         player.sent.clear()
         self.answers.clear()
         self.moving = 0
-        int32.armed = True
+        small_integers.armed = True
         try:
             player.step()
         except Finding:
@@ -289,7 +289,7 @@ class Trial:
         except Exception as error:
             self._broken(error)
         finally:
-            int32.armed = False
+            small_integers.armed = False
         if self.stops.enabling:
             self.stops.enabled()
         if player.sent:

@@ -4,14 +4,10 @@ from array import array
 
 
 class micropython:
-    """Stand-in for MicroPython's module: its decorators return the function unchanged."""
+    """Stand-in for MicroPython's module: its decorator returns the function unchanged."""
 
     @staticmethod
     def viper(function):
-        return function
-
-    @staticmethod
-    def native(function):
         return function
 
 

@@ -104,7 +104,8 @@ def cut(cubic: ptr32, block: ptr32, ticks: int):
     q[k + sw.SEG_WHOLE] = cubic[WHOLE]
     q[k + sw.SEG_FRACTION] = (cubic[P] << 6) + (cubic[P + 1] >> 24)
     q[k + sw.SEG_VELOCITY] = (high << 6) + (low >> 21)
-    jerk = ((cubic[G3] << 1) + (cubic[G3 + 1] >> 29)) * 6 >> 2
+    jerk = (cubic[G3] << 1) + (cubic[G3 + 1] >> 29)
+    jerk += jerk >> 1  # three halves: a product would not fit if the phase has a single tick
     # The kernel rounds the acceleration down from Q27 to Q22: add half a unit.
     q[k + sw.SEG_ACCEL] = (cubic[G2] << 12) + (cubic[G2 + 1] >> 18) + jerk + 16
     # After its last tick the kernel adds the jerk once more. From a single tick of a short phase

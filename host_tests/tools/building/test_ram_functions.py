@@ -25,7 +25,7 @@ class Port:
     @micropython.viper
     def poll(self): pass
 
-    @micropython.native
+    @micropython.viper
     def send(self): pass
 
 @micropython.viper

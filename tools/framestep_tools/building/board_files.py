@@ -37,56 +37,29 @@ _KEPT_RESULTS = 40
 _NATIVE = "framestep/base/native.py"
 # calls of their functions are inlined
 _INLINED = ("framestep/base/clock.py", "framestep/motors/backlash_rules.py")
-_HOST_ONLY = {
-    "framestep/hal/host.py",
-    "framestep/hal/host_board.py",
-    "framestep/hal/contract.py",
-    "framestep/base/native_cpython.py",
-    "framestep/pulse/engine.py",  # constants alone, as
-    "framestep/hal/rp2/chip.py",
-    "framestep/base/results.py",
-    *_INLINED,
-    "framestep/moves/path/registers.py",
-    "framestep/virtual_axes/registers.py",
-}
 _COMPILER = "framestep/motion/formula.py"  # only needed while the core is built
 # so the compiler drops code for CPython
 _ON_BOARDS = {"framestep.base.native": {"CPYTHON": 0}}
 _DECLARED = "framestep/protocol/declared/"  # for the host: of its messages a board has numbers,
-_SETTINGS = tuple(
-    f"framestep/rig/{name}.py" for name in ("settings", "homes", "servos", "drivers", "pendants")
-)
 _MESSAGES = "framestep/protocol/messages.py"  # here
+_SETTINGS = "framestep/rig/"  # modules with tables of settings
 
 
 # framestep/pulse/engine.py describes the engine to the tick. For a chip with another engine, this
 # module replaces it. Modules of other engines do not go onto a board.
 ENGINES = {"pio": "framestep/pulse/engine.py", "stream": "framestep/pulse/stream_engine.py"}
 _ENGINE = ENGINES["pio"]
-_OF_ENGINE = {
-    "stream": (
-        "framestep/hal/stream.py",
-        "framestep/hal/esp32/__init__.py",
-        "framestep/hal/esp32/hal.py",
-        "framestep/hal/esp32/chain.py",
-        "framestep/hal/esp32/dmx.py",
-        "framestep/hal/esp32/port.py",
-        "framestep/hal/esp32/servos.py",
-        "framestep/hal/esp32/start.py",
-        "framestep/hal/esp32/usb_port.py",
-        "framestep/hal/esp32/watchdog.py",
-        "framestep/hal/esp32/wire.py",
-    )
-}
 # framestep/hal/rp2/chip.py describes the chip to that HAL, likewise.
 CHIPS = {"rp2040": "framestep/hal/rp2/chip.py", "rp2350": "framestep/hal/rp2/chip_rp2350.py"}
 _CHIP = CHIPS["rp2040"]
-# Beginnings of the names of modules that only boards with this HAL get
+# Beginnings of the names of modules that only boards with this engine, this HAL, or with two ports
+# get
+_OF_ENGINE = {"stream": ("framestep/hal/stream", "framestep/hal/esp32/")}
 _OF_HAL = {
     "rp2": ("framestep/soft_reset", "framestep/hal/rp2/"),
     "esp32": ("framestep/hal/esp32/",),
+    "host": ("framestep/hal/host", "framestep/hal/contract", "framestep/base/native_cpython"),
 }
-# Only chips with two ports get these
 _OF_OWN_PORT = ("framestep/hal/ports/usb_", "framestep/hal/esp32/usb_port")
 _OFF_THE_BOARD = ("page", "flash_mhz")  # for its wiring page, for its flash
 _USUAL = {"ports": 2}  # what framestep.rig takes for granted
@@ -291,16 +264,15 @@ def folded(
     """
     texts = {name: path.read_text() for name, path in sources().items()} | dict(extra)
     texts[_MESSAGES] = declared.messages_module(texts[_MESSAGES])
-    for name in _SETTINGS:
-        texts[name] = without_meanings(texts[name])
+    for name in texts:
+        if name.startswith(_SETTINGS):
+            texts[name] = without_meanings(texts[name])
     texts[_ENGINE] = texts[ENGINES[engine]]
     texts[_CHIP] = texts[CHIPS[rp2]]
     for name in {*ENGINES.values(), *CHIPS.values()} - {_ENGINE, _CHIP}:
         del texts[name]
-    for other, names in _OF_ENGINE.items():
-        if other != engine:
-            for name in names:
-                del texts[name]
+    others = tuple(chain.from_iterable(_OF_ENGINE[e] for e in _OF_ENGINE.keys() - {engine}))
+    texts = {name: text for name, text in texts.items() if not name.startswith(others)}
     given = {"framestep.protocol.messages": declared.fields(), **given}
     lifetimes.check(texts, given)
     texts = fold(texts, hide, given)
@@ -324,8 +296,26 @@ def sources_with(module: str, key: str) -> dict[str, bytes]:
             text if name == _NATIVE else without_compiler_imports(text.decode()).encode()
         )
         for name, text in folds.items()
-        if name not in _HOST_ONLY and not name.startswith(others)
+        if name not in _INLINED and not name.startswith(others) and not _is_folded_away(name, text)
     }
+
+
+def _is_folded_away(name: str, source: bytes) -> bool:
+    """Return whether a module had only constants, which have become numbers elsewhere."""
+    if name.endswith("/__init__.py"):  # the modules below it need it
+        return False
+    hidden = 0
+    for node in ast.parse(source).body:
+        match node:
+            case ast.Expr(value=ast.Constant()) | ast.Pass() | ast.ImportFrom(module="framestep.base.native"):
+                pass
+            case ast.Assign(
+                targets=[ast.Name(id=constant)], value=ast.Call(func=ast.Name(id="const"))
+            ) if constant.startswith("_"):
+                hidden += 1
+            case _:
+                return False
+    return hidden > 0
 
 
 def board_sources(board: str) -> dict[str, bytes]:

@@ -23,11 +23,11 @@ from typing import Any
 
 from framestep.motion.formula import Formula, FormulaError, formula
 
+from .kernels import CASTS, is_decorator
+
 _FORMULA = "framestep.motion.formula"
 _COMPUTE = "framestep.motion.compute"
 _NATIVE = "framestep.base.native"
-_CASTS = {"ptr8", "ptr16", "ptr32"}
-_DECORATORS = {"viper", "native"}
 
 _OPERATORS: dict[type, Callable[..., int]] = {
     ast.Add: operator.add,
@@ -496,14 +496,6 @@ def live(node: ast.AST) -> Iterator[ast.AST]:
         yield from live(child)
 
 
-def is_decorator(node: ast.AST) -> bool:
-    """Return whether a function with this decorator is compiled to machine code."""
-    match node:
-        case ast.Attribute(value=ast.Name(id="micropython"), attr=name):
-            return name in _DECORATORS
-    return False
-
-
 def drop_imports(edits: Edits, tree: ast.Module) -> None:
     """Import from framestep.base.native only the names that the board looks up.
 
@@ -525,7 +517,7 @@ def drop_imports(edits: Edits, tree: ast.Module) -> None:
                         for_compiler.update(
                             id(n)
                             for n in ast.walk(node)
-                            if isinstance(n, ast.Name) and n.id in _CASTS
+                            if isinstance(n, ast.Name) and n.id in CASTS
                         )
     needed = {
         node.id
@@ -534,7 +526,7 @@ def drop_imports(edits: Edits, tree: ast.Module) -> None:
     }
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module == _NATIVE:
-            shorten(edits, node, {"const", "micropython", *_CASTS} - needed)
+            shorten(edits, node, {"const", "micropython", *CASTS} - needed)
 
 
 def without_compiler_imports(text: str) -> str:

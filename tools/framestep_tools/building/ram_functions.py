@@ -7,7 +7,9 @@ at the start. tools/micropython/in_ram.sh names MicroPython's own functions that
 """
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+
+from .kernels import kernels
 
 # Module; class or ""; function
 RAM_FUNCTIONS = (
@@ -23,19 +25,6 @@ RAM_FUNCTIONS = (
     ("framestep/pulse/stepper.py", "", "halt"),
     ("framestep/motors/feeder.py", "", "emptiest_queue"),
 )
-
-
-def _kernels(body: list[ast.stmt], owner: str = "") -> Iterator[tuple[str, str]]:
-    """(class or "", function) of what is compiled to machine code, in the order of the text."""
-    for node in body:
-        if isinstance(node, ast.ClassDef):
-            yield from _kernels(node.body, node.name)
-        elif isinstance(node, ast.If):  # both ways are compiled
-            yield from _kernels([*node.body, *node.orelse], owner)
-        elif isinstance(node, ast.FunctionDef):
-            kinds = {d.attr for d in node.decorator_list if isinstance(d, ast.Attribute)}
-            if kinds & {"viper", "native"}:
-                yield owner, node.name
 
 
 def symbols(modules: Mapping[str, bytes]) -> list[str]:
@@ -55,8 +44,8 @@ def symbols(modules: Mapping[str, bytes]) -> list[str]:
         plain = source.removesuffix(".py").replace("/", "_")
         file = source.replace("/", "_slash_").replace(".", "_dot_")
         numbers: dict[str, int] = {}
-        for owner, name in _kernels(ast.parse(text).body):
+        for owner, kernel in kernels(ast.parse(text)):
             number = numbers[owner] = numbers.get(owner, 0) + 1
             within = f"{plain}_{owner}_" if owner else f"{plain}_"
-            found[source, owner, name] = within + file + (str(number) if number > 1 else "")
+            found[source, owner, kernel.name] = within + file + (str(number) if number > 1 else "")
     return [found[wanted] for wanted in RAM_FUNCTIONS]
