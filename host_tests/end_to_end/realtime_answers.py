@@ -105,36 +105,40 @@ ANSWERS = (
 )
 
 _NOTES = """\
-Codes are the last two digits of a response code: 12 ERR_MOVING, 13 ERR_UNSUPPORTED, 15 ERR_GENERAL, 16
-ERR_NOT_IN_POSITION. OK is 0x0010 or an answer with data. "--": see the next row, for a motor at rest.
+A number is the last two digits of a response code: 12 is ERR_MOVING, 13 ERR_UNSUPPORTED, 15 ERR_GENERAL, 16
+ERR_NOT_IN_POSITION. OK is 0x0010, or an answer with data. "--": in this state the next row applies, that of a motor at rest.
 
-The table assumes that no virtual axes are configured; a device without virtual axes answers 13 there. It also assumes payloads in
-range. Where it says OK, a payload out of range gets 14, 17, 18 or 20 to 23. A motor has a part in an operation if it has
-uploaded positions (or is named in SHOOT_FRAME), is enabled, and is not under live control.
+The table is that of a device with virtual axes, none of them configured; a device without them answers 13 in those rows. All
+payloads are in range. Where the table says OK, a payload out of range gets 14, 17, 18 or 20 to 23.
+
+An operation is a RUN_MOVE, a SHOOT_FRAME or a JOG_ALL. A motor *takes part* in it if it has uploaded positions (or is named in
+SHOOT_FRAME), is enabled, and is not under live control.
 
 After an OK:
 
-* In `way`, MOVE and JOG turn a motor away from the start: GO then answers 16 until it is back there. POSITION_FRAME and
-  UPLOAD_MOVE_BEGIN drop the prepared operation (GO: 15). RUN_MOVE and SHOOT_FRAME replace it once all motors are at rest. JOG_ALL is
-  accepted in `ready` only if the motors happen to be on an uploaded frame.
-* STOP of a motor that has a part, and STOP_ALL, end a prepared or running operation by ramps. RT_END follows once all motors are
-  at rest: exactly once for RUN_MOVE and SHOOT_FRAME, never for JOG_ALL, which lands on a whole frame instead. A second
-  STOP_ALL within a second stops harder; JOG_ALL then stops anywhere. A lost host stops everything without RT_END.
-* STOP_LOOP makes the current lap the last. On the way back to a loop's start, no further lap follows. Before GO it
-  makes a single lap of the loop. Without a loop it changes nothing.
-* After the last lap of a RUN_MOVE, with RT_END, the motors set off to the end frame's position, as by POSITION_FRAME:
-  the state is then `move`. After a STOP they stay where they are.
-* MOTOR_STATUS has the bits of all motors with a part set from the acknowledgement of GO to RT_END, including pauses between
-  laps. A motor that moves to the start has its bit set from the acknowledgement until it is at rest. When all bits are zero, GO,
-  RUN_MOVE, SHOOT_FRAME and POSITION_FRAME are accepted.
-* An operation without a motor (lights alone, or no motor that blurs) has no bit in MOTOR_STATUS. It is `ready` as soon
-  as RUN_MOVE or SHOOT_FRAME is acknowledged, and runs while MOTOR_STATUS is zero. Meanwhile it answers 12 like any other, and
-  RT_END reports its end. POSITION_FRAME then sets lights and triggers only; JOG_ALL answers 16.
+* In `way`, MOVE and JOG lead a motor away from the start. GO then answers 16 until the motor is back there.
+* POSITION_FRAME and UPLOAD_MOVE_BEGIN drop the prepared operation, so GO answers 15. RUN_MOVE and SHOOT_FRAME replace it once all
+  motors are at rest.
+* In `ready`, JOG_ALL is accepted only if the motors happen to be on an uploaded frame.
+* STOP of a motor that takes part, and STOP_ALL, end a prepared or running operation: its motors ramp down. Once all are at rest, one
+  RT_END follows for RUN_MOVE and SHOOT_FRAME, none for JOG_ALL.
+* A stopped JOG_ALL ends on a whole frame. A second STOP_ALL within a second stops harder, and JOG_ALL then stops anywhere.
+* If the host is lost, everything stops without RT_END.
+* STOP_LOOP during a lap makes it the last one; while the motors go back to the loop's start, no further lap follows. Before GO, the loop
+  then has a single lap. Without a loop, STOP_LOOP has no effect.
+* After the last lap of a RUN_MOVE, RT_END is sent and the motors go to the end frame's position, as POSITION_FRAME would send them. The
+  state is then `move`. After a STOP they stay where they are.
+* From the acknowledgement of GO until RT_END, MOTOR_STATUS reports every motor that takes part as moving, also in the pauses between
+  laps. A motor on its way to the start is reported as moving from the acknowledgement until it is at rest. When MOTOR_STATUS reports no
+  motor, GO, RUN_MOVE, SHOOT_FRAME and POSITION_FRAME are accepted.
+* An operation may have no motor: lights alone, or no motor that blurs. It is `ready` as soon as RUN_MOVE or SHOOT_FRAME is
+  acknowledged. While it runs, MOTOR_STATUS reports no motor, but requests get 12 as in any run, and RT_END reports the end.
+* If no motor has uploaded positions, POSITION_FRAME sets lights and triggers only, and JOG_ALL answers 16.
 * A device without DMX answers 13 to DMX and RT_UPLOAD_MOVE_DMX.
 
-Positions, light levels and triggers share one memory, first come, first served. [Protocol notes](protocol-notes.md),
-note 5.7, have the arithmetic. A section that does not fit gets ERR_RANGE (0x0014) and changes nothing: the
-upload stays as it was, and can be ended and run without it.
+Positions, light levels and triggers share one memory; note 5.7 of the [protocol notes](protocol-notes.md) says how much each takes.
+A section (one motor's positions, one light's levels, the triggers) that no longer fits gets ERR_RANGE (0x0014). The upload stays as it
+was before that section, and can be ended and run without it.
 """  # noqa: E501
 
 _DIAGRAM = """\

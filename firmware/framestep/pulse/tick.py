@@ -179,7 +179,7 @@ class Header(array):
                             k = (head & (sw.SEGMENTS - 1)) << 3
                             m[sw.READ_INDEX] = (head + 1) & WIDE_WRAP
                             gap = q[k + sw.SEG_WHOLE] - m[sw.POSITION]
-                            d = (gap << 22) + q[k + sw.SEG_FRACTION]
+                            d = (gap << 22) + q[k + sw.SEG_FRACTION]  # wraps
                             # Compares whole steps first, so that the next line cannot overflow. The
                             # tolerance is an eighth step, except after a tick of less than a full
                             # span, in which the motion turned.

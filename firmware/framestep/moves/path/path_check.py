@@ -202,7 +202,7 @@ def bends(
         most = 0
         i = low - 1
         while i < low + 3:
-            change = v[i - 1] + v[i + 1] - v[i + 0] - v[i + 0]
+            change = (v[i + 1] - v[i + 0]) - (v[i + 0] - v[i - 1])
             if change < 0:
                 change = 0 - change
             if change > most:
@@ -316,7 +316,7 @@ def bends(
 def bend(values: ptr32, inner: int) -> int:
     """Return by how many steps the change from frame to frame changes at the second of three
     frames, or the steps between it and frame `inner` (0 or 2) if they are fewer."""
-    change = values[2] - values[1] - values[1] + values[0]
+    change = (values[2] - values[1]) - (values[1] - values[0])
     if change < 0:
         change = 0 - change
     steps = values[inner] - values[1]
