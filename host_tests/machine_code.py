@@ -236,8 +236,9 @@ class _Function:
                 return self._call(call)[0] + ";\n"
             case ast.Assign(targets=[target], value=value):
                 return self._assign(target, value)
-            case ast.Assign(targets=targets, value=ast.Constant() as value):
-                return "".join(self._assign(target, value) for target in targets)
+            case ast.Assign(targets=[ast.Name(id=name) as first, *others], value=value):
+                same = ast.Name(name, ast.Load())
+                return self._assign(first, value) + "".join(self._assign(o, same) for o in others)
             case ast.AugAssign(target=target, op=op, value=value):
                 if any(isinstance(n, ast.Call) for n in ast.walk(target)):
                     raise _Stays
@@ -408,6 +409,8 @@ class _Function:
         if node.keywords:
             raise _Stays
         match node.func:
+            case ast.Name(id=name) if self.kinds.get(name) == _OBJECT:
+                return self._in_python(f"v_{name}, NULL", node.args)
             case ast.Name(id=name):
                 called = self.names.get(name)
             case ast.Attribute(value=ast.Name(id=module), attr=name) if isinstance(
