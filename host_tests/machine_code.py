@@ -236,8 +236,9 @@ class _Function:
                 return self._call(call)[0] + ";\n"
             case ast.Assign(targets=[target], value=value):
                 return self._assign(target, value)
-            case ast.Assign(targets=[ast.Name(id=name) as first, *others], value=value):
-                same = ast.Name(name, ast.Load())
+            case ast.Assign(targets=targets, value=value):
+                first, *others = sorted(targets, key=lambda to: not isinstance(to, ast.Name))
+                same = ast.parse(ast.unparse(first), mode="eval").body
                 return self._assign(first, value) + "".join(self._assign(o, same) for o in others)
             case ast.AugAssign(target=target, op=op, value=value):
                 if any(isinstance(n, ast.Call) for n in ast.walk(target)):

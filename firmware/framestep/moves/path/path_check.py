@@ -35,6 +35,7 @@ BENT = const(17)  # the bend of the path
 GATHERED = const(18)  # the additional change while the rate changes
 FINE = const(19)
 CHECK_WORDS = const(20)
+_SHARP = const(0x2000000)  # stands for any larger change of steps: no motor follows it
 
 FITS = const(0)
 TOO_FAST = const(1)
@@ -202,9 +203,14 @@ def bends(
         most = 0
         i = low - 1
         while i < low + 3:
-            change = (v[i + 1] - v[i + 0]) - (v[i + 0] - v[i - 1])
-            if change < 0:
-                change = 0 - change
+            # a quarter of it, which fits a word: frames beyond those played may lie anywhere
+            change = (v[i - 1] >> 2) + (v[i + 1] >> 2) - (v[i + 0] >> 1)
+            if ((change >> 23) + 1) >> 1:
+                change = _SHARP
+            else:
+                change = v[i - 1] + v[i + 1] - v[i + 0] - v[i + 0]  # wraps
+                if change < 0:
+                    change = 0 - change
             if change > most:
                 most = change
             i += 1
@@ -316,9 +322,13 @@ def bends(
 def bend(values: ptr32, inner: int) -> int:
     """Return by how many steps the change from frame to frame changes at the second of three
     frames, or the steps between it and frame `inner` (0 or 2) if they are fewer."""
-    change = (values[2] - values[1]) - (values[1] - values[0])
-    if change < 0:
-        change = 0 - change
+    change = (values[0] >> 2) + (values[2] >> 2) - (values[1] >> 1)
+    if ((change >> 23) + 1) >> 1:
+        change = _SHARP
+    else:
+        change = values[0] + values[2] - values[1] - values[1]  # wraps
+        if change < 0:
+            change = 0 - change
     steps = values[inner] - values[1]
     if steps < 0:
         steps = 0 - steps
