@@ -8,8 +8,8 @@ the same kernel in Python, and more is checked, by base/native.py's contract:
   that ends in `# wraps` it wraps, as on a board.
 * What is stored has to fit its item, and no index may lie outside.
 
-What cannot be translated stays as it is. So does everything if this computer has no C compiler or no
-headers of Python.
+What cannot be translated stays as it is. So does everything if this computer has no C compiler or
+no headers of Python.
 """
 
 import ast

@@ -7,7 +7,7 @@ function unchanged. A pointer is the array itself or, for an address, the array 
 Rules for a kernel, so that all runtimes compute the same numbers:
 
 * Every value fits 32 bits signed, unless `& mask` cuts it at once. The caller splits a product that
-  does not fit. A line in which a sum may wrap ends in `# wraps`. host_tests.machine_code checks this.
+  does not fit. A line in which a sum may wrap ends in `# wraps`. host_tests.machine_code checks it.
 * Memory is `array('i')` (ptr32), `array('h')` (ptr16) or `bytearray` (ptr8), never a slice of one.
   A cast to ptr8 gives the bytes of any of them.
 * A pointer into an array is made from `addressof(array)`, which a state word keeps.

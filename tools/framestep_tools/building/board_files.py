@@ -307,7 +307,9 @@ def _is_folded_away(name: str, source: bytes) -> bool:
     hidden = 0
     for node in ast.parse(source).body:
         match node:
-            case ast.Expr(value=ast.Constant()) | ast.Pass() | ast.ImportFrom(module="framestep.base.native"):
+            case ast.Expr(value=ast.Constant()) | ast.Pass():
+                pass
+            case ast.ImportFrom(module="framestep.base.native"):
                 pass
             case ast.Assign(
                 targets=[ast.Name(id=constant)], value=ast.Call(func=ast.Name(id="const"))
