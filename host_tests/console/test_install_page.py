@@ -22,6 +22,7 @@ from host_tests.covering import sweep
 
 PACKAGES = ["atob-lite", "esptool-js", "pako"]  # what the page is made of
 IMAGE = bytes(range(256)) * 800  # several pieces
+WITH_IMAGE = ("pico", "pico2")
 NAME = install_page.image_name("pico", install_page.version())
 # Takes the place of the browser's window to choose a folder
 DRIVE = """async ([name, about]) => {
@@ -66,7 +67,7 @@ def url(tmp_path_factory, shared_stage):
     folder = tmp_path_factory.mktemp("install")
     image = folder / "image"
     image.write_bytes(IMAGE)
-    install_page.make(folder / "page", {"pico": image}, {})
+    install_page.make(folder / "page", dict.fromkeys(WITH_IMAGE, image), {})
     server = FileServer(folder / "page")
     shared_stage.closing(server.close)
     return server.url
@@ -123,6 +124,17 @@ def test_an_image_goes_onto_its_drive(stage, url):
     assert page.errors == []
 
 
+def test_a_pico_2_has_a_drive_of_another_name(stage, url):
+    page = stage.page(url)
+    choose(page, "pico2")
+    expect(image_card(page)).to_contain_text("Here it is RP2350.")
+    said = save(page, "RP2350", ABOUT.format("RP2350"))
+    assert said == "The image is on the board, which starts with it."
+    name = install_page.image_name("pico2", install_page.version())
+    assert bytes(page.evaluate(FILES)[name]) == IMAGE
+    assert page.errors == []
+
+
 def test_a_drive_that_is_not_the_boards_is_refused(stage, url):
     page = stage.page(url)
     choose(page)
@@ -157,7 +169,7 @@ def test_every_board_without_access_to_drives(stage, url, look):
     for name in board_names():
         choose(page, name)
         if name in image_boards():
-            if name != "pico":
+            if name not in WITH_IMAGE:
                 expect(image_card(page)).to_contain_text("without the image for this board")
         else:
             expect(image_card(page)).to_contain_text(f"framestep install --board {name}")
