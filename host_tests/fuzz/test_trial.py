@@ -14,6 +14,7 @@ from framestep.controller import Controller
 from framestep.hal.host import HostPort, PulseModel
 from framestep.interlock import Interlock
 from framestep.io.requests import Io
+from framestep.motors import bounds
 from framestep.motors.axis import Axis
 from framestep.motors.requests import Motors
 from framestep.moves.operation_runner import OperationRunner
@@ -62,8 +63,8 @@ def test_nothing_is_found_where_nothing_is_wrong(session):
 
 def ends_without_play(monkeypatch):
     """A jog to the end of the range ignores the play: its sum leaves the word."""
-    monkeypatch.setattr(Axis, "clamp", lambda self, target, i: None)
-    monkeypatch.setattr(Axis, "beyond", lambda self, target, i: 0)
+    monkeypatch.setattr(bounds, "clamp", lambda axis, target, i: None)
+    monkeypatch.setattr(bounds, "beyond", lambda axis, target, i: 0)
 
 
 def limit_forgotten(monkeypatch):
@@ -149,7 +150,7 @@ def harder_stop(monkeypatch):
 
 
 def past_the_limit(monkeypatch):
-    monkeypatch.setattr(Axis, "clamp", lambda self, target, i: None)
+    monkeypatch.setattr(bounds, "clamp", lambda axis, target, i: None)
 
 
 def reported_wrong(monkeypatch):
@@ -325,7 +326,7 @@ def jogs_forgotten(monkeypatch):
         self.jogging = 0
         original(self, bits)
 
-    monkeypatch.setattr(Interlock, "send", wrong)
+    monkeypatch.setattr(Interlock, "prepare", wrong)
 
 
 def begins_in_motion(monkeypatch):
@@ -333,13 +334,13 @@ def begins_in_motion(monkeypatch):
 
 
 def falls_short(monkeypatch):
-    original = Axis.clamp
+    original = bounds.clamp
 
-    def wrong(self, target, i):
+    def wrong(axis, target, i):
         target[i] -= 1
-        original(self, target, i)
+        original(axis, target, i)
 
-    monkeypatch.setattr(Axis, "clamp", wrong)
+    monkeypatch.setattr(bounds, "clamp", wrong)
 
 
 # a fault, a session, what is found

@@ -35,7 +35,7 @@ jogs.note(encode(kind, p.MotorCreep(3, 5000).pack(), 1))
 assert jogs.stops() == [p.MotorStop(3)]
 jogs.note(encode(kind, p.MotorCreep(3, 5000).pack(), 1) + encode(p.MotorStop.TYPE, b"\\3", 2))
 assert not jogs
-assert bridge._refused_jogs(encode(kind, p.MotorCreep(3, 5000).pack(), 1))
+assert port_bridge._refused_jogs(encode(kind, p.MotorCreep(3, 5000).pack(), 1))
 
 assert kind in link.MOTIONS and kind in compare._MOVES
 assert '"MotorCreep"' in page_files.protocol_js()
