@@ -15,6 +15,7 @@ ALLOWED = {
     "host_tests/board/test_board_block.py": "examples with other clocks and numbers of motors",
     "host_tests/board/test_image.py": "boards that share an image",
     "host_tests/board/test_repl_memory.py": "examples with drivers",
+    "host_tests/fuzz/chip_player.py": "a board of each chip",
     "host_tests/rig/test_rig.py": "examples with other clocks",
     "host_tests/tools/documents/test_board_pages.py": "examples with a mistake each",
 }
