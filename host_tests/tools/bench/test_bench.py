@@ -12,7 +12,7 @@ from framestep_tools.bench import esp32, pico2
 from framestep_tools.bench.__main__ import conclude
 from framestep_tools.bench.figures import AT_200, FIGURES, keyed, missed, plain_table, table
 from framestep_tools.bench.moves import FPS, MOTORS, RAMP, ROLL_MS, STEADY_RATES, mixed_move
-from framestep_tools.bench.record import record, recorded, worse
+from framestep_tools.bench.record import comparison, record, recorded, worse
 from framestep_tools.judge.reference import Reference
 from framestep_tools.judge.trace import PinDecoder, Trace, load_board
 from framestep_tools.simulator.esp32_board import Esp32Board
@@ -132,6 +132,27 @@ def test_a_figure_that_becomes_worse_ends_the_bench():
             conclude(Console(file=out, width=150), [], [line], report)
         assert ended.value.exit_code == 1
     assert out.getvalue().splitlines()[-1] == f"  {line}"
+
+
+def test_the_page_for_a_pull_request_begins_with_what_has_changed():
+    kept = recorded()
+    values = kept | {
+        "upload_frames_8": kept["upload_frames_8"] * 0.9,
+        "tick_us_8": kept["tick_us_8"] * 0.9,
+    }
+    values |= {"go_ms_spread": kept["go_ms_spread"] * 1.02, "stop_ms_worst": 1.7}
+    page = comparison(EVERY, values, kept, {"pico": (1_020_000, 29_000)})
+    _, changed, images, _, every, _ = page.split("\n\n")
+    rows = [line.strip("| ").split(" | ") for line in changed.splitlines()[2:]]
+    assert {(row[0], row[-1]) for row in rows} == {
+        ("tick_us_8", "better"),
+        ("upload_frames_8", "**worse**"),
+    }
+    assert images.endswith("| pico | 1 020 000 | 29 000 |")
+    assert len(every.splitlines()) == len(values) + 2
+    assert "| stop_ms_worst | 1.7 | – |" in every
+    same = comparison(EVERY, kept, kept, {})
+    assert "No figure has changed by more than 3 %." in same
 
 
 def test_the_record(tmp_path):

@@ -17,7 +17,7 @@ from . import esp32, pico2, tick_cost
 from .figures import FIGURES, TRUST, all_missed, keyed, missed, plain_table, table
 from .main_loop import loop_table, loops
 from .measure import measure
-from .record import RECORD, record, recorded, worse
+from .record import RECORD, comparison, record, recorded, worse
 
 RESULT = ROOT / "build" / "bench.json"
 _WIDTH = 150  # of the table, if the output is not a terminal
@@ -38,6 +38,9 @@ def main(
         bool, typer.Option("--renew", help="record these figures; later ones must not be worse")
     ] = False,
     out: Annotated[Path, typer.Option(help="file for the figures", metavar="FILE")] = RESULT,
+    page: Annotated[
+        Path | None, typer.Option(help="file for a page about them in Markdown", metavar="FILE")
+    ] = None,
 ) -> None:
     """Measure the firmware on the emulated board and the simulated ESP32 against its goals."""
     console = Console(highlight=False)
@@ -79,8 +82,19 @@ def main(
         record(values)
         console.print(f"recorded in {RECORD}")
     figures = (*FIGURES, *pico2.FIGURES, *esp32.FIGURES)
+    if page:
+        page.write_text(comparison(figures, values, recorded(), image_sizes()))
     lines += all_missed(esp32.FIGURES, chain)
     conclude(console, lines, worse(figures, values, recorded()), report)
+
+
+def image_sizes() -> dict[str, tuple[int, int]]:
+    """Return {board: (bytes of its image, bytes of flash left)} for a board of each chip."""
+    firmware = {
+        board: images.frozen(board).with_name("firmware.bin").read_bytes()
+        for board in ("pico", pico2.BOARD)
+    }
+    return {name: (len(found), images.flash_left(found)) for name, found in firmware.items()}
 
 
 def conclude(

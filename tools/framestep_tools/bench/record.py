@@ -33,14 +33,65 @@ def worse(
     kinds = {figure.key: figure for figure in figures}
     lines = [f"{key}: recorded, but not measured" for key in kept if key not in values]
     for key, value in values.items():
-        if key not in kept:
-            continue
-        figure = kinds[key if key in kinds else key.removesuffix("_200")]
-        limit = kept[key]
-        if figure.at_least is not None:
-            is_worse = value < limit * (1 - TOLERANCE)
-        else:
-            is_worse = value > limit * (1 + TOLERANCE)
-        if is_worse:
-            lines.append(f"{key}: {number(value)} {figure.unit}, recorded {number(limit)}")
+        if key in kept and _change(_kind(kinds, key), value, kept[key]) < -TOLERANCE:
+            unit = _kind(kinds, key).unit
+            lines.append(f"{key}: {number(value)} {unit}, recorded {number(kept[key])}")
     return lines
+
+
+def comparison(
+    figures: Iterable[Figure],
+    values: Mapping[str, float],
+    kept: Mapping[str, float],
+    sizes: Mapping[str, tuple[int, int]],
+) -> str:
+    """Return a page in Markdown for a pull request: what has changed, the images, all figures.
+
+    sizes: {board: (bytes of its image, bytes of flash left)}.
+    """
+    kinds = {figure.key: figure for figure in figures}
+    rows, changed = [], []
+    for key, value in values.items():
+        kind = _kind(kinds, key)
+        goal = kind.at(200).goal if key not in kinds else kind.goal
+        was, change = "–", ""
+        if key in kept:
+            was, by = number(kept[key]), _change(kind, value, kept[key])
+            if abs(by) > TOLERANCE:
+                change = "**worse**" if by < 0 else "better"
+        row = f"| {key} | {number(value)} | {was} | {goal} | {kind.unit} | {change} |"
+        rows.append(row)
+        changed += [row] if change else []
+    head = ["| figure | now | recorded | goal | unit | |", "|---|---|---|---|---|---|"]
+    images = [f"| {name} | {size:,} | {left:,} |" for name, (size, left) in sizes.items()]
+    return "\n".join(
+        [
+            "## Figures of the emulated boards",
+            "",
+            *([*head, *changed] if changed else ["No figure has changed by more than 3 %."]),
+            "",
+            "| image | bytes | bytes of flash left |",
+            "|---|---|---|",
+            *(line.replace(",", " ") for line in images),
+            "",
+            "<details><summary>All figures</summary>",
+            "",
+            *head,
+            *rows,
+            "",
+            "</details>",
+            "",
+        ]
+    )
+
+
+def _kind(kinds: Mapping[str, Figure], key: str) -> Figure:
+    return kinds[key if key in kinds else key.removesuffix("_200")]
+
+
+def _change(figure: Figure, value: float, kept: float) -> float:
+    """Return by what part of the recorded figure one is better; below 0: worse."""
+    if value == kept:
+        return 0.0
+    by = (value - kept) / kept if kept else float("inf")
+    return by if figure.at_least is not None else -by
