@@ -106,33 +106,34 @@ ANSWERS = (
 
 _NOTES = """\
 A number is the last two digits of a response code: 12 is ERR_MOVING, 13 ERR_UNSUPPORTED, 15 ERR_GENERAL, 16
-ERR_NOT_IN_POSITION. OK is 0x0010, or an answer with data. "--": in this state the next row applies, that of a motor at rest.
+ERR_NOT_IN_POSITION. OK is 0x0010, or an answer with data. "--": no motor is in motion in this state; the next row applies.
 
-The table is that of a device with virtual axes, none of them configured; a device without them answers 13 in those rows. All
-payloads are in range. Where the table says OK, a payload out of range gets 14, 17, 18 or 20 to 23.
+The table is that of a device with virtual axes, none of them configured; a device without them answers 13 to all virtual requests. It
+assumes that each payload is in range. Where it says OK, a payload out of range gets 14, 17, 18 or 20 to 23.
 
-An operation is a RUN_MOVE, a SHOOT_FRAME or a JOG_ALL. A motor *takes part* in it if it has uploaded positions (or is named in
-SHOOT_FRAME), is enabled, and is not under live control.
+An operation is a RUN_MOVE, a SHOOT_FRAME, a SHOOT_FRAME2 or a JOG_ALL. A motor has a part in it if it has uploaded positions (or is named
+in SHOOT_FRAME), is enabled, and is not under live control (a flag of CONFIGURE). SHOOT_FRAME stands for both below.
 
-After an OK:
+What follows, and special cases:
 
-* In `way`, MOVE and JOG lead a motor away from the start. GO then answers 16 until the motor is back there.
-* POSITION_FRAME and UPLOAD_MOVE_BEGIN drop the prepared operation, so GO answers 15. RUN_MOVE and SHOOT_FRAME replace it once all
-  motors are at rest.
+* In `way` and `ready`, MOVE and JOG may lead a motor away from its start. GO then answers 16 until the host has moved it back.
+* POSITION_FRAME and UPLOAD_MOVE_BEGIN drop the prepared operation, so GO answers 15. RUN_MOVE and SHOOT_FRAME, which are accepted only
+  when all motors are at rest, replace it.
 * In `ready`, JOG_ALL is accepted only if the motors happen to be on an uploaded frame.
-* STOP of a motor that takes part, and STOP_ALL, end a prepared or running operation: its motors ramp down. Once all are at rest, one
+* STOP of a motor that has a part, and STOP_ALL, end a prepared or running operation: its motors ramp down. Once all are at rest, one
   RT_END follows for RUN_MOVE and SHOOT_FRAME, none for JOG_ALL.
-* A stopped JOG_ALL ends on a whole frame. A second STOP_ALL within a second stops harder, and JOG_ALL then stops anywhere.
+* A stopped JOG_ALL ends on a whole frame. A second STOP_ALL within a second makes a hard stop, and JOG_ALL then stops anywhere.
 * If the host is lost, everything stops without RT_END.
-* STOP_LOOP during a lap makes it the last one; while the motors go back to the loop's start, no further lap follows. Before GO, the loop
-  then has a single lap. Without a loop, STOP_LOOP has no effect.
+* STOP_LOOP during a lap makes that lap the last one. If it comes while the motors go back to the loop's start, no further lap follows. If
+  it comes before GO, the loop will have a single lap. Without a loop it has no effect.
 * After the last lap of a RUN_MOVE, RT_END is sent and the motors go to the end frame's position, as POSITION_FRAME would send them. The
   state is then `move`. After a STOP they stay where they are.
-* From the acknowledgement of GO until RT_END, MOTOR_STATUS reports every motor that takes part as moving, also in the pauses between
-  laps. A motor on its way to the start is reported as moving from the acknowledgement until it is at rest. When MOTOR_STATUS reports no
-  motor, GO, RUN_MOVE, SHOOT_FRAME and POSITION_FRAME are accepted.
-* An operation may have no motor: lights alone, or no motor that blurs. It is `ready` as soon as RUN_MOVE or SHOOT_FRAME is
-  acknowledged. While it runs, MOTOR_STATUS reports no motor, but requests get 12 as in any run, and RT_END reports the end.
+* From the acknowledgement of GO until RT_END, MOTOR_STATUS reports every motor that has a part as moving, also in the pauses between
+  laps. A motor on its way to the start is reported as moving from the acknowledgement of RUN_MOVE or SHOOT_FRAME until it is at rest
+  there. So a host that waits until no motor is reported as moving gets no 12 from GO, RUN_MOVE, SHOOT_FRAME and POSITION_FRAME.
+* An operation may have no motor: a move of lights alone, or a SHOOT_FRAME in which no motor moves while the shutter is open. It is
+  `ready` as soon as RUN_MOVE or SHOOT_FRAME is acknowledged. While it runs, MOTOR_STATUS reports no motor as moving, but requests get 12
+  as in any run; RT_END reports the end.
 * If no motor has uploaded positions, POSITION_FRAME sets lights and triggers only, and JOG_ALL answers 16.
 * A device without DMX answers 13 to DMX and RT_UPLOAD_MOVE_DMX.
 
