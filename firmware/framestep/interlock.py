@@ -51,7 +51,7 @@ class Interlock:
     #
     # The owner of a motor has it to itself, and nothing else may move it:
     #
-    #   an operation      `operations.owned`  from GO until it has returned to its end frame
+    #   an operation      `operations.owned`  from GO until all have set out for its end frame
     #   a virtual motion  `virtuals.owned`    from its acknowledgement to its end
     #   homing            `homing`            from its acknowledgement until the motor is done
     #

@@ -74,9 +74,8 @@ SPARE = const(124)  # for a number that is used at once, between two formulas
 
 BASE = const(144)  # six: the pose, or the axes, at s = 0
 DIRECTION = const(156)  # six: what s adds to it
-LAST_END = const(
-    256
-)  # six, in no formula: the pose at the end of the last line, before rounding to steps
+# six, in no formula: the pose at the end of the last line, before rounding to steps
+LAST_END = const(256)
 PAN_OFFSET = const(180)  # pan and tilt minus the direction of the aim point
 TILT_OFFSET = const(182)
 AIMED_PAN = const(184)  # that direction at s = 0
