@@ -168,6 +168,27 @@ def test_stop(bench):
     assert 0 < session.position(1) < 10_000
 
 
+def test_after_a_run_while_motors_set_out_for_its_end_frame(bench):
+    """Nothing else is moved before all have set out. A stop keeps those that have not where they
+    are, without another RT_END."""
+    session, says = bench
+    session.accept(RtRunMove(24000, 1, 25, 500, 500))
+    session.wait_idle()
+    session.accept(RtGo())
+    while not session.events(RtEnd):
+        session.run(0.001)
+    assert says(repl.move, 8, 200) == ["refused: a run comes to rest"]
+    says(repl.stop)
+    session.wait_idle()
+    assert session.position(1) > MOVE[1][-1]
+    assert session.position(2) > MOVE[2][-1]
+    assert len(session.events(RtEnd)) == 1
+    assert says(repl.move, 1, 200) == []
+    session.wait_idle()
+    assert session.position(1) == 200
+    assert session.position(2) > MOVE[2][-1]
+
+
 def test_jog(bench, monkeypatch):
     """Keys are held and released, and choose motors; the motor stops by itself."""
     session, says = bench
