@@ -5,13 +5,13 @@ from collections.abc import Iterable
 from framestep_tools.building.board_files import compiled, folded
 
 
-def board_modules(names: Iterable[str], chip: str = "rp2040") -> dict[str, bytes]:
+def board_modules(names: Iterable[str]) -> dict[str, bytes]:
     """Return {device path: content} of the core's modules with these names ("io/lights"), compiled
-    as for a board with this chip.
+    for an RP2040.
 
     Their constants keep their names: the tests' own programs import them.
     """
-    sources = folded({}, hide=False, rp2=chip)
+    sources = folded({}, hide=False)
     return {
         f"/lib/framestep/{name}.mpy": compiled(
             f"framestep/{name}.py", sources[f"framestep/{name}.py"], "armv6m"

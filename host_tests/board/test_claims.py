@@ -45,10 +45,10 @@ MODULES = (
 CLAIM = Path(__file__).parent / "claims_setup.py"
 
 
-@pytest.mark.parametrize("chip", sweep(["B1", "B2"], "B2"))
-def test_a_claim_at_any_time_around_a_bus_reset(emulator, chip):
+@pytest.mark.parametrize("stepping", sweep(["B1", "B2"], "B2"))
+def test_a_claim_at_any_time_around_a_bus_reset(emulator, stepping):
     """The direction pin follows its engine, whenever it was claimed, and USB starts again."""
-    emu = emulator(files=board_modules(MODULES, chip), args=["--chip", chip])
+    emu = emulator(files=board_modules(MODULES), args=["--chip", stepping])
     repl = emu.repl()
     repl.exec(CLAIM.read_text())
     dead = []
@@ -69,7 +69,8 @@ def test_a_claim_at_any_time_around_a_bus_reset(emulator, chip):
         if made[0][1:] != [1, 0] * 5 or made[1][-4:] != [1, 0, 1, 0]:
             dead.append((us, made))
     assert dead == []
-    assert (held > 5) == (chip == "B1"), "the offsets do not hit the time in which the pin is held"
+    is_held = stepping == "B1"
+    assert (held > 5) == is_held, "the offsets do not hit the time in which the pin is held"
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ _NAME = re.compile(r"^[\w<>*-]+\.(?:py|mjs|sh|toml)$")
 # The bases of paths in the documents, besides the root and their own folder
 _FOLDERS = ("firmware", "firmware/framestep", "tools", "tools/framestep_tools", "host_tests")
 # Names of ours that mean something else in the documents
-_OTHERS = ("emu", "micropython", "usb")
+_OTHERS = ("chip", "emu", "micropython", "usb")
 # What is made, or is on a board
 _MADE = ("build/", ".cache/", "lib/")
 # Next to .../blob/main, where GitHub shows the documents of any fork
