@@ -108,7 +108,7 @@ _NOTES = """\
 A number is the last two digits of a response code: 12 is ERR_MOVING, 13 ERR_UNSUPPORTED, 15 ERR_GENERAL, 16
 ERR_NOT_IN_POSITION. OK is 0x0010, or an answer with data. "--": no motor is in motion in this state; the next row applies.
 
-The table is that of a device with virtual axes, none of them configured; a device without them answers 13 to all virtual requests. It
+The table describes a device that has virtual axes, but none configured; one without them answers 13 to all virtual requests. It
 assumes that each payload is in range. Where it says OK, a payload out of range gets 14, 17, 18 or 20 to 23.
 
 An operation is a RUN_MOVE, a SHOOT_FRAME, a SHOOT_FRAME2 or a JOG_ALL. A motor has a part in it if it has uploaded positions (or is named

@@ -1,6 +1,6 @@
 """Requests about lights, outputs, inputs and the camera, and reports of inputs and stop inputs.
 
-It adds its handlers to those of the link. A handler returns the code to acknowledge with,
+Their handlers are added to the link's. A handler returns the code to acknowledge with,
 or 0 if it has answered itself. Nothing allocates after construction.
 """
 

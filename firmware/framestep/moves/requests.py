@@ -1,6 +1,6 @@
 """Requests about uploaded moves and the operations that play them.
 
-It adds its handlers to those of the link. A handler returns the code to acknowledge with,
+Their handlers are added to the link's. A handler returns the code to acknowledge with,
 or 0 if it has answered itself. Within moves, only this module reads payloads. What a request means
 is decided in operation_runner.py and by the operations. Nothing allocates after construction.
 """

@@ -1,7 +1,7 @@
 """The virtual axes of a rig and their requests, VIRT_* of the specification: whether they may move,
 how they start, what stops them.
 
-It adds its handlers to those of the link. A handler returns the code to acknowledge with,
+Their handlers are added to the link's. A handler returns the code to acknowledge with,
 or 0 if it has answered itself. Nothing allocates after construction.
 """
 

@@ -35,7 +35,7 @@ BENT = const(17)  # the bend of the path
 GATHERED = const(18)  # the additional change while the rate changes
 FINE = const(19)
 CHECK_WORDS = const(20)
-_SHARP = const(0x2000000)  # stands for any larger change of steps: no motor follows it
+_SHARP = const(0x2000000)  # any change of steps beyond this counts as this: no motor can follow it
 
 FITS = const(0)
 TOO_FAST = const(1)
