@@ -157,4 +157,4 @@ emulator-measure: setup node micropython ### measure the emulated boards themsel
 		--pico2 "$(CACHE)/build/rp2350/firmware.bin" --benchmarks "$(CACHE)/src/micropython/tests/perf_bench" $(ARGS)
 
 clean: ### remove build/ and .cache, everything that can be made again
-	rm -rf build .cache tools/framestep_emulator/board/node_modules framestep.egg-info
+	rm -rf build .cache tools/framestep_emulator/board/node_modules

@@ -16,6 +16,7 @@ import zipfile
 
 import pytest
 
+from framestep_tools import paths
 from framestep_tools.building.board_files import (
     ROOT,
     board_data,
@@ -24,7 +25,6 @@ from framestep_tools.building.board_files import (
     files_boards,
 )
 from framestep_tools.client.client import Client
-from framestep_tools.console import page_files
 from framestep_tools.move.move_file import CAMERA_MOVE
 from host_tests.tools.board.test_install import board_behind  # noqa: F401 -- a fixture
 from host_tests.tools.board.test_uf2 import uf2_file
@@ -40,8 +40,16 @@ BLOCKED = (
     "hypothesis",
     "framestep_emulator",
 )
+# what the build of the package does without: it has pyproject.toml's `requires` only
+_LEFT_OUT_OF_THE_BUILD = ("littlefs", "numpy", "segno", "websockets", "matplotlib", "hypothesis")
 # modules that only some commands need
 _LATE = ("rich", "serial", "mpremote", "littlefs", "framestep.controller", "websockets")
+
+
+def block(folder, names):
+    """Let no Python with this folder in PYTHONPATH import these."""
+    lines = ["import sys", *(f"sys.modules[{name!r}] = None" for name in names)]
+    (folder / "sitecustomize.py").write_text("\n".join(lines) + "\n")
 
 
 class Installed:
@@ -49,8 +57,7 @@ class Installed:
 
     def __init__(self, folder, home):
         self.folder, self.home = folder, home
-        lines = ["import sys", *(f"sys.modules[{name!r}] = None" for name in BLOCKED)]
-        (folder / "sitecustomize.py").write_text("\n".join(lines) + "\n")
+        block(folder, BLOCKED)
 
     def python(self, script, *args):
         """Return what a Python script prints."""
@@ -91,20 +98,15 @@ class Installed:
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
     made = tmp_path_factory.mktemp("wheel")
+    block(made, _LEFT_OUT_OF_THE_BUILD)
     built = subprocess.run(
-        [
-            sys.executable,
-            "setup.py",
-            "-q",
-            "build",
-            "-b",
-            made / "build",
-            "bdist_wheel",
-            "-d",
-            made,
-        ],
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", made],
         cwd=ROOT,
-        env={**os.environ, "GITHUB_REPOSITORY": "somebody/framestep"},
+        env={
+            **os.environ,
+            "GITHUB_REPOSITORY": "somebody/framestep",
+            "PYTHONPATH": str(made),
+        },
         capture_output=True,
         text=True,
     )
@@ -124,6 +126,13 @@ def test_it_is_this_package_that_runs_and_no_other(installed):
     assert [os.path.commonpath([path, installed.folder]) for path in where] == [
         str(installed.folder)
     ] * 2
+
+
+def test_it_leaves_out_what_only_a_checkout_runs(installed):
+    packages = {path.parent.name for path in installed.folder.glob("*/__init__.py")}
+    assert packages == {"flash_images", "framestep", "framestep_tools"}
+    data = {path.name for path in (installed.folder / "framestep_tools/data").iterdir()}
+    assert data - {"images"} == {"boards", "files"}  # images only if they have been built
 
 
 def test_its_links_lead_to_the_repository_that_has_built_it(installed):
@@ -166,7 +175,7 @@ def test_the_page_of_the_console_is_in_the_package(installed):
     ours = {path.relative_to(page) for path in page.rglob("*") if path.is_file()}
     there = {path.relative_to(folder) for path in folder.rglob("*") if path.is_file()}
     made = {"protocol.js", "rig.schema.json"}
-    assert {path.as_posix() for path in there - ours} == made | page_files.terminal().keys()
+    assert {path.as_posix() for path in there - ours} == made | paths.terminal().keys()
     assert not ours - there
 
 

@@ -1,9 +1,9 @@
 """Paths of framestep's own files: in a checkout of its sources, or in the package that a user has
 installed.
 
-setup.py adds to the package what a user needs without the sources: `data/boards` with each board's
-board.json and rig.json, `data/images/<board>.uf2`, and `data/files/<board>` with the files of
-boards that have framestep in their file system.
+pyproject.toml and hatch_build.py put into the package what a user needs without the sources:
+`data/boards` with each board's board.json and rig.json, `data/images/<board>.uf2`, and
+`data/files/<board>` with the files of boards that have framestep in their file system.
 """
 
 import os
@@ -21,6 +21,13 @@ IMAGES = DATA / "images"
 FILES = DATA / "files"
 FIRMWARE = ROOT / "firmware"
 CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or ROOT / ".cache").absolute()
+_MODULES = ROOT / "tools/framestep_emulator/board/node_modules/@xterm"
+_TERMINAL = {
+    "xterm/xterm.mjs": "xterm/lib/xterm.mjs",
+    "xterm/addon-fit.mjs": "addon-fit/lib/addon-fit.mjs",
+    "xterm/xterm.css": "xterm/css/xterm.css",
+    "xterm/LICENSE.txt": "xterm/LICENSE",
+}
 
 
 @cache
@@ -29,12 +36,18 @@ def version() -> str:
 
     Read from the source, because importing the controller would take long.
     """
-    import framestep
-
-    text = Path(framestep.__file__).with_name("reports.py").read_text()
+    folder = PACKAGE.parent if INSTALLED else FIRMWARE
+    text = (folder / "framestep" / "reports.py").read_text()
     found = re.search(r"^VERSION = \((\d+), (\d+), (\d+)\)", text, re.MULTILINE)
     assert found, "framestep/reports.py has no VERSION"
     return ".".join(found.groups())
+
+
+def terminal() -> dict[str, Path]:
+    """Return the files of xterm.js by their paths in the console's page, from the node package;
+    none without it. The package for pip brings them."""
+    found = {name: _MODULES / path for name, path in _TERMINAL.items()}
+    return found if all(path.exists() for path in found.values()) else {}
 
 
 def repository() -> str | None:

@@ -32,13 +32,6 @@ TYPES = {
     ".json": "application/json; charset=utf-8",
     ".svg": "image/svg+xml",
 }
-_MODULES = paths.ROOT / "tools/framestep_emulator/board/node_modules/@xterm"
-_TERMINAL = {
-    "xterm/xterm.mjs": "xterm/lib/xterm.mjs",
-    "xterm/addon-fit.mjs": "addon-fit/lib/addon-fit.mjs",
-    "xterm/xterm.css": "xterm/css/xterm.css",
-    "xterm/LICENSE.txt": "xterm/LICENSE",
-}
 _HEAD = "// Made by framestep_tools.console.page_files from the modules that the firmware uses.\n"
 _HAS_NO_LAYOUT = "VirtConfig"  # each of its types has its own layout: page/virtual_config.js
 _BYTES = [["bytes", "*B"]]
@@ -52,18 +45,11 @@ def files() -> dict[str, bytes]:
         for path in sorted(PAGE.rglob("*"))
         if path.suffix in TYPES
     }
-    for name, path in terminal().items():
+    for name, path in paths.terminal().items():
         found[name] = path.read_bytes()
     found["protocol.js"] = protocol_js().encode()
     found["rig.schema.json"] = rig_schema.text().encode()
     return found
-
-
-def terminal() -> dict[str, Path]:
-    """Return the files of xterm.js by their paths in the page, from the node package; none without
-    it. The package for pip brings them."""
-    found = {name: _MODULES / path for name, path in _TERMINAL.items()}
-    return found if all(path.exists() for path in found.values()) else {}
 
 
 def save(folder: Path) -> int:

@@ -104,20 +104,10 @@ def zipped(files: Mapping[str, bytes], when: int) -> bytes:
     return out.getvalue()
 
 
-def same_each_time(wheel: bytes, when: int) -> bytes:
-    """Rewrite a wheel so that its bytes do not depend on where or when it was built."""
-    with zipfile.ZipFile(io.BytesIO(wheel)) as archive:
-        return zipped(
-            {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")},
-            when,
-        )
-
-
-def wheel(folder: Path, when: int) -> Path:
-    """Build the package, with the images that are ready, into a folder. Return its path."""
-    scratch = folder / "scratch"
+def wheel(folder: Path, when: int) -> None:
+    """Build the package, with the images that are ready, into a folder."""
     result = subprocess.run(
-        [sys.executable, "setup.py", "-q", "build", "-b", scratch, "bdist_wheel", "-d", scratch],
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder],
         cwd=ROOT,
         env={**os.environ, "SOURCE_DATE_EPOCH": str(max(when, _FIRST))},
         capture_output=True,
@@ -125,11 +115,6 @@ def wheel(folder: Path, when: int) -> Path:
     )
     if result.returncode != 0:
         raise BuildError(f"the package cannot be built:\n{result.stderr.strip()}")
-    (made,) = scratch.glob("*.whl")
-    path = folder / made.name
-    path.write_bytes(same_each_time(made.read_bytes(), when))
-    shutil.rmtree(scratch)
-    return path
 
 
 def pages() -> dict[str, bytes]:
