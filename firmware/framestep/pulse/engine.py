@@ -3,7 +3,8 @@
 This is the engine of the RP2040 and RP2350, a PIO state machine for each motor (hal/rp2/pulses.py).
 A chip with another engine has a module with the same names, and the build replaces this one by it:
 see boards/chips.json and docs/internals/new-chip.md. The build folds imported constants and drops
-the branches of the tick for other engines, so neither costs anything.
+the branches of the tick for other engines, and it puts what the functions do in the place of their
+calls; so none of this costs anything.
 
 A command is a 32-bit word with the fields below: direction, number of pulses, the gap before each,
 and their width. The engine executes commands one after the other on its own clock. With n pulses,
@@ -17,7 +18,7 @@ command's fields, but set up at the start. A command without pulses is a wait of
 The tick leaves at least SPARE_CYCLES from the end of a wait to the next edge.
 """
 
-from framestep.base.native import const
+from framestep.base.native import const, micropython, ptr32
 
 # Fields of a command
 DIRECTION = const(1)  # this bit: up, unless the motor's direction is inverted
@@ -52,3 +53,15 @@ BATCH = const(1)  # most ticks done at a time
 # words (a power of 2) in memory, followed by the count of words ever put; outputs are one word of
 # levels, and all pins' bits lie below 2^30.
 RING = const(0)
+
+
+@micropython.viper
+def pause(cycles: int) -> int:
+    """Return the command for a wait, without its direction."""
+    return (cycles - WAIT_CYCLES) << GAP
+
+
+@micropython.viper
+def put(fifo: ptr32, word: int):
+    """Give a motor's engine a command."""
+    fifo[0] = word

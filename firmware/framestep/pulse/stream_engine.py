@@ -5,7 +5,8 @@ has 128 cycles per microsecond. A word lasts 512 of them, 4 µs, so a tick has 2
 follow one another without a pause, so most overheads are 0.
 """
 
-from framestep.base.native import const
+from framestep.base.clock import WIDE_WRAP
+from framestep.base.native import const, micropython, ptr32
 
 # Fields of a command
 DIRECTION = const(1)
@@ -41,3 +42,17 @@ RING = const(1)
 CYCLES = const(128000)  # in a tick
 WORD_BITS = const(9)  # log2 of the cycles that a word lasts
 WORDS = const(250)  # in a tick
+
+
+@micropython.viper
+def pause(cycles: int) -> int:
+    """Return the command for a wait, without its direction."""
+    return (cycles - WAIT_CYCLES) << GAP
+
+
+@micropython.viper
+def put(fifo: ptr32, word: int):
+    """See pulse/engine.py. Who reads the ring sees the count only once the word is there."""
+    at = fifo[COMMANDS]
+    fifo[at & (COMMANDS - 1)] = word
+    fifo[COMMANDS] = (at + 1) & WIDE_WRAP

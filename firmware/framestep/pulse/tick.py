@@ -11,6 +11,7 @@ from framestep.base.clock import HALF, WIDE_HALF, WIDE_WRAP, WRAP, after, elapse
 from framestep.base.native import const, micropython, ptr32
 from framestep.pulse import engine
 from framestep.pulse import stepper as sw
+from framestep.pulse.engine import pause, put
 
 # Q22: a step this close to its place counts as made, so that rounding does not put it into the next
 # tick
@@ -146,26 +147,10 @@ class Header(array):
                         word = m[sw.WORD]
                         wait = wait - m[sw.RESERVE] + m[sw.FIXED] - engine.COMMAND_CYCLES
                         while wait > engine.LONGEST_WAIT:
-                            if engine.RING:
-                                k = fifo[engine.COMMANDS]
-                                fifo[engine.COMMANDS] = (k + 1) & WIDE_WRAP
-                                fifo[k & (engine.COMMANDS - 1)] = word + (
-                                    (engine.LONGEST_WAIT - engine.WAIT_CYCLES) << engine.GAP
-                                )
-                            else:
-                                fifo[0] = word + (
-                                    (engine.LONGEST_WAIT - engine.WAIT_CYCLES) << engine.GAP
-                                )
+                            put(fifo, word + pause(engine.LONGEST_WAIT))
                             wait = wait - engine.LONGEST_WAIT
                         if wait > engine.WAIT_CYCLES:
-                            if engine.RING:
-                                k = fifo[engine.COMMANDS]
-                                fifo[engine.COMMANDS] = (k + 1) & WIDE_WRAP
-                                fifo[k & (engine.COMMANDS - 1)] = word + (
-                                    (wait - engine.WAIT_CYCLES) << engine.GAP
-                                )
-                            else:
-                                fifo[0] = word + ((wait - engine.WAIT_CYCLES) << engine.GAP)
+                            put(fifo, word + pause(wait))
                         m[sw.CARRY] = m[sw.RESERVE]
                         if idle == 0:
                             alone = 1
@@ -267,16 +252,7 @@ class Header(array):
                             m[sw.DOWN] = s
                             if m[sw.HOLD]:
                                 fifo = ptr32(m[sw.FIFO])
-                                if engine.RING:
-                                    k = fifo[engine.COMMANDS]
-                                    fifo[engine.COMMANDS] = (k + 1) & WIDE_WRAP
-                                    fifo[k & (engine.COMMANDS - 1)] = m[sw.WORD] + (
-                                        (m[sw.HOLD] - engine.WAIT_CYCLES) << engine.GAP
-                                    )
-                                else:
-                                    fifo[0] = m[sw.WORD] + (
-                                        (m[sw.HOLD] - engine.WAIT_CYCLES) << engine.GAP
-                                    )
+                                put(fifo, m[sw.WORD] + pause(m[sw.HOLD]))
                                 m[sw.CARRY] = m[sw.CARRY] - m[sw.HOLD]
                             m[sw.WORD] = m[sw.WORD] ^ engine.DIRECTION
                             least = m[sw.SETUP]
@@ -287,16 +263,7 @@ class Header(array):
                             m[sw.DOWN] = 0
                             if m[sw.HOLD]:
                                 fifo = ptr32(m[sw.FIFO])
-                                if engine.RING:
-                                    k = fifo[engine.COMMANDS]
-                                    fifo[engine.COMMANDS] = (k + 1) & WIDE_WRAP
-                                    fifo[k & (engine.COMMANDS - 1)] = m[sw.WORD] + (
-                                        (m[sw.HOLD] - engine.WAIT_CYCLES) << engine.GAP
-                                    )
-                                else:
-                                    fifo[0] = m[sw.WORD] + (
-                                        (m[sw.HOLD] - engine.WAIT_CYCLES) << engine.GAP
-                                    )
+                                put(fifo, m[sw.WORD] + pause(m[sw.HOLD]))
                                 m[sw.CARRY] = m[sw.CARRY] - m[sw.HOLD]
                             m[sw.WORD] = m[sw.WORD] ^ engine.DIRECTION
                             least = m[sw.SETUP]
@@ -421,18 +388,14 @@ class Header(array):
                                         rest = rest + (rest >> 2)
                                 if rest:
                                     pulses = pulses - rest
-                                    if engine.RING:
-                                        k = fifo[engine.COMMANDS]
-                                        fifo[engine.COMMANDS] = (k + 1) & WIDE_WRAP
-                                        d = (
-                                            ((period - m[sw.FIXED]) << _PULSE_BITS) + pulses
-                                        ) << engine.PULSES
-                                        fifo[k & (engine.COMMANDS - 1)] = d + m[sw.WORD]
-                                    else:
-                                        fifo[0] = (
+                                    put(
+                                        fifo,
+                                        (
                                             (((period - m[sw.FIXED]) << _PULSE_BITS) + pulses)
                                             << engine.PULSES
-                                        ) + m[sw.WORD]
+                                        )
+                                        + m[sw.WORD],
+                                    )
                                     carry = (0 - period) * pulses + carry - engine.COMMAND_CYCLES
                                     pulses = rest
                                     period += 1
@@ -442,15 +405,11 @@ class Header(array):
                                 period = ((pulses >> 1) + x) // pulses
                             if period < least:
                                 period = least
-                        if engine.RING:
-                            k = fifo[engine.COMMANDS]
-                            fifo[engine.COMMANDS] = (k + 1) & WIDE_WRAP
-                            d = (((period - m[sw.FIXED]) << _PULSE_BITS) + pulses) << engine.PULSES
-                            fifo[k & (engine.COMMANDS - 1)] = d + m[sw.WORD]
-                        else:
-                            fifo[0] = (
-                                (((period - m[sw.FIXED]) << _PULSE_BITS) + pulses) << engine.PULSES
-                            ) + m[sw.WORD]
+                        put(
+                            fifo,
+                            ((((period - m[sw.FIXED]) << _PULSE_BITS) + pulses) << engine.PULSES)
+                            + m[sw.WORD],
+                        )
                         if back:
                             carry = (0 - period) * pulses + carry - engine.COMMAND_CYCLES
                             n = back
@@ -468,13 +427,6 @@ class Header(array):
                     d = m[sw.CARRY] - m[sw.RESERVE]
                     if d > engine.WAIT_CYCLES:
                         fifo = ptr32(m[sw.FIFO])
-                        if engine.RING:
-                            k = fifo[engine.COMMANDS]
-                            fifo[engine.COMMANDS] = (k + 1) & WIDE_WRAP
-                            fifo[k & (engine.COMMANDS - 1)] = m[sw.WORD] + (
-                                (d - engine.WAIT_CYCLES) << engine.GAP
-                            )
-                        else:
-                            fifo[0] = m[sw.WORD] + ((d - engine.WAIT_CYCLES) << engine.GAP)
+                        put(fifo, m[sw.WORD] + pause(d))
                         m[sw.CARRY] = m[sw.RESERVE]
         h[sw.SPENT] = (clock[0] - now + h[sw.SPENT]) & WIDE_WRAP

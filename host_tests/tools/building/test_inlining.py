@@ -84,8 +84,55 @@ def test_what_may_be_computed_twice_or_not_at_all_calls_nothing(result):
         inlined("from a.clock import elapsed\nx = elapsed(f(), 1)\n", clock)
 
 
+PUT = '''_MASK = const(3)
+
+
+def put(ring, word):
+    """A word goes into the ring, then counts."""
+    at = ring[4]
+    ring[at & _MASK] = word
+    ring[4] = at + 1
+'''
+
+
+@pytest.mark.parametrize("call", ["put(r, at + r[4])", "put(\n    r,\n    at - 1\n)", "put(r, 7)"])
+def test_assignments_take_the_place_of_a_call(call):
+    """Also where the caller has a variable of the same name, and where the argument reads what they
+    change."""
+    user = f"from a.clock import put\nfor at in 1, 2, 3, 4, 5:\n    {call}\n    x = at\n"
+    found: dict = {"r": [0, 0, 0, 0, 0]}
+    exec(inlined(user, PUT), found)
+    wanted: dict = {"r": [0, 0, 0, 0, 0]}
+    exec("def const(x): return x\n" + PUT + user.partition("\n")[2], wanted)
+    assert (found["r"], found["x"]) == (wanted["r"], wanted["x"])
+    assert "put(" not in inlined(user, PUT)
+    assert inlined(user, PUT).count("\n") == user.count("\n")
+
+
+@pytest.mark.parametrize("use", ["x = put(r, 1)", "put(r[0], 1)", "put(f(), 1)", "put(r, f())"])
+def test_assignments_take_the_place_of_nothing_else(use):
+    """As a value, with a ring that may be another after a store, with an argument that calls."""
+    with pytest.raises(FoldError, match="line 2: put has to be called, with all arguments"):
+        inlined(f"from a.clock import put\n{use}\n", PUT)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "if now: then[0] = 1",
+        "now = then",
+        "f(now)\n    then[0] = 1",
+        "return",
+        "then[0] = 1; return 1",
+    ],
+)
+def test_what_is_no_assignment_is_refused(body):
+    with pytest.raises(FoldError, match="one expression, or assignments to its own variables"):
+        inlined("", f"def put(now, then):\n    {body}\n")
+
+
 def test_boards_have_no_functions_that_are_put_in_place():
-    gone = (b"framestep.base.clock", b"framestep.motors.backlash_rules")
+    gone = (b"framestep.base.clock", b"framestep.motors.backlash_rules", b"framestep.pulse.engine")
     for engine in ("pio", "stream"):
         for name, text in folded({}, True, engine).items():
             itself = name.removesuffix(".py").replace("/", ".").encode() in gone

@@ -36,7 +36,11 @@ _KEPT_TREES = 20
 _KEPT_RESULTS = 40
 _NATIVE = "framestep/base/native.py"
 # calls of their functions are inlined
-_INLINED = ("framestep/base/clock.py", "framestep/motors/backlash_rules.py")
+_INLINED = (
+    "framestep/base/clock.py",
+    "framestep/motors/backlash_rules.py",
+    "framestep/pulse/engine.py",
+)
 _COMPILER = "framestep/motion/formula.py"  # only needed while the core is built
 # so the compiler drops code for CPython
 _ON_BOARDS = {"framestep.base.native": {"CPYTHON": 0}}
