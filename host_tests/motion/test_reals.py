@@ -4,7 +4,6 @@ import math
 from array import array
 from fractions import Fraction
 
-import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
@@ -94,26 +93,6 @@ def test_a_quotient_that_is_rounded_to_the_greatest_mantissa():
     r = array("i", [825_955_248, 0, 825_955_249, 0, 0, 0, 0, 0])
     reals.divide(r, C, A, B)
     assert (r[C], r[C + 1]) == (2**30 - 1, -30)
-
-
-@given(registers(1))
-def test_root(r):
-    a = exact(r, A)
-    reals.root(r, B, A)
-    root = exact(r, B)
-    if a <= 0:
-        assert root == 0
-    else:
-        assert abs(root * root - a) <= 2 * EXACT * a
-
-
-@pytest.mark.parametrize("value", [1, 2, 3, 4, 2**29 - 1, 2**29, 2**29 + 1, 2**30 - 1, 10**9])
-@pytest.mark.parametrize("exponent", [-31, -30, -3, -2, -1, 0, 1, 2, 30])
-def test_roots_at_the_edges(value, exponent):
-    r = array("i", [0] * 8)
-    reals.put(r, A, value, exponent)
-    reals.root(r, B, A)
-    assert math.isclose(exact(r, B), math.sqrt(value * 2.0**exponent), rel_tol=2**-29)
 
 
 @given(registers())

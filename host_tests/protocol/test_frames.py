@@ -124,22 +124,6 @@ def test_the_largest_frame():
     assert found(frame * 3) == [(FRAME, 3, 0x101, payload)] * 3
 
 
-def test_the_type_that_comes_next():
-    reader = FrameReader()
-    damaged = bytearray(wire.encode(0x31, b"xyz", 7))
-    damaged[-1] ^= 1
-    stream = b"xD" + bytes(damaged) + wire.encode(0x101, b"\x01", 3) + HI[:-1]
-    reader.feed(stream, 0, len(stream))
-    assert [(reader.upcoming(), reader.poll()) for _ in range(3)] == [
-        (0x31, DAMAGED),
-        (0x101, FRAME),
-        (-1, NOTHING),
-    ]
-    assert reader.waiting == len(HI) - 1
-    reader.feed(HI, len(HI) - 1, 1)
-    assert (reader.upcoming(), reader.waiting) == (1, len(HI))
-
-
 def test_a_frame_that_stops_half_way_is_given_up():
     reader = FrameReader()
     assert found(VIRT_MOVE[:12], reader) == []

@@ -25,6 +25,7 @@ from array import array
 
 from framestep.base.native import addressof
 from framestep.motion import reals, segments
+from framestep.motion.compute import execute
 from framestep.motors import bounds
 from framestep.motors.axes import Axes
 from framestep.pulse import stepper
@@ -40,6 +41,7 @@ except ImportError:
     heap_unlock = heap_lock
 
 CYCLES = 125_000
+ROOT = b"\x09\x0c\x00\x00\x00\x00\x00\x00"  # a formula: r[12] = √r[0]
 AXIS = ("speed", "jerk", "place", "travel", "jog", "stop", "smooth", "couple", "limits")
 
 
@@ -237,7 +239,7 @@ def calculate(r, words, out, fraction, powers, limit):
     reals.multiply(r, 8, 0, 2)
     if r[2]:
         reals.divide(r, 10, 0, 2)
-    reals.root(r, 12, 0)
+    execute(0, 0, r, ROOT)
     reals.negate(r, 16, 0)
     reals.double(r, 18, 2, powers)
     r[20] = reals.compare(r, 0, 2)

@@ -205,48 +205,6 @@ def divide(r: ptr32, to: int, a: int, b: int):
 
 
 @micropython.viper
-def root(r: ptr32, to: int, a: int):
-    """r[to] = square root of r[a], 0 for a negative number."""
-    m = r[a + 0]
-    e = r[a + 1]
-    if m <= 0:
-        r[to] = 0
-        r[to + 1] = 0
-    else:
-        if e & 1:
-            m = m >> 1
-            e += 1
-        # upper half, digit by digit: 2^14 <= root < 2^15; m becomes the remainder
-        root = 0
-        bit = 0x10000000
-        while bit:
-            if m >= root + bit:
-                m = m - root - bit
-                root = (root >> 1) + bit
-            else:
-                root = root >> 1
-            bit = bit >> 2
-        # lower half: the remainder divided by twice the root
-        m = m << 14
-        low = 0
-        n = root << 15
-        bit = 0x8000
-        while bit:
-            if m >= n:
-                m = m - n
-                low = low + bit
-            n = n >> 1
-            bit = bit >> 1
-        if m + m >= root:
-            low += 1
-        m = (root << 15) + low
-        if low * low >> 15 >= root:  # the square of the lower half, which the division left out
-            m -= 1
-        r[to] = m
-        r[to + 1] = (e >> 1) - 15
-
-
-@micropython.viper
 def sign(r: ptr32, a: int) -> int:
     """Return -1, 0 or 1."""
     m = r[a + 0]

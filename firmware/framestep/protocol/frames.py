@@ -140,16 +140,6 @@ class FrameReader:
         return count
 
     @micropython.viper
-    def upcoming(self) -> int:
-        """Return the type of the frame that poll() would find next, good or damaged; -1 if there is
-        none."""
-        words = self._state
-        size = int(_search(self.buffer, words))
-        state = ptr32(words)
-        self.waiting = state[FILL] - state[NEXT]
-        return state[_TYPE] if size else -1
-
-    @micropython.viper
     def poll(self) -> int:
         """Find the next frame. Return FRAME, DAMAGED (wrong checksum) or NOTHING.
 

@@ -87,8 +87,7 @@ _STAGE_SETUP = const(1)
 # Types of questions, and of stops, which begin at once (protocol.messages)
 _HI = const(0x01)
 _STATUS = const(0x30)
-_STOP = const(0x32)
-_STOP_ALL = const(0x33)
+_STOP = const(0x32)  # STOP_ALL is between this and _GET_POSITION
 _GET_POSITION = const(0x34)
 
 # bytes that come this long after DTR was cleared come from a host that does not use it
