@@ -366,6 +366,12 @@ class Recorder:
 
 
 def _shape(block):
+    level = block[stepper.WORD] & engine.DIRECTION
+    invert = bool(level) == bool(block[stepper.DOWN])
+    hold = block[stepper.HOLD]
+    if block[stepper.FIXED] == engine.EDGE_CYCLES:
+        setup = max(block[stepper.SETUP] - engine.EDGE_TURN_CYCLES, 0)
+        return [0, setup, invert, hold, block[stepper.SHORTEST]]
     longer = block[stepper.FIXED] - engine.PERIOD_CYCLES
     rounds = 0
     while wider(rounds * engine.WIDTHS + engine.WIDTHS - 1) < longer:
@@ -373,9 +379,6 @@ def _shape(block):
     width = (longer - wider(rounds * engine.WIDTHS)) // engine.WIDTH_CYCLES
     high = engine.HIGH_CYCLES + longer
     setup = max(block[stepper.SETUP] - high - engine.TURN_CYCLES, 0)
-    hold = block[stepper.HOLD]
-    level = block[stepper.WORD] & engine.DIRECTION
-    invert = bool(level) == bool(block[stepper.DOWN])
     return [rounds * engine.WIDTHS + width, setup, invert, hold]
 
 

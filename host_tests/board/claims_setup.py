@@ -19,7 +19,9 @@ def forget():
 
 
 def claim():
-    engine = pulses.PulseEngine([STEP] * 5, [DIRECTION] * 5, machine.freq(), [0] * 5)
+    engine = pulses.PulseEngine(
+        [STEP] * 5, [DIRECTION] * 5, machine.freq(), [(0, 625, False, 0, 0)] * 5
+    )
     for command in (0, 1, 0, 1, 0):
         machine.mem32[engine.fifo(4)] = command | 1 << 1 | 5000 << 10
 

@@ -11,15 +11,18 @@ import machine
 from framestep.hal.rp2.pulses import PulseEngine, lost_commands
 from framestep.pulse.kernel import StepKernel
 
-N = 8
+# APART, of the test: for each motor 0, or cycles between edges that are steps
+N = len(APART)
 pins = range(2, 2 + 2 * N, 2)
-engine = PulseEngine(list(pins), [pin + 1 for pin in pins], 125_000_000, [0] * N)
+shapes = [(0, 625, False, 0, apart) for apart in APART]
+engine = PulseEngine(list(pins), [pin + 1 for pin in pins], 125_000_000, shapes)
 kernel = StepKernel(N, 125_000, 0x40054028)
 
 
 def configure(width, setup, invert):
     for i in range(N):
-        kernel.configure(i, engine.fifo(i), width, setup, invert)
+        apart = APART[i]
+        kernel.configure(i, engine.fifo(i), 0 if apart else width, setup, invert, 0, apart)
 
 
 # A list of segments for all motors, fed when there is room

@@ -12,7 +12,10 @@ from host_tests.end_to_end.session import Session
 PINS = (20, 17)  # v1
 RIG = {
     "virtuals": 0,
-    "motors": [{"driver": {"run_ma": 800, "pin": 20}}, {"driver": {"run_ma": 300}}],
+    "motors": [
+        {"driver": {"run_ma": 800, "pin": 20}},
+        {"driver": {"run_ma": 300, "both_edges": True}},
+    ],
 }
 BIT_NS = 1e9 / chip.BAUD
 SLICE_NS = 500_000
@@ -111,6 +114,8 @@ class DrivenBoard(EmulatedBoard):
 
 
 def test_set_up_over_one_pin_each():
+    """PIO also has pulses for one motor and steps on both edges for the other here, and so no room
+    for the LED's program."""
     with DrivenBoard() as board:
         talk = Session(board, motors=2, reply_s=0.1)
         assert talk.ask(Hi()).motors == 2

@@ -25,10 +25,10 @@ SETUP = Path(__file__).parent / "pulses_setup.py"
 class Board:
     """The emulated board with kernel and engine, driven by the segments of ideal motions."""
 
-    def __init__(self, emu):
+    def __init__(self, emu, apart=(0,) * MOTORS):
         self.emu = emu
         self.repl = emu.repl()
-        self.exec(SETUP.read_text())
+        self.exec(f"APART = {apart}\n{SETUP.read_text()}")
 
     def exec(self, code):
         """Run code with the kernel's constants as stepper.NAME, which the test replaces by
@@ -160,6 +160,39 @@ def test_pulses_and_turns(pulses, width, setup_us, invert):
     assert len(there) == len(here)
     assert np.abs(there - here * NS).max(initial=0) <= NS
     assert board.place == profile.end
+
+
+def test_steps_on_both_edges():
+    """Each edge is as in the model, next to motors with pulses in the same PIO block: at full
+    speed, and when the direction changes, which is set up before the edge."""
+    setup_us, apart = 20, 50 * PER_US // 100
+    with Emulator(images.frozen(), files={"/main.py": b""}) as emu:
+        board = Board(emu, (0, apart, apart, 0, apart, apart, apart, apart))
+        top = Profile([(160, 0)], v=Fraction(500))
+        board.play(top, 140, rest=False)
+        assert board.faults == 0
+        for motor in range(MOTORS):
+            edges = edge_times(board.edges, FIRST_PIN + 2 * motor).astype(float)[1:]
+            steps = edges if motor not in (0, 3) else board.rises(motor)
+            ideal = top.steps()[0]
+            ideal = ideal[ideal < 130]
+            error = steps[: len(ideal)] / 1000 - ideal * 1000
+            error = (error - np.median(error))[ideal > 3]
+            assert len(error) > 60_000
+            assert np.abs(error).max() < 0.5
+        assert board.cost_us <= 60
+        board.exec(f"end()\nfresh()\nconfigure(4, {setup_us * PER_US}, False)\ntime.sleep_ms(20)")
+        profile = Profile([(60, Fraction(1, 10)), (121, Fraction(-1, 10)), (60, Fraction(1, 10))])
+        board.play(profile, 262, 3)
+    assert (board.place, board.faults, board.mode) == (profile.end, 0, stepper.IDLE)
+    assert (board.place & 1, board.spread) == (1, profile.end), "the level is high at rest"
+    edges = edge_times(board.edges, FIRST_PIN + 2).astype(float)[1:]
+    for turn in board.turns(1):
+        later = edges[edges > turn]
+        assert not len(later) or later[0] - turn >= setup_us * 1000
+    bench = Bench(setup=setup_us * PER_US, apart=apart).settle()
+    bench.play([profile.segments()])
+    assert np.array_equal(np.diff(edges), np.diff(bench.times()[0]) * NS)
 
 
 @pytest.mark.parametrize("after_us, away_us", [(500, 200), (500, 1000), (50, 2000)])

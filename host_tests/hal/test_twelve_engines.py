@@ -44,18 +44,21 @@ def pulses(monkeypatch):
         PIO=pio, asm_pio=lambda **_: lambda program: program, StateMachine=Machine
     )
     monkeypatch.setitem(sys.modules, "rp2", rp2)
-    monkeypatch.setitem(sys.modules, "machine", SimpleNamespace(Pin=Pin))
+    monkeypatch.setitem(sys.modules, "machine", SimpleNamespace(Pin=Pin, mem32={}))
     claims = SimpleNamespace(Claim=lambda *pins: contextlib.nullcontext())
     monkeypatch.setitem(sys.modules, "framestep.hal.rp2.pin_guard", claims)
-    monkeypatch.delitem(sys.modules, "framestep.hal.rp2.pulses", raising=False)
+    for name in ("framestep.hal.rp2.pulses", "framestep.soft_reset"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
     monkeypatch.setattr(Machine, "made", [])
     yield importlib.import_module("framestep.hal.rp2.pulses")
-    sys.modules.pop("framestep.hal.rp2.pulses", None)
+    for name in ("framestep.hal.rp2.pulses", "framestep.soft_reset"):
+        sys.modules.pop(name, None)
 
 
 def test_every_motor_has_its_own(pulses):
     board = board_data("pico2")
-    engine = pulses.PulseEngine(board["step"], board["dir"], 75_000_000, [0] * len(board["step"]))
+    shapes = [(0, 625, False, 0, 0)] * len(board["step"])
+    engine = pulses.PulseEngine(board["step"], board["dir"], 75_000_000, shapes)
     assert Machine.made == list(zip(range(12), board["step"], board["dir"], strict=True))
     assert [engine.fifo(i) for i in range(12)] == [
         block + TXF0 + 4 * i for block in BLOCKS for i in range(4)

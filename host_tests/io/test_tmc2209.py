@@ -70,6 +70,16 @@ def one(**driver):
     return wired.chips[0]
 
 
+def test_steps_on_both_edges():
+    """The chip gets the setting with its bridges off, and without the filter, which does not work
+    with it (TMC2209 datasheet, CHOPCONF)."""
+    driver = one(both_edges=True)
+    chopper = [value for register, value in driver.writes if register == chip.CHOPCONF]
+    assert [value >> 29 & 1 for value in chopper] == [1, 1]
+    assert driver.registers[chip.GCONF] == 0b1100_0000
+    assert driver.microsteps == 16
+
+
 def test_registers():
     driver = one()
     assert driver.writes[0] == (chip.NODECONF, 0x200)

@@ -29,9 +29,9 @@ def signed(word):
 class Engine(PulseModel):
     """One motor's pulse engine. Its lists hold times in cycles."""
 
-    def __init__(self, bench, width):
-        self.rises = []
-        self.ways = []  # +1 or -1 for each rising edge
+    def __init__(self, bench, width, both_edges=False):
+        self.rises = []  # if the driver steps on both edges, falling edges as well
+        self.ways = []  # +1 or -1 for each of them
         self.turns = []  # times at which the direction pin changed
         self.dry = []  # (from, to): idle between two commands
         self.fullest = 0
@@ -39,7 +39,11 @@ class Engine(PulseModel):
         self.width = width
         self.up = 1
         super().__init__(
-            lambda: bench.now, width, self._rise, lambda at, level: self.turns.append(at)
+            lambda: bench.now,
+            width,
+            self._rise,
+            lambda at, level: self.turns.append(at),
+            both_edges,
         )
 
     def _rise(self, at, level):
@@ -92,7 +96,16 @@ class Bench:
     """
 
     def __init__(
-        self, motors=1, width=0, setup=625, invert=False, offset_us=0, jitter_us=3.0, seed=1, hold=0
+        self,
+        motors=1,
+        width=0,
+        setup=625,
+        invert=False,
+        offset_us=0,
+        jitter_us=3.0,
+        seed=1,
+        hold=0,
+        apart=0,
     ):
         self.port = self
         self.now = 0
@@ -101,10 +114,10 @@ class Bench:
         self.random = random.Random(seed)
         self.clock = Clock(self)
         self.kernel = StepKernel(motors, PER_TICK, map_device(self.clock))
-        self.engines = [Engine(self, width) for _ in range(motors)]
+        self.engines = [Engine(self, width, apart > 0) for _ in range(motors)]
         self.setup = setup
         for i, engine in enumerate(self.engines):
-            self.kernel.configure(i, map_device(engine), width, setup, invert, hold)
+            self.kernel.configure(i, map_device(engine), width, setup, invert, hold, apart)
             engine.up = 0 if invert else 1
         self.due = PER_TICK  # the timer's next interrupt
         self.free = 0  # when the last interrupt ended

@@ -133,6 +133,66 @@ def test_reversals(setup_us, width, invert, hold_us):
     at_rest(bench)
 
 
+@pytest.mark.parametrize(
+    ("setup_us", "hold_us", "apart_us"), [(0, 0, 0.25), (5, 0, 1), (0, 7, 1), (200, 50, 50)]
+)
+@pytest.mark.parametrize("invert", [False, True])
+def test_reversals_with_steps_on_both_edges(setup_us, hold_us, apart_us, invert):
+    """Each edge is a step, `apart` after the one before; a change of direction is `hold` after the
+    edge before it and `setup` before the next."""
+    apart = int(apart_us * PER_US)
+    bench = Bench(
+        setup=setup_us * PER_US, invert=invert, hold=hold_us * PER_US, apart=apart
+    ).settle()
+    a = Fraction(1, 40) if apart_us > 10 else Fraction(1, 10)
+    profile = Profile([(100, a), (200, -a), (173, a), (96, -a), (23, a)], p=0)
+    start = bench.play([profile.segments()])
+    assert np.abs(errors_us(bench, start, profile)).max() < max(3, setup_us + hold_us + apart_us)
+    engine = bench.engines[0]
+    steps = np.array(engine.rises)
+    assert engine.turns
+    for at in engine.turns:
+        later, earlier = steps[steps > at], steps[steps <= at]
+        assert not len(later) or later[0] - at >= setup_us * PER_US
+        assert not len(earlier) or at - earlier[-1] > max(hold_us * PER_US, 3)
+    assert np.diff(steps).min() >= apart
+    at_rest(bench)
+
+
+@pytest.mark.parametrize("rate", [333, 100_000, 499_999])
+def test_steady_with_steps_on_both_edges(rate):
+    """As with pulses, at rates that pulses of this width do not allow."""
+    bench = Bench(apart=PER_US).settle()
+    ticks = 400
+    profile = steady(rate, ticks)
+    start = bench.play([profile.segments(rest=False)], ticks - 10)
+    error = errors_us(bench, start, profile, ticks=ticks - 10)
+    assert len(error) >= min(rate // 4, 2)
+    assert np.abs(error).max() < 0.5
+
+
+@pytest.mark.parametrize("apart_us", [0, 50])
+def test_a_start_whether_or_not_the_engine_has_run_dry(apart_us):
+    """A motor starts two ticks after its last step, which came at any time of its tick: the steps
+    come when they are due."""
+    offsets = []
+    for part in range(0, 400, 3):
+        bench = Bench(apart=apart_us * PER_US, jitter_us=0).settle()
+        first = Profile([(3, 0)], v=Fraction(1000 + 3 * part, 2000))
+        bench.play([first.segments(rest=False)], 3)
+        block = bench.block()
+        block[stepper.MODE] = stepper.IDLE
+        block[stepper.VELOCITY] = block[stepper.FRACTION] = 0
+        block[stepper.IDLE_AT] = bench.state[stepper.TICKS]
+        bench.run(1)
+        made = len(bench.engines[0].rises)
+        then = Profile([(20, 0)], p=block[stepper.POSITION], v=Fraction(3))
+        start = bench.play([then.segments(rest=False)], 15)
+        steps = np.array(bench.engines[0].rises[made + 5 : made + 20]) - start
+        offsets.append(float(np.median(steps / PER_TICK - np.arange(6, 21) / 3)) * 1000)
+    assert np.ptp(offsets) < 0.1
+
+
 def test_trembling_makes_no_steps():
     """A motor at rest on a step that moves by less than a step to either side makes none."""
     bench = Bench().settle()

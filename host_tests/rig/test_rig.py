@@ -246,6 +246,17 @@ def test_an_esp32_has_no_pendant():
         Rig({"pendant": {"a": 34, "b": 35, "enable": 32}}, board_data("esp32_595"))
 
 
+def test_steps_on_both_edges_are_for_engines_and_drivers_that_can_make_them():
+    motor = {"driver": {"run_ma": 500, "both_edges": True}}
+    with pytest.raises(RigError, match=r"motors\[1\].driver.both_edges: .* this board makes only"):
+        Rig({"motors": [motor]}, board_data("esp32_595"))
+    with pytest.raises(RigError, match=r"motors\[1\].type: found \"a4988\", but `driver` sets up"):
+        Rig({"motors": [{"type": "a4988", **motor}]}, board_data("skr_pico"))
+    with pytest.raises(RigError, match=r"motors\[1\].both_edges: no such setting"):
+        Rig({"motors": [{"both_edges": True}]}, board_data("skr_pico"))
+    assert Rig({"motors": [motor]}, board_data("skr_pico")).motor(0)["driver"]["both_edges"]
+
+
 def test_a_type_of_driver_sets_what_is_not_given():
     rig = Rig(
         {

@@ -60,11 +60,13 @@ class PulseModel:
     finds the FIFO full is lost; `lost` counts these.
     """
 
-    def __init__(self, clock, width, on_step, on_direction):
+    def __init__(self, clock, width, on_step, on_direction, both_edges=False):
         self.clock = clock  # returns the present cycle
-        self.on_step = on_step  # f(cycle, direction level) at each rising edge
+        self.on_step = on_step  # f(cycle, direction level) at each edge that is a step
         self.on_direction = on_direction  # f(cycle, level) at each change
-        self.period = engine.PERIOD_CYCLES + wider(width)  # beyond the gap
+        # beyond the gap: to the first step, from one step to the next
+        self.first = 9 if both_edges else 8
+        self.period = engine.EDGE_CYCLES if both_edges else engine.PERIOD_CYCLES + wider(width)
         self.free_at = 0  # cycle at which the last command is done
         self.waiting = []  # cycles at which the commands in the FIFO will be fetched
         self.level = 0
@@ -91,7 +93,7 @@ class PulseModel:
             return
         period = gap + self.period
         on_step = self.on_step
-        first = start + gap + 8
+        first = start + gap + self.first
         for cycle in range(first, first + pulses * period, period):
             on_step(cycle, level)
         self.free_at = start + engine.COMMAND_CYCLES + pulses * period
@@ -267,10 +269,12 @@ class HostHal:
         self._lost = [0] * motors  # commands, until the last call of take_lost_commands()
         for i in range(motors):
             settings = rig.motor(i)
-            width, setup, hold = pulse_shape(settings, CLOCK_HZ // 1000000)
-            up = 0 if settings["invert"] else 1
-            model = PulseModel(self.cycle, width, self._step(i, up), self._direction(i, rig.servos))
-            self.kernel.configure(i, map_device(model), width, setup, settings["invert"], hold)
+            shape = pulse_shape(settings, CLOCK_HZ // 1000000)
+            step = self._step(i, 0 if settings["invert"] else 1)
+            model = PulseModel(
+                self.cycle, shape[0], step, self._direction(i, rig.servos), shape[-1] > 0
+            )
+            self.kernel.configure(i, map_device(model), *shape)
             self.engines.append(model)
         self._servos = None
         if rig.servos:

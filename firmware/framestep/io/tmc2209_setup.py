@@ -26,8 +26,9 @@ _SGTHRS = 0x40
 _LONGEST = (1 << 20) - 1  # TCOOLTHRS
 
 _SPREAD = 1 << 2  # GCONF
-# pdn_disable, mstep_reg_select, multistep_filt; current not from VREF
-_UART_RULES = (1 << 6) | (1 << 7) | (1 << 8)
+# pdn_disable, mstep_reg_select; current not from VREF
+_UART_RULES = (1 << 6) | (1 << 7)
+_FILTER = 1 << 8  # multistep_filt; not together with dedge (datasheet, CHOPCONF)
 # 3·8 bit times before an answer: less is not allowed with several drivers on a wire
 _SENDDELAY = 2 << 8
 _TOFF = 3
@@ -36,6 +37,7 @@ _CHOPPER = (2 << 15) | (5 << 4)
 _VSENSE = 1 << 17
 _MRES = 24
 _INTPOL = 1 << 28
+_DEDGE = 1 << 29
 _IHOLDDELAY = 1 << 16  # 22 ms from one step of current to the next
 _PWM = 0xC10D0024  # its value after a reset: automatic scaling and gradient
 _FREEWHEEL = 1 << 20
@@ -82,13 +84,19 @@ def registers(driver):
         | (_VSENSE if vsense else 0)
         | (mres << _MRES)
         | (_INTPOL if driver["interpolate"] else 0)
+        | (_DEDGE if driver["both_edges"] else 0)
+    )
+    rules = (
+        _UART_RULES
+        | (_SPREAD if driver["mode"] == "spread" else 0)
+        | (0 if driver["both_edges"] else _FILTER)
     )
     delay = (driver["hold_delay_ms"] * (_CLOCK_HZ // 1000) + (1 << 17)) >> 18
     listed = (
         (_NODECONF, _SENDDELAY),
         (_CHOPCONF, chopper),  # TOFF 0: the bridges are off, which clears a latched short
         (_GSTAT, 7),  # cleared by ones
-        (_GCONF, _UART_RULES | (_SPREAD if driver["mode"] == "spread" else 0)),
+        (_GCONF, rules),
         (_VACTUAL, 0),
         (_IHOLD_IRUN, ihold | (irun << 8) | _IHOLDDELAY),
         (_TPOWERDOWN, min(delay, 255)),

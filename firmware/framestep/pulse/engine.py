@@ -16,6 +16,9 @@ after the rising edge before the command. Each pulse is
 HIGH_CYCLES + width·WIDTH_CYCLES + rounds·ROUND_CYCLES high; a motor's rounds are none of a
 command's fields, but set up at the start. A command without pulses is a wait of gap + WAIT_CYCLES.
 The tick leaves at least SPARE_CYCLES from the end of a wait to the next edge.
+
+If a motor's driver steps on both edges of its step input, a "pulse" is an edge, rising or falling.
+It has no width, and takes EDGE_CYCLES in the place of all that is added to the gap above.
 """
 
 from framestep.base.native import const, micropython, ptr32
@@ -37,6 +40,8 @@ HIGH_CYCLES = const(50)
 WIDTH_CYCLES = const(25)
 ROUND_CYCLES = const(425)
 TURN_CYCLES = const(-1)  # from the end of a pulse to the next command's change of direction
+EDGE_CYCLES = const(9)  # 0: this engine has no steps on both edges
+EDGE_TURN_CYCLES = const(1)  # as TURN_CYCLES, from an edge that is a step
 SPARE_CYCLES = const(16)
 
 # Time. A tick needs up to three commands. The commands of LEAD + 1 ticks fit the FIFO once the

@@ -82,13 +82,14 @@ class StepKernel:
         """Drop the cues that have not been given. To be called with interrupts off."""
         self.state[sw.CUE_WRITE_INDEX] = self.state[sw.CUE_READ_INDEX]
 
-    def configure(self, motor, fifo, width, setup, invert, hold=0):
+    def configure(self, motor, fifo, width, setup, invert, hold=0, apart=0):
         """Set a motor's pulse shape.
 
         fifo: where its commands go, see engine.RING. width: that of a command, plus engine.WIDTHS
         for each of the engine's rounds. setup: cycles from a change of direction to the next rising
         edge. hold: cycles from the end of a pulse to a change of direction. A pulse, setup and hold
-        may take a third of a tick together. invert: swap direction.
+        may take a third of a tick together. invert: swap direction. apart: cycles from one edge to
+        the next if the driver steps on both, and width is 0; else 0.
         """
         state = self.state
         block = self.blocks[motor]
@@ -99,9 +100,10 @@ class StepKernel:
         signed = width - engine.WIDTHS if width >= engine.WIDTHS // 2 else width
         block[sw.WORD] = (signed << engine.WIDTH) + (0 if invert else engine.DIRECTION)
         block[sw.DOWN] = 0
-        block[sw.FIXED] = engine.PERIOD_CYCLES + longer
-        block[sw.SHORTEST] = 2 * high
-        block[sw.SETUP] = max(setup + high + engine.TURN_CYCLES, 2 * high)
+        block[sw.FIXED] = engine.EDGE_CYCLES if apart else engine.PERIOD_CYCLES + longer
+        block[sw.SHORTEST] = apart or 2 * high
+        turn = setup + (engine.EDGE_TURN_CYCLES if apart else high + engine.TURN_CYCLES)
+        block[sw.SETUP] = max(turn, block[sw.SHORTEST])
         block[sw.HOLD] = max(hold, engine.WAIT_CYCLES) if hold else 0
         block[sw.RESERVE] = block[sw.SETUP] + block[sw.HOLD] + engine.SPARE_CYCLES
         reserve = max(b[sw.RESERVE] for b in self.blocks)

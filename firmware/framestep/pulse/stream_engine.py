@@ -26,6 +26,8 @@ WIDTH_CYCLES = const(512)
 ROUND_CYCLES = const(1)  # its widths are enough
 # The direction changes at a word, so the time to the next edge is rounded up to words.
 TURN_CYCLES = const(511)
+EDGE_CYCLES = const(0)  # it paints pulses only: levels would take it twice the time
+EDGE_TURN_CYCLES = const(0)
 SPARE_CYCLES = const(16)
 
 # Time

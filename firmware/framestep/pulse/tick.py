@@ -134,10 +134,7 @@ class Header(array):
                     passed = (clock[0] - h[sw.DUE] + sw.TICK_US) & WIDE_WRAP
                     wait = h[sw.AHEAD] - passed * h[sw.CYCLES_PER_US]
                     idle = elapsed(h[sw.TICKS] - 1, m[sw.IDLE_AT])
-                    if (
-                        idle < h[sw.LEAD]
-                        and m[sw.CARRY] + idle * cycles - (m[sw.SHORTEST] >> 1) < wait
-                    ):
+                    if idle < h[sw.LEAD] and m[sw.CARRY] + idle * cycles - m[sw.FIXED] < wait:
                         # the engine has not run dry
                         m[sw.CARRY] = m[sw.CARRY] + idle * cycles
                     else:

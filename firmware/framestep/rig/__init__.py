@@ -146,6 +146,11 @@ class Rig:
                     % (where, there)
                 )
             self.motors[i]["driver"] = given = read(DRIVER_SETTINGS, given, where + ".")
+            if given["both_edges"] and "chain" in self.board:
+                raise RigError(
+                    "%s.both_edges: found true, allowed is false: this board makes only pulses"
+                    % where
+                )
             if given["pin"] != NO_PIN:
                 line = dict(self.board["drivers"])
                 if "pins" not in line:

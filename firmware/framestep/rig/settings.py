@@ -83,7 +83,9 @@ MOTOR_SETTINGS = {
         "the driver. Where `pulse_us`, `setup_us`, `hold_us`, `enable_ms` and `enable_high` are "
         "not given, they are what it needs (docs/use/drivers.md#types)"),
     "invert": (bool, None, None, False, "", "swaps the direction"),
-    "pulse_us": (float, 0.25, 50.0, 1.0, "µs", "how long a step pulse is high, at least"),
+    "pulse_us": (float, 0.25, 50.0, 1.0, "µs",
+        "how long a step pulse is high, and then low, at least; with `both_edges` from one edge to "
+        "the next"),
     "setup_us": (float, 0.0, 200.0, 5.0, "µs",
         "from a change of direction to the next step, at least"),
     "hold_us": (float, 0.0, 50.0, 0.0, "µs",
@@ -118,6 +120,9 @@ DRIVER_SETTINGS = {
     "interpolate": (bool, None, None, True, "", "the driver turns them into 256 microsteps"),
     "mode": (str, ("stealth", "spread"), None, "stealth", "",
         "StealthChop, silent, or SpreadCycle, stronger when fast"),
+    "both_edges": (bool, None, None, False, "",
+        "a step is one edge at the step input, rising or falling, not a pulse "
+        "(docs/use/drivers.md#steps-on-both-edges)"),
     "sense_mohm": (int, 50, 1000, 110, "mΩ", "the sense resistors next to the driver"),
     "pin": (int, -1, 47, -1, "",
         "pin of the driver's UART if each driver has its own; -1: as on the board's page"),

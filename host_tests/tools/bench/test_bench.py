@@ -20,6 +20,11 @@ from framestep_tools.simulator.esp32_board import Esp32Board
 KEYS = [
     "steps_per_s_8",
     "steps_per_s_1",
+    "pulses_steps_per_s_8",
+    "both_edges_steps_per_s_8",
+    "both_edges_steps_per_s_4",
+    "both_edges_steps_per_s_2",
+    "both_edges_steps_per_s_1",
     "edge_error_steady_us",
     "edge_error_ramp_us",
     "frame_error_us",

@@ -97,6 +97,21 @@ def test_state_is_kept_between_chunks_and_a_high_start_is_no_step():
     ]
 
 
+def test_both_edges_are_steps_if_the_rig_file_says_so():
+    rig = {"motors": [{}, {"driver": {"run_ma": 500, "both_edges": True}}]}
+    board = load_board("skr_pico", rig)
+    first, step, turn = board.step[0], board.step[1], board.dir[1]
+    made = records(
+        (0, turn, 1), (0, step, 1), (0, first, 0), (0, board.dir[0], 0),
+        (10, step, 0), (20, step, 1), (25, first, 1), (30, turn, 0), (40, step, 0), (50, first, 0),
+    )  # fmt: skip
+    steps = [(10, "m2", 1), (20, "m2", 1), (25, "m1", -1), (40, "m2", -1)]
+    found = PinDecoder(board).feed(made)
+    assert [edge for edge in found if edge[1] in ("m1", "m2")] == steps
+    trace = Trace.from_records(made, board)
+    assert [values.tolist() for values in trace.steps(2)] == [[10, 20, 40], [1, 1, -1]]
+
+
 edges = st.lists(
     st.tuples(
         st.integers(0, 10**15), st.sampled_from(["m1", "m12", "dir1", "gio3"]), st.integers(-1, 1)

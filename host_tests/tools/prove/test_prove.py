@@ -398,6 +398,8 @@ def test_a_servo_is_neither_measured_nor_borrowed():
     found = layout(PICO, rig, set(), [0, 1])
     assert found.groups == [(1,), (5, 6, 7, 8)]
     assert found.left_out == {3: "has backlash", 4: "has jerk"}
+    edges = {"motors": [{"driver": {"run_ma": 500, "both_edges": True}}]}
+    assert layout(PICO, edges, set(), [0, 1]).left_out == {1: "steps on both edges"}
     assert found.watchers((5, 6, 7, 8)) == [0, 2, 3]
 
 

@@ -55,6 +55,23 @@ FIGURES = (
     ),
     Figure("steps_per_s_1", "steps/s", 500_000, None, "the same for one motor, the others at rest"),
     Figure(
+        "pulses_steps_per_s_8",
+        "steps/s",
+        325_000,
+        None,
+        "as steps_per_s_8, with step inputs that need each level for 1.5 µs",
+    ),
+    Figure(
+        "both_edges_steps_per_s_8",
+        "steps/s",
+        500_000,
+        None,
+        "the same with steps on both edges, so rising and falling edges count",
+    ),
+    Figure("both_edges_steps_per_s_4", "steps/s", 500_000, None, "the same for four motors"),
+    Figure("both_edges_steps_per_s_2", "steps/s", 500_000, None, "the same for two motors"),
+    Figure("both_edges_steps_per_s_1", "steps/s", 500_000, None, "the same for one motor"),
+    Figure(
         "edge_error_steady_us",
         "µs",
         None,

@@ -38,7 +38,8 @@ from ..payloads import (
 from ..simulator.boards import EmulatedBoard
 from .figures import FIGURES
 from .lateness import worst_late_us
-from .moves import MOTORS, STEADY_RATES, STEEPEST, WINDOW, mixed_move, steady_move
+from .moves import MOTORS, STEADY_RATES, STEEPEST, WINDOW, mixed_move
+from .rates import rates_by_edges, top_rate
 from .session import Session
 from .smoothness import smoothing_figures
 from .stops import stop_times
@@ -49,20 +50,6 @@ LEVELS_AT_ONCE = 1000
 PLAYS = 4  # of the mixed move, because one has too few replies for a median
 TRIGGERS_AT_ONCE = 100
 PULSE_US = 0.5
-TOP_RATES = (
-    500_000,
-    475_000,
-    450_000,
-    425_000,
-    400_000,
-    375_000,
-    350_000,
-    325_000,
-    300_000,
-    250_000,
-    200_000,
-)
-STEADY_US = 0.5  # a rate counts as reached if every edge is this close to the ideal
 AT_ONCE = 40  # requests without pauses, right after GO
 # the rig of the virtual motions: steps per degree or millimetre, and the host's pose
 ARM = Rig(
@@ -88,23 +75,6 @@ ARM = Rig(
 # steps of its motors in that pose: boom at 3 degrees, swing at 10
 ARM_STANDS = (750, 3_000, 0, -2_500, -750, 0)
 ARM_SPEED = (20_000, 50_000)  # steps/s, steps/s²
-
-
-def top_rate(session: Session, motors: int, say: Callable[[str], None]) -> float:
-    """Return the highest of TOP_RATES at which `motors` motors play a move with every edge
-    right."""
-    for wanted in TOP_RATES:
-        say(f"{motors} motors at {wanted} steps/s")
-        positions = session.prepare(
-            steady_move(wanted, motors), min(wanted + wanted // 100, 500_000)
-        )
-        played = session.play(positions)
-        worst = float(np.nanmax(played.errors_us(ramps=False)))
-        if not played.complaints and worst <= STEADY_US:
-            return played.rate()
-        say(f"  not reached: worst edge {worst:.2f} µs; {'; '.join(played.complaints[:2])}")
-        session.client.wait_idle()
-    return 0.0
 
 
 def upload_rate(
@@ -223,6 +193,7 @@ def measure(
         figures["tick_late_us_worst"] = worst_late_us(session, ARM, ARM_SPEED)
         figures["steps_per_s_8"] = top_rate(session, MOTORS, say)
         figures["steps_per_s_1"] = top_rate(session, 1, say)
+        figures |= rates_by_edges(session, say)
     say("upload through a single port")
     with EmulatedBoard({**rig, "ports": 1}, trace=False, board=board, args=args) as emulated:
         figures["rx_bytes_per_s_single_port"] = upload_rate(Session(emulated), 1000)

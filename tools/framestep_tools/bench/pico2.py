@@ -7,8 +7,9 @@ from ..errors import ToolError
 from ..simulator.boards import EmulatedBoard
 from .figures import FIGURES as OF_A_PICO
 from .figures import Figure
-from .measure import PULSE_US, measure, top_rate
+from .measure import PULSE_US, measure
 from .moves import steady_move
+from .rates import top_rate
 from .session import Session
 
 BOARD = "pico2"

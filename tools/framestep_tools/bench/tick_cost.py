@@ -23,10 +23,11 @@ from framestep.pulse import stepper
 from framestep.pulse.kernel import StepKernel
 from framestep.hal.rp2.pulses import PulseEngine
 pins = list(range(2, 18, 2))
-engine = PulseEngine(pins, [pin + 1 for pin in pins], 125_000_000, [0] * len(pins))
+shapes = [(0, 625, False, 0, 0)] * len(pins)
+engine = PulseEngine(pins, [pin + 1 for pin in pins], 125_000_000, shapes)
 kernel = StepKernel(8, 125_000, 0x40054028)
 for i in range(8):
-    kernel.configure(i, engine.fifo(i), 0, 625, False)
+    kernel.configure(i, engine.fifo(i), *shapes[i])
 timer = machine.Timer(-1, period=1, mode=machine.Timer.PERIODIC, callback={callback}, hard=True)
 def start(motors, velocity, acceleration):
     state = machine.disable_irq()

@@ -3,8 +3,8 @@
 A trace is CSV with the header `time_ns,signal,value`, written as it happens and in the order of
 time:
 
-    m1 … m8        a step of a motor at its rising edge: +1 or -1 in the motor's own counting
-                   direction
+    m1 … m8        a step of a motor, at its pin's rising edge, or at each edge if its driver
+                   steps on both: +1 or -1 in the motor's own counting direction
     dir1 … dir8    level of a direction pin, 0 or 1, at each change and once at the start
     servo1 … servo8    level of a servo's pin, instead of both
     enable, estop, shutter, meter, gio1 …    levels of the other pins likewise (enable1 … if each
@@ -45,11 +45,12 @@ class TraceError(ToolError):
 @dataclass(frozen=True)
 class BoardPins:
     """A board's pin map (boards/<board>/board.json): pins of the motors in their order, and the
-    level signals."""
+    level signals. both_edges: step pins at which each edge is a step."""
 
     step: tuple[int, ...]
     dir: tuple[int, ...]
     levels: Mapping[int, str]  # pin -> signal, for all pins but step pins
+    both_edges: frozenset[int] = frozenset()
 
     @property
     def pins(self) -> list[int]:
@@ -70,9 +71,10 @@ def pins_of(data: Mapping[str, Any], rig: Mapping[str, Any] | None, name: str) -
     """Return the pin map for a board's data."""
     try:
         try:
-            board = Rig(dict(rig) if rig else None, data).board
+            settings = Rig(dict(rig) if rig else None, data)
         except RigError:
-            board = Rig(None, data).board
+            settings = Rig(None, data)
+        board = settings.board
         levels = {pin: f"dir{i}" for i, pin in enumerate(board["dir"], 1)}
         enable = board["enable"]
         levels |= (
@@ -83,7 +85,12 @@ def pins_of(data: Mapping[str, Any], rig: Mapping[str, Any] | None, name: str) -
         levels |= pin_names(board)
         servos = enumerate(zip(board["step"], board["dir"], strict=True), 1)
         levels |= {step: f"servo{i}" for i, (step, turn) in servos if step == turn}
-        return BoardPins(tuple(board["step"]), tuple(board["dir"]), levels)
+        both_edges = frozenset(
+            step
+            for step, motor in zip(board["step"], settings.motors, strict=False)
+            if motor["driver"] and motor["driver"]["both_edges"]
+        )
+        return BoardPins(tuple(board["step"]), tuple(board["dir"]), levels, both_edges)
     except (KeyError, TypeError) as error:
         raise TraceError(
             f"boards/{name}/board.json: expected pins for step, dir, enable, found no {error}"
@@ -120,7 +127,7 @@ class PinDecoder:
                 name = self.board.levels.get(pin)
                 if name:
                     edges.append((time_ns, name, value))
-            elif value and before is not None:
+            elif (value or pin in self.board.both_edges) and before is not None:
                 forward = level.get(self.board.dir[motor - 1], 0) != (motor in self.inverted)
                 edges.append((time_ns, f"m{motor}", 1 if forward else -1))
         return edges
@@ -221,7 +228,9 @@ class Trace:
             if step == direction:
                 continue  # a servo's pin
             mine = records[records["pin"] == step][1:]  # the first record is the level before
-            times = mine["t"][mine["level"] == 1].astype(np.int64)
+            if step not in board.both_edges:
+                mine = mine[mine["level"] == 1]
+            times = mine["t"].astype(np.int64)
             turns = records[records["pin"] == direction]
             level = turns["level"][np.searchsorted(turns["t"], times, side="right") - 1].astype(
                 np.int64

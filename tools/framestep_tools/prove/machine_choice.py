@@ -85,4 +85,6 @@ def layout(
         elif settings.get("backlash") or settings.get("jerk"):
             named = " and ".join(key for key in ("backlash", "jerk") if settings.get(key))
             left_out[motor] = f"has {named}"
+        elif (settings.get("driver") or {}).get("both_edges"):
+            left_out[motor] = "steps on both edges"  # the watching program counts rising ones
     return Layout(len(data["step"]), servos, left_out, unused, blocks)

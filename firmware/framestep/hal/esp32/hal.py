@@ -80,9 +80,8 @@ class Esp32Hal:
         stream = self.engine = Stream(steps, [bit_of(pin) for pin in board["dir"]])
         self.kernel = StepKernel(self.motors, CYCLES, stream.clock)
         for i in range(self.motors):
-            settings = rig.motor(i)
-            width, setup, hold = pulse_shape(settings, CYCLES // 1000)
-            self.kernel.configure(i, stream.fifo(i), width, setup, settings["invert"], hold)
+            shape = pulse_shape(rig.motor(i), CYCLES // 1000)
+            self.kernel.configure(i, stream.fifo(i), *shape)
         self.drive = stream.drive
         self._make_drivers(board, rig)
         self.inside = array("i", [0] * (PASS + 1))

@@ -56,14 +56,11 @@ class Rp2Hal:
         cycles_per_us = hz // 1000000
         motors = range(self.motors)
         shapes = [pulse_shape(rig.motor(i), cycles_per_us) for i in motors]
-        self.engine = PulseEngine(board["step"], board["dir"], hz, [shape[0] for shape in shapes])
+        self.engine = PulseEngine(board["step"], board["dir"], hz, shapes)
         self.kernel = StepKernel(self.motors, cycles_per_us * 1000, chip.MICROSECONDS)
         self.kernel.outputs(chip.OUT_SET, chip.OUT_CLEAR)
         for i in motors:
-            width, setup, hold = shapes[i]
-            self.kernel.configure(
-                i, self.engine.fifo(i), width, setup, rig.motor(i)["invert"], hold
-            )
+            self.kernel.configure(i, self.engine.fifo(i), *shapes[i])
         self._servos = peripherals.servos(self, rig, cycles_per_us) if rig.servos else None
         # Drivers stay off until a motor has to move.
         self._on_level = [1 if rig.motor(i)["enable_high"] else 0 for i in motors]

@@ -11,14 +11,17 @@ come from its cycle counts:
 The rounds make pulses up to 50 µs long. A state machine has no register left to count them. So the
 program shifts a bit out of its OSR in each round, until the OSR counts as empty, which is after as
 many bits as the machine's threshold for pulls says. The gap has taken 18 of these bits.
+
+Motors whose drivers step on both edges have the program of edges.py, which fits next to this one.
 """
 
 import rp2
-from machine import Pin
+from machine import Pin, mem32
 
 from framestep.base.native import const, micropython, ptr32
 from framestep.hal.rp2.pin_guard import Claim
 from framestep.pulse.engine import WIDTHS
+from framestep.soft_reset import KEPT_PINS
 
 # Start of the transmit FIFOs of a PIO block, four bytes per state machine (RP2040 datasheet 3.7)
 _PIO_BASE = (0x50200000, 0x50300000, 0x50400000)
@@ -65,22 +68,31 @@ def step_pulses():
 class PulseEngine:
     """State machines from 0 on for the motors in order; four motors per PIO block."""
 
-    def __init__(self, step_pins, direction_pins, hz, widths):
-        """hz: clock of the programs, cycles per second. widths: of each motor, as for
-        StepKernel.configure()."""
+    def __init__(self, step_pins, direction_pins, hz, shapes):
+        """hz: clock of the programs, cycles per second. shapes: of each motor, from
+        pulse_shape()."""
         self.machines = []
+        kept = 0
         for i, step in enumerate(step_pins):
             with Claim(step, direction_pins[i]):
-                machine = rp2.StateMachine(
-                    i,
-                    step_pulses,
-                    freq=hz,
-                    pull_thresh=_GAP_BITS + widths[i] // WIDTHS,
-                    set_base=Pin(step, Pin.OUT, value=0),
-                    out_base=Pin(direction_pins[i], Pin.OUT, value=0),
-                )
+                turn = Pin(direction_pins[i], Pin.OUT, value=0)
+                if shapes[i][-1]:
+                    from framestep.hal.rp2.edges import edge_machine
+
+                    machine = edge_machine(i, hz, step, turn)
+                    kept |= 1 << step
+                else:
+                    machine = rp2.StateMachine(
+                        i,
+                        step_pulses,
+                        freq=hz,
+                        pull_thresh=_GAP_BITS + shapes[i][0] // WIDTHS,
+                        set_base=Pin(step, Pin.OUT, value=0),
+                        out_base=turn,
+                    )
             machine.active(1)
             self.machines.append(machine)
+        mem32[KEPT_PINS] = kept
 
     def fifo(self, motor):
         """Return the address to which the motor's commands are written."""
