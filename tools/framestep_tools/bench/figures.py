@@ -57,7 +57,7 @@ FIGURES = (
     Figure(
         "pulses_steps_per_s_8",
         "steps/s",
-        325_000,
+        300_000,
         None,
         "as steps_per_s_8, with step inputs that need each level for 1.5 µs",
     ),

@@ -18,6 +18,7 @@ MHZ = 150
 ALL = 12
 _GOALS = {
     "steps_per_s_8": 500_000,
+    "pulses_steps_per_s_8": 250_000,
     "tick_us_8": 38,
     "upload_frames_8": 20_000,
     "rx_bytes_per_s": 800_000,

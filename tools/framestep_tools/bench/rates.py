@@ -29,7 +29,7 @@ TOP_RATES = (
 )
 STEADY_US = 0.5  # a rate counts as reached if every edge is this close to the ideal
 LEVEL_US = 1.5  # how long the step input needs each level
-PULSES = tuple(rate for rate in TOP_RATES if rate <= 1e6 / (2 * LEVEL_US))
+PULSES = tuple(rate for rate in TOP_RATES if rate <= 300_000)  # with widths as the engine has them
 COUNTS = (8, 4, 2, 1)
 _CHANGE = f"""
 import machine
