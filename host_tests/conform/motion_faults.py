@@ -386,10 +386,6 @@ def _limits(index: int, change: Callable[[int], int]) -> Callable[[], Behaviour]
     return _asked(spec.SET_LIMITS, _field("BBiBiB", index, change))
 
 
-def _none(payload: bytes) -> None:
-    return None
-
-
 FAULTS = tuple(
     Fault(name, subject, behave)
     for name, subject, behave in (

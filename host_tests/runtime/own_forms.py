@@ -2,7 +2,7 @@
 with the heap locked.
 
 Lines on standard input: module, name and arguments, which are numbers, or memory in hex after its
-type: b bytes, h halves, w words; `=0`: the memory of argument 0. The answer: the result, and the
+type: b bytes, w words; `=0`: the memory of argument 0. The answer: the result, and the
 memory afterwards.
 """
 
@@ -23,9 +23,9 @@ except ImportError:
 def argument(text, before):
     if text[0] == "=":
         return before[int(text[1:])]
-    if text[0] in "bhw":
+    if text[0] in "bw":
         data = bytes.fromhex(text[1:])
-        return bytearray(data) if text[0] == "b" else array("i" if text[0] == "w" else "H", data)
+        return bytearray(data) if text[0] == "b" else array("i", data)
     return int(text)
 
 
@@ -38,8 +38,6 @@ def call(function, a):
             return function(a[0])
         if count == 3:
             return function(a[0], a[1], a[2])
-        if count == 4:
-            return function(a[0], a[1], a[2], a[3])
         return function(a[0], a[1], a[2], a[3], a[4])
     finally:
         heap_unlock()

@@ -34,14 +34,6 @@ def dwords(rng):
     return words, source, rng.randrange(4), rng.randrange(8), rng.randrange(16)
 
 
-def moved(kind, size):
-    def arguments(rng):
-        places = [rng.randrange(20) for _ in range(3)]
-        return *places, memory(rng, kind, 40 * size)
-
-    return arguments
-
-
 def summed(rng):
     return memory(rng, "b", 1100), rng.randrange(9), rng.choice(LENGTHS)
 
@@ -68,8 +60,6 @@ FORMS = {
     "copy_bytes": ("framestep.base.copying copy_bytes", copied),
     "copy_bytes, to the front": ("framestep.base.copying copy_bytes", copied_to_the_front),
     "copy_dwords": ("framestep.base.copying copy_dwords", dwords),
-    "move_words": ("framestep.base.copying move_words", moved("w", 4)),
-    "move_halves": ("framestep.base.copying move_halves", moved("h", 2)),
     "fletcher16": ("framestep.protocol.checksum fletcher16", summed),
     "check_bytes": ("framestep.protocol.checksum check_bytes", sums),
     "_changes": ("framestep.moves.upload.codec _changes", changes),

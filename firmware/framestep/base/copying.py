@@ -1,4 +1,4 @@
-"""Fast copies of bytes and words, by words where the alignment allows it. Nothing allocates."""
+"""Fast copies of bytes and DWORDs, by words where the alignment allows it. Nothing allocates."""
 
 from array import array
 
@@ -15,15 +15,6 @@ if CPYTHON:
         """Copy `count` little-endian DWORDs from source[at] on to words[index] on. `at` need not
         be aligned."""
         words[index : index + count] = array("i", bytes(source[at : at + 4 * count]))
-
-    def move_words(to, at, count, words):
-        """Move `count` words within an array('i'), from words[at] on to words[to] on. The two
-        ranges may overlap."""
-        words[to : to + count] = words[at : at + count]
-
-    def move_halves(to, at, count, halves):
-        """Move `count` half words; otherwise like move_words()."""
-        halves[to : to + count] = halves[at : at + count]
 
 else:
 
@@ -122,74 +113,3 @@ else:
             words = ptr32(int(words) + 4)
             source = ptr8(int(source) + 4)
             count -= 1
-
-    @micropython.viper
-    def move_words(to: int, at: int, count: int, words: ptr32):
-        # As above, the first two parameters become addresses.
-        if to < at:
-            to = int(words) + (to << 2)
-            at = int(words) + (at << 2)
-            while count >= 4:
-                ptr32(to)[0] = ptr32(at)[0]
-                ptr32(to)[1] = ptr32(at)[1]
-                ptr32(to)[2] = ptr32(at)[2]
-                ptr32(to)[3] = ptr32(at)[3]
-                to += 16
-                at += 16
-                count -= 4
-            while count > 0:
-                ptr32(to)[0] = ptr32(at)[0]
-                to += 4
-                at += 4
-                count -= 1
-        elif to > at:
-            to = int(words) + ((to + count) << 2)
-            at = int(words) + ((at + count) << 2)
-            while count >= 4:
-                to -= 16
-                at -= 16
-                ptr32(to)[3] = ptr32(at)[3]
-                ptr32(to)[2] = ptr32(at)[2]
-                ptr32(to)[1] = ptr32(at)[1]
-                ptr32(to)[0] = ptr32(at)[0]
-                count -= 4
-            while count > 0:
-                to -= 4
-                at -= 4
-                ptr32(to)[0] = ptr32(at)[0]
-                count -= 1
-
-    @micropython.viper
-    def move_halves(to: int, at: int, count: int, halves: ptr16):
-        if to < at:
-            to = int(halves) + (to << 1)
-            at = int(halves) + (at << 1)
-            while count >= 4:
-                ptr16(to)[0] = ptr16(at)[0]
-                ptr16(to)[1] = ptr16(at)[1]
-                ptr16(to)[2] = ptr16(at)[2]
-                ptr16(to)[3] = ptr16(at)[3]
-                to += 8
-                at += 8
-                count -= 4
-            while count > 0:
-                ptr16(to)[0] = ptr16(at)[0]
-                to += 2
-                at += 2
-                count -= 1
-        elif to > at:
-            to = int(halves) + ((to + count) << 1)
-            at = int(halves) + ((at + count) << 1)
-            while count >= 4:
-                to -= 8
-                at -= 8
-                ptr16(to)[3] = ptr16(at)[3]
-                ptr16(to)[2] = ptr16(at)[2]
-                ptr16(to)[1] = ptr16(at)[1]
-                ptr16(to)[0] = ptr16(at)[0]
-                count -= 4
-            while count > 0:
-                to -= 2
-                at -= 2
-                ptr16(to)[0] = ptr16(at)[0]
-                count -= 1

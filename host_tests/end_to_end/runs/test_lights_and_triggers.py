@@ -240,7 +240,6 @@ def assert_bloop(session, from_s, ms, level=0x22):
 
 
 @pytest.mark.needs("lights")
-@pytest.mark.needs("lights")
 @pytest.mark.parametrize("ms", [1, 2, 30, 59, 61, 900, 2500, 5000])
 def test_bloop_outlives_its_run(ms):
     """Field note 6.7: on for BLOOP TIME from the first frame, even if the run ends before."""
@@ -255,7 +254,6 @@ def test_bloop_outlives_its_run(ms):
     assert changes(session, "gio1")[0][0] - went == pytest.approx(0.3, abs=0.005)
 
 
-@pytest.mark.needs("lights")
 @pytest.mark.needs("lights")
 @pytest.mark.parametrize("after", [0.1, 0.31, 0.7, 1.5, 1.7])
 @pytest.mark.parametrize("ms", [500, 3000])
@@ -278,7 +276,6 @@ def test_bloop_outlives_a_stop(after, ms):
 
 
 @pytest.mark.each_processor
-@pytest.mark.needs("lights")
 @pytest.mark.needs("lights")
 def test_bloop_and_another_run():
     """A run without a bloop leaves the earlier bloop on; the next run with a bloop begins its own
@@ -307,7 +304,6 @@ def test_bloop_and_another_run():
     assert [level for _, level in changes(session, "dmx40")] == [255, 0x22, 255, 0x22]
 
 
-@pytest.mark.needs("lights")
 @pytest.mark.needs("lights")
 @pytest.mark.parametrize("how", ["E-stop", "lost host"])
 @pytest.mark.parametrize("after", [0.5, 2.2])

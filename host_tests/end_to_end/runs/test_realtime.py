@@ -107,7 +107,6 @@ def test_what_is_planned_before_go_makes_no_edge():
 
 # ---- refusals, without motion ---------------------------------------------------------
 
-RUN_VELOCITY = 60 * 24
 REFUSED = {
     "lower limit in the pre-roll": (
         p.MotorSetLimits(1, 1, 100 - 350, 1, 9000),
