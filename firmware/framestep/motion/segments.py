@@ -28,7 +28,7 @@ LONGEST = const(32)  # ticks in a segment: limits rounding errors, and the time 
 EXACT = const(8)
 
 _SLOW = const(0x2000000)  # Q22: eight steps per tick
-_STEEP = const(0x10000)  # Q16: a step per tick²
+_STEEP = const(0x40000)  # Q16: four steps per tick²
 # Q22: less than _STEP_TOLERANCE of pulse/tick.py by more than the units that EXACT and meet() leave
 _NEAR = const(64)
 _SLOTS = const(sw.SEGMENTS - 1)
@@ -239,7 +239,7 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
                     d = 0 - d
                 if state[OPEN_PART] == 0 and (half > d + d or half + d + d < 0):
                     turns = share  # the peak lies far beyond both ends
-                elif (half + _STEEP) >> 17 == 0 and share >> 23 and (_MASK - share) >> 23:
+                elif (half + _STEEP) >> 19 == 0 and share >> 23 and (_MASK - share) >> 23:
                     q[k + sw.SEG_ACCEL] = (half << 12) + ((e - half * x) << 12) // x
     if turns:
         q[k + sw.SEG_VELOCITY] = ((step - state[OPEN_WHOLE]) << 22) - state[OPEN_FRACTION]

@@ -321,6 +321,13 @@ class Header(array):
                         e = m[sw.SPAN] - e
                         if bent:
                             bent = (acc << 5) // (d >> 5)
+                    while True:
+                        pulses = n
+                        x = e
+                        if back:
+                            pulses = n - back
+                            x = e - back * step
+                        if bent:
                             if (bent + 128) >> 8:
                                 # Far from constant, near a start, a turn or rest: solve exactly,
                                 # with b = a/2d: b·x² + (1 - b)·x = x0; x0 in Q17, 1 - b and the
@@ -331,8 +338,9 @@ class Header(array):
                                     bent = -4096
                                 if m[sw.SPAN] - cycles:
                                     bent = -2048  # at rest when the span ends
-                                x = (e << 14) // m[sw.SPAN]
-                                x = (x << 3) + (((e << 14) - x * m[sw.SPAN]) << 3) // m[sw.SPAN]
+                                d = x
+                                x = (d << 14) // m[sw.SPAN]
+                                x = (x << 3) + (((d << 14) - x * m[sw.SPAN]) << 3) // m[sw.SPAN]
                                 k = 8192 - (bent << 2)
                                 x = k * k + bent * x
                                 root = 0
@@ -344,28 +352,21 @@ class Header(array):
                                     root = root >> 1
                                     bit = bit >> 2
                                 if k > 0:
-                                    e = (e << 14) // (k + root)
+                                    x = (d << 14) // (k + root)
                                 else:
-                                    e = ((root - k) >> 1) * (m[sw.SPAN] >> 2) // bent
-                                bent = 0
-                    while True:
-                        pulses = n
-                        x = e
-                        if back:
-                            pulses = n - back
-                            x = e - back * step
-                        if bent:
-                            # p(x) = d·x - a·x·(1 - x)/2 in a tick: x is reached a·x·(1 - x)/2d
-                            # later
-                            k = ((m[sw.SPAN] - x) >> 3) * (x >> 3)
-                            if back:
-                                if pulses - 1:
-                                    # Pulses at equal distances stray from the curve by up to its
-                                    # arc, all to one side. With this command's last one two thirds
-                                    # of that to the other side, none strays further.
-                                    d = pulses * step * 13 >> 8
-                                    k += d * d
-                            x = (((k >> 13) * h[sw.SQUARE] >> 6) * bent >> 11) + x
+                                    x = ((root - k) >> 1) * (m[sw.SPAN] >> 2) // bent
+                            else:
+                                # p(x) = d·x - a·x·(1 - x)/2 in a tick: x is reached
+                                # a·x·(1 - x)/2d later
+                                k = ((m[sw.SPAN] - x) >> 3) * (x >> 3)
+                                if back:
+                                    if pulses - 1:
+                                        # Pulses at equal distances stray from the curve by up to
+                                        # its arc, all to one side. With this command's last one
+                                        # two thirds of that to the other side, none strays further.
+                                        d = pulses * step * 13 >> 8
+                                        k += d * d
+                                x = (((k >> 13) * h[sw.SQUARE] >> 6) * bent >> 11) + x
                         x = x + carry  # cycles available for the pulses
                         if pulses >> 6:
                             # One command would drift by up to half a cycle per pulse. Two commands

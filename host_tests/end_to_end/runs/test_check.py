@@ -135,7 +135,7 @@ def test_what_fits():
         ([0, 100, 200, 300], Setting(20_000, 100_000, 0, None),
          "in its pre-roll of 1000 ms motor 2 would pass its soft limit, 0"),
         ([0, 100, 200, 300], Setting(20_000, 2000),
-         "in its pre-roll of 1000 ms motor 2 would need 2389 steps/s², its acceleration is 2000"),
+         "in its pre-roll of 1000 ms motor 2 would need 2400 steps/s², its acceleration is 2000"),
         ([0, 100, 200, 300], Setting(3_000_000, 2000), "motor 2 cannot do 3000000 steps/s"),
         ([0, 100, 200, 300], Setting(9000, 9000, 5, 4), "is above the upper one, 4"),
     ],

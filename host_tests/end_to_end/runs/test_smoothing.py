@@ -226,12 +226,28 @@ def turning(frames):
     return upload | {8: 400 * x}
 
 
+def cornered(frames):
+    """Motors that go a step or none from frame to frame, and now and then up to 45 at once."""
+    random = np.random.default_rng(1)
+    upload = {}
+    for motor in range(1, 8):
+        steps = random.choice([-2, -1, 0, 0, 0, 1, 2], frames)
+        jumps = random.random(frames) < 0.12
+        steps[jumps] = random.integers(-45, 46, jumps.sum())
+        upload[motor] = np.cumsum(steps)
+    return upload | {8: 400 * np.arange(frames)}
+
+
 @pytest.mark.parametrize("smoothing", [False, True])
-@pytest.mark.parametrize("fps", [13.7, 23.976, 24, 59.94])
-def test_the_count_of_steps_at_each_frame(smoothing, fps):
-    """The count is the uploaded one: within two microseconds the last step to it has come, and no
-    step away, also if the frame is within a tick and the motor turns."""
-    upload = turning(160)
+@pytest.mark.parametrize(
+    ("fps", "moves"),
+    [(13.7, turning), (23.976, turning), (24, turning), (59.94, turning), (132, cornered)],
+)
+def test_the_count_of_steps_at_each_frame(smoothing, fps, moves):
+    """Exactly the uploaded one: a step that leads there has come by then, within two microseconds,
+    and none that leads away, also where the frame lies within a tick and the motor turns, or
+    starts with four million steps/s²."""
+    upload = moves(160)
     due = frame_times_ns(160, round(1000 * fps))
     board, client = prepared(upload, fps, rig={"smoothing": smoothing})
     trace, start = played(board, client)
