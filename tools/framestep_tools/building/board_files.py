@@ -24,7 +24,7 @@ from ..chips import Chip, chip
 from ..errors import ToolError
 from ..paths import CACHE, FIRMWARE, ROOT
 from . import declared, lifetimes
-from .constants import Edits, fold, without_compiler_imports
+from .constants import Edits, fold, tree, without_compiler_imports
 from .inlining import inline
 
 __all__ = ["CACHE", "FIRMWARE", "ROOT"]  # re-exported
@@ -242,7 +242,7 @@ def without_meanings(text: str) -> str:
     """Return a module's source with tables of settings that lack the last column, their meaning:
     only documents and tools on a computer show it."""
     edits = Edits(text)
-    for node in ast.parse(text).body:
+    for node in tree(text).body:
         match node:
             case ast.Assign(targets=[ast.Name(id=name)], value=ast.Dict(values=rows)) if (
                 name.endswith("SETTINGS")

@@ -18,8 +18,9 @@ import operator
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 from framestep.motion.formula import Formula, FormulaError, formula
 
@@ -50,18 +51,37 @@ class FoldError(Exception):
     to change."""
 
 
+@lru_cache(maxsize=512)
+def nodes(text: str) -> tuple[ast.AST, ...]:
+    """Return all nodes of a source's syntax tree, the module first. Nobody changes them: the build
+    reads a source many times, and to parse it and walk through it is most of its time."""
+    return tuple(ast.walk(ast.parse(text)))
+
+
+def tree(text: str) -> ast.Module:
+    """Return a source's syntax tree, the same one each time."""
+    return cast(ast.Module, nodes(text)[0])
+
+
 @dataclass
 class _Module:
     name: str  # dotted
     path: str
     text: str
-    tree: ast.Module
     constants: dict[str, int] = field(default_factory=dict)  # its own
     formulas: dict[str, Formula] = field(default_factory=dict)  # those that have a name
     given: dict[str, int] = field(default_factory=dict)
     # name here -> module and name there
     imported: dict[str, tuple[str, str]] = field(default_factory=dict)
     modules: dict[str, str] = field(default_factory=dict)  # name here -> module
+
+    @property
+    def tree(self) -> ast.Module:
+        return tree(self.text)
+
+    @property
+    def nodes(self) -> tuple[ast.AST, ...]:
+        return nodes(self.text)
 
     @property
     def public(self) -> dict[str, int]:
@@ -92,10 +112,7 @@ def _modules_of(
 ) -> dict[str, _Module]:
     """Read modules and compute their constants."""
     modules = {
-        m.name: m
-        for m in (
-            _Module(_dotted(path), path, text, ast.parse(text)) for path, text in sources.items()
-        )
+        m.name: m for m in (_Module(_dotted(path), path, text) for path, text in sources.items())
     }
     for module in modules.values():
         module.given = dict(given.get(module.name, {}))
@@ -125,7 +142,7 @@ def _dotted(path: str) -> str:
 
 
 def _read_imports(module: _Module, modules: Mapping[str, _Module]) -> None:
-    for node in ast.walk(module.tree):
+    for node in module.nodes:
         if not isinstance(node, ast.ImportFrom) or node.level or node.module is None:
             continue
         for alias in node.names:
@@ -256,7 +273,7 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
                 edits.replace(call, repr(bytes(made)))
                 attributes.update(id(n) for n in ast.walk(call))
     computes = module.imported.get("compute") == (_COMPUTE, "compute")
-    for node in ast.walk(module.tree):
+    for node in module.nodes:
         if id(node) in attributes:
             continue
         match node:
@@ -280,11 +297,9 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
                 isinstance(node.ctx, ast.Load) or id(node) in targets
             ):
                 edits.replace(node, hidden[name])
-    needed = {
-        n.id for n in ast.walk(module.tree) if isinstance(n, ast.Name) and id(n) not in attributes
-    }
+    needed = {n.id for n in module.nodes if isinstance(n, ast.Name) and id(n) not in attributes}
     _refuse_other_meanings(module, {*foreign, *hidden, *folded, *literals}, targets)
-    for node in ast.walk(module.tree):
+    for node in module.nodes:
         if isinstance(node, ast.ImportFrom):
             gone = {"formula"} if node.module == _FORMULA else set()
             shorten(edits, node, {*foreign, *(folded - needed), *gone})
@@ -294,9 +309,9 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
     return _with_hidden_literals(text) if hide else text
 
 
-def _assignments(tree: ast.Module) -> Iterator[tuple[str, ast.expr]]:
+def _assignments(module: ast.Module) -> Iterator[tuple[str, ast.expr]]:
     """Yield name and value of each assignment of a module."""
-    for node in tree.body:
+    for node in module.body:
         match node:
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
                 yield name, value
@@ -311,7 +326,7 @@ def _place(module: _Module, node: ast.expr, made: Formula, name: str) -> int:
 
 
 def _calls_of_formula(module: _Module) -> Iterator[ast.Call]:
-    for node in ast.walk(module.tree):
+    for node in module.nodes:
         match node:
             case ast.Call(func=ast.Name(id="formula")) if _imports_formula(module):
                 yield node
@@ -319,8 +334,7 @@ def _calls_of_formula(module: _Module) -> Iterator[ast.Call]:
 
 def _imports_formula(module: _Module) -> bool:
     return any(
-        isinstance(node, ast.ImportFrom) and node.module == _FORMULA
-        for node in ast.walk(module.tree)
+        isinstance(node, ast.ImportFrom) and node.module == _FORMULA for node in module.nodes
     )
 
 
@@ -403,8 +417,10 @@ def _with_bytes(text: str, constants: Mapping[str, int]) -> str:
                 return _OPERATORS[type(op)](number(left), number(right))
         raise LookupError
 
+    if "bytes(" not in text:  # most modules; to read one takes long
+        return text
     edits = Edits(text)
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes(text):
         match node:
             case ast.Call(func=ast.Name(id="bytes"), args=[argument]):
                 try:
@@ -420,13 +436,12 @@ def _with_hidden_literals(text: str) -> str:
     The compiler then inserts them where the name is used, and the board stores no name.
     """
     edits = Edits(text)
-    tree = ast.parse(text)
     stored = Counter(
         node.id
-        for node in ast.walk(tree)
+        for node in nodes(text)
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
     )
-    for node in tree.body:
+    for node in tree(text).body:
         match node:
             case ast.Assign(targets=[ast.Name(id=name)], value=value) if (
                 name.startswith("_") and stored[name] == 1 and _is_literal(value)
@@ -444,7 +459,7 @@ def _is_literal(node: ast.expr) -> bool:
 
 def _hidden(module: _Module) -> dict[str, str]:
     """Return names with an underscore for the constants, or with more if such a name exists."""
-    used = {node.id for node in ast.walk(module.tree) if isinstance(node, ast.Name)}
+    used = {node.id for node in module.nodes if isinstance(node, ast.Name)}
     hidden = {}
     for name in module.public.keys() - module.given.keys():
         hidden[name] = "_" + name
@@ -455,7 +470,7 @@ def _hidden(module: _Module) -> dict[str, str]:
 
 def _refuse_other_meanings(module: _Module, names: set[str], targets: set[int]) -> None:
     """Raise FoldError if one of the names also has another meaning."""
-    for node in ast.walk(module.tree):
+    for node in module.nodes:
         match node:
             case ast.Name(id=name, ctx=ast.Store() | ast.Del()) if id(node) not in targets:
                 pass
@@ -496,19 +511,19 @@ def live(node: ast.AST) -> Iterator[ast.AST]:
         yield from live(child)
 
 
-def drop_imports(edits: Edits, tree: ast.Module) -> None:
+def drop_imports(edits: Edits, module: ast.Module) -> None:
     """Import from framestep.base.native only the names that the board looks up.
 
     The compiler alone needs the others: `const`, `micropython` for decorators, viper's casts. Each
     name that a module imports is an entry of its dictionary.
     """
     for_compiler: set[int] = set()  # ids of Name nodes
-    for node in live(tree):
+    for node in live(module):
         match node:
             case ast.Assign(targets=[ast.Name(id=name)], value=ast.Call(func=function)) if (
                 name.startswith("_")
             ):
-                if node in tree.body:
+                if node in module.body:
                     for_compiler.add(id(function))
             case ast.FunctionDef(decorator_list=decorators):
                 for decorator in decorators:
@@ -521,10 +536,10 @@ def drop_imports(edits: Edits, tree: ast.Module) -> None:
                         )
     needed = {
         node.id
-        for node in live(tree)
+        for node in live(module)
         if isinstance(node, ast.Name) and id(node) not in for_compiler
     }
-    for node in ast.walk(tree):
+    for node in ast.walk(module):
         if isinstance(node, ast.ImportFrom) and node.module == _NATIVE:
             shorten(edits, node, {"const", "micropython", *CASTS} - needed)
 
@@ -532,5 +547,5 @@ def drop_imports(edits: Edits, tree: ast.Module) -> None:
 def without_compiler_imports(text: str) -> str:
     """Return a module's source after drop_imports()."""
     edits = Edits(text)
-    drop_imports(edits, ast.parse(text))
+    drop_imports(edits, tree(text))
     return edits.text()

@@ -14,7 +14,7 @@ import ast
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from .constants import Edits, FoldError, shorten
+from .constants import Edits, FoldError, nodes, shorten
 
 
 @dataclass(frozen=True)
@@ -127,8 +127,9 @@ def _function(node: ast.FunctionDef, constants: Mapping[str, int], where: str) -
 
 
 def _inlined(path: str, text: str, source: str, functions: Mapping[str, _Function]) -> str:
-    tree = ast.parse(text)
-    imports = [n for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and n.module == source]
+    if source.rpartition(".")[2] not in text:  # most modules; to read one takes long
+        return text
+    imports = [n for n in nodes(text) if isinstance(n, ast.ImportFrom) and n.module == source]
     here = {alias.asname or alias.name: alias.name for node in imports for alias in node.names}
     here = {name: original for name, original in here.items() if original in functions}
     if not here:
@@ -140,9 +141,9 @@ def _inlined(path: str, text: str, source: str, functions: Mapping[str, _Functio
     while calls := _innermost(text, here, functions):
         edits = Edits(text)
         for call, arguments, function in calls:
-            edits.replace(call, function.call([_source(text, each) for each in arguments]))
+            edits.replace(call, function.call([_source(each) for each in arguments]))
         text = edits.text()
-    for left in ast.walk(ast.parse(text)):
+    for left in nodes(text):
         if isinstance(left, ast.Name) and left.id in here:
             raise FoldError(
                 f"{path}, line {left.lineno}: {left.id} has to be called, with all arguments"
@@ -157,7 +158,7 @@ def _innermost(
     """Return calls of these functions whose arguments contain no such call: what to replace, the
     arguments, the function. Assignments replace a whole statement."""
     found: list[tuple[ast.AST, list[ast.expr], _Function]] = []
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes(text):
         match node.value if isinstance(node, ast.Expr) else node:
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in here:
                 function = functions[here[name]]
@@ -173,7 +174,7 @@ def _innermost(
     return found
 
 
-def _source(text: str, node: ast.expr) -> str:
+def _source(node: ast.expr) -> str:
     """Return an argument's source in one line."""
-    given = " ".join((ast.get_source_segment(text, node) or "").split())
+    given = ast.unparse(node)
     return given if isinstance(node, ast.Name | ast.Attribute | ast.Constant) else f"({given})"

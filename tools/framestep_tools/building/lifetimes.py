@@ -14,7 +14,7 @@ from types import MappingProxyType
 
 from framestep.motion.formula import Formula
 
-from .constants import FoldError, formulas_of
+from .constants import FoldError, formulas_of, nodes
 
 Register = tuple[str, int]  # whose registers, and which
 
@@ -49,7 +49,7 @@ def check(
     functions = [
         _Function(path, node, found[path])
         for path, text in texts.items()
-        for node in ast.walk(ast.parse(text))
+        for node in nodes(text)
         if isinstance(node, ast.FunctionDef)
     ]
     writes = _writes(functions)
