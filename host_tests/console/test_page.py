@@ -32,6 +32,7 @@ from host_tests.console.pictures import (
     prepare,
 )
 from host_tests.console.serial_ports import SavedPage
+from host_tests.covering import sweep
 
 # Elements without a name for a screen reader: fields without a label, buttons and pictures without
 # a text
@@ -47,7 +48,7 @@ def served(shared_stage):
     return crane(shared_stage)
 
 
-@pytest.mark.parametrize("looks", ["dark", "phone"])
+@pytest.mark.parametrize("looks", sweep(["dark", "phone"], "phone"))
 def test_every_view_fits_and_everything_in_it_has_a_name(request, served, stage, looks):
     """axe-core also finds mistakes in contrast, in the order of headings, and in roles. It takes
     half of the time, so that without --all it looks at one of them."""

@@ -7,4 +7,4 @@ from host_tests.targets.shares import SUBJECTS, play
 
 @pytest.mark.parametrize("subject", SUBJECTS)
 def test_share(subject):
-    play("rp2040", 40, subject)
+    play("rp2040", 60, subject)
