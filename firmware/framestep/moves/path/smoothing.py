@@ -8,11 +8,10 @@ path may be anywhere within that step, and the motor still makes the uploaded st
 Here the path is in the middle of the step, plus what smoothing adds, at most _CLOSEST. Positions
 are smoothed by the middle row of penalized least squares over thirteen of them, with third
 differences weighted by 10 (Whittaker 1923; Eilers 2003), which leaves parabolas and cubics
-unchanged. Where that changes a position by more than a step, the upload has a corner, and the path
-stays in the middle: after a corner it may be so fast that there has to be room before the next
-step. The velocities are computed as in path.py, from smoothed positions. They are limited so
-that between two frames the path keeps going in one direction: it makes no step that was not
-uploaded.
+unchanged. Where that changes a position by more than two steps, the upload has a corner, and the
+path stays in the middle: after a corner it may be so fast that there has to be room before the next
+step. The velocities are computed as in path.py, from smoothed positions. They are limited so that
+between two frames the path keeps going in one direction: it makes no step that was not uploaded.
 
 In a hold, where a motor keeps its position for more than _HOLD frames, the path is on the position,
 except in the first and last frames of the hold. Where the motor turns, the path goes from one side
@@ -43,7 +42,7 @@ _ADDED = const(26)  # what smoothing adds to its position
 _Q = const(8)
 _HALF = const(128)  # half a step
 _CLOSEST = const(122)  # limit of what smoothing adds; a fortieth of a step remains on either side
-_CORNER_FROM = const(256)  # a step; rounding makes less of a difference
+_CORNER_FROM = const(512)  # two steps; rounding makes less of a difference
 _FAR = const(0x20000)  # a position farther from the middle one counts as this far
 _FARTHEST = const(0x1000000)  # _FAR if BITS is 0
 _HOLD = const(6)
@@ -116,7 +115,7 @@ def smooth(w: ptr32, before: int, after: int):
             d += 279 * (w[k + 3] + w[k - 3] - far) + 38 * (w[k + 4] + w[k - 4] - far)
             d -= 94 * (w[k + 5] + w[k - 5] - far) + 110 * (w[k + 6] + w[k - 6] - far)
             d = (d + 8) >> 4  # from Q12
-            if (d + _CORNER_FROM) >> 9:
+            if (d + _CORNER_FROM) >> 10:
                 d = 0
             elif d > _CLOSEST:
                 d = _CLOSEST
