@@ -12,7 +12,7 @@ from framestep_tools.bench import esp32, pico2
 from framestep_tools.bench.__main__ import conclude
 from framestep_tools.bench.figures import AT_200, FIGURES, keyed, missed, plain_table, table
 from framestep_tools.bench.moves import FPS, MOTORS, RAMP, ROLL_MS, STEADY_RATES, mixed_move
-from framestep_tools.bench.record import comparison, record, recorded, worse
+from framestep_tools.bench.record import comparison, record, recorded, tolerance, worse
 from framestep_tools.judge.reference import Reference
 from framestep_tools.judge.trace import PinDecoder, Trace, load_board
 from framestep_tools.simulator.esp32_board import Esp32Board
@@ -125,8 +125,8 @@ def test_a_figure_that_becomes_worse_ends_the_bench():
     for key, value in kept.items():
         figure = next(f for f in EVERY if f.key in (key, key.removesuffix("_200")))
         sign = -1 if figure.at_least is not None else 1
-        for share, is_worse in ((0.02, False), (0.04, value != 0), (-0.5, False)):
-            changed = kept | {key: value * (1 + sign * share)}
+        for share, is_worse in ((0.9, False), (1.1, value != 0), (-2, False)):
+            changed = kept | {key: value * (1 + sign * share * tolerance(key))}
             assert bool(worse(EVERY, changed, kept)) is is_worse, (key, share)
     none = {"heap_bytes_per_hour": 0.0}
     [line] = worse(EVERY, kept | {"heap_bytes_per_hour": 1.0}, kept | none)
@@ -157,7 +157,7 @@ def test_the_page_for_a_pull_request_begins_with_what_has_changed():
     assert len(every.splitlines()) == len(values) + 2
     assert "| stop_ms_worst | 1.7 | – |" in every
     same = comparison(EVERY, kept, kept, {})
-    assert "No figure has changed by more than 3 %." in same
+    assert "No figure has changed beyond its tolerance." in same
 
 
 def test_the_record(tmp_path):
@@ -166,6 +166,9 @@ def test_the_record(tmp_path):
     keys = {figure.key for figure in EVERY} | {f"{figure.key}_200" for figure in FIGURES}
     assert set(recorded()) <= keys
     assert {"tick_us_8", "upload_frames_8", "rx_bytes_per_s", "go_ms_spread"} <= set(recorded())
+    tolerances = {key: tolerance(key) for key in recorded()}
+    assert tolerances["tick_us_8_200"] == 0.03
+    assert tolerances["reply_ms_max"] == tolerances["reply_ms_max_pico2"] > 0.03
     less = dict(list(recorded().items())[1:])
     assert worse(EVERY, recorded(), less) == []
     assert len(worse(EVERY, less, recorded())) == 1

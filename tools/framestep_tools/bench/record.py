@@ -12,6 +12,17 @@ from .figures import Figure, number
 
 RECORD = Path(__file__).with_name("record.json")
 TOLERANCE = 0.03
+# These also depend on where a build puts the code in flash, since other code then shares its places
+# in the cache: so much worse they were in one of seven builds that did not concern them, one of
+# which only had 3 kB of other code in front.
+_BY_PLACE = {
+    "frame_error_us": 0.5,
+    "smoothing_load_percent": 0.25,
+    "reply_ms_median": 0.05,
+    "reply_ms_max": 0.35,
+    "virtual_reply_ms_max": 0.15,
+    "tick_late_us_worst": 0.5,
+}
 
 
 def recorded(file: Path = RECORD) -> dict[str, float]:
@@ -28,12 +39,12 @@ def record(values: Mapping[str, float], file: Path = RECORD) -> None:
 def worse(
     figures: Iterable[Figure], values: Mapping[str, float], kept: Mapping[str, float]
 ) -> list[str]:
-    """Return a line for each of the figures that is worse by more than TOLERANCE than the recorded
-    one, or is recorded and was not measured."""
+    """Return a line for each of the figures that is worse than the recorded one by more than its
+    tolerance, or is recorded and was not measured."""
     kinds = {figure.key: figure for figure in figures}
     lines = [f"{key}: recorded, but not measured" for key in kept if key not in values]
     for key, value in values.items():
-        if key in kept and _change(_kind(kinds, key), value, kept[key]) < -TOLERANCE:
+        if key in kept and _change(_kind(kinds, key), value, kept[key]) < -tolerance(key):
             unit = _kind(kinds, key).unit
             lines.append(f"{key}: {number(value)} {unit}, recorded {number(kept[key])}")
     return lines
@@ -57,7 +68,7 @@ def comparison(
         was, change = "–", ""
         if key in kept:
             was, by = number(kept[key]), _change(kind, value, kept[key])
-            if abs(by) > TOLERANCE:
+            if abs(by) > tolerance(key):
                 change = "**worse**" if by < 0 else "better"
         row = f"| {key} | {number(value)} | {was} | {goal} | {kind.unit} | {change} |"
         rows.append(row)
@@ -68,7 +79,7 @@ def comparison(
         [
             "## Figures of the emulated boards",
             "",
-            *([*head, *changed] if changed else ["No figure has changed by more than 3 %."]),
+            *([*head, *changed] if changed else ["No figure has changed beyond its tolerance."]),
             "",
             "| image | bytes | bytes of flash left |",
             "|---|---|---|",
@@ -83,6 +94,11 @@ def comparison(
             "",
         ]
     )
+
+
+def tolerance(key: str) -> float:
+    """Return by what part of the recorded figure one may be worse."""
+    return _BY_PLACE.get(key.removesuffix("_200").removesuffix("_pico2"), TOLERANCE)
 
 
 def _kind(kinds: Mapping[str, Figure], key: str) -> Figure:
