@@ -1,7 +1,7 @@
 """`make fuzz`: random sessions until the time is up; failures are shrunk to scripts.
 
     python -m host_tests.fuzz.fuzz --seconds 60 [--seed 7] [--requests 200] [--minutes 15]
-                                   [--keep-going] [--integers] [--replay] [--target rp2350]
+                                   [--keep-going] [--replay] [--target rp2350]
 
 Each session's seed is made of the run's seed and its number, so a session can be repeated.
 """
@@ -176,20 +176,12 @@ def main() -> int:
         action="store_true",
         help="after a finding as well; each kind is shrunk once",
     )
-    parser.add_argument(
-        "--integers", action="store_true", help="refuse numbers that a pass would allocate (slower)"
-    )
     options = parser.parse_args()
     if options.replay and options.target != "host":
         parser.error("--replay needs --target host")
-    if options.integers:
-        from host_tests import small_integers
+    from host_tests import machine_code
 
-        small_integers.install()
-    else:
-        from host_tests import machine_code
-
-        machine_code.install()
+    machine_code.install()
     from framestep.base import native_cpython
     from framestep_emulator import Emulator, Pool
 

@@ -54,10 +54,11 @@ def test_a_leak_of_16_bytes_is_found(tmp_path):
         played(with_a_fault(tmp_path, opened, leaks))
 
 
-def test_memory_that_a_pass_takes_is_found(tmp_path):
+@pytest.mark.parametrize("takes", ["[now]", "now + 0x3FFFFFFF"], ids=["list", "large number"])
+def test_memory_that_a_pass_takes_is_found(takes, tmp_path):
     passes = "            self.controller.poll(now)\n"
     with pytest.raises(Finding, match="MemoryError"):
-        played(with_a_fault(tmp_path, passes, passes + "            [now]\n"))
+        played(with_a_fault(tmp_path, passes, passes + f"            {takes}\n"))
 
 
 def test_another_byte_is_found(tmp_path):

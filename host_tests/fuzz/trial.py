@@ -34,7 +34,6 @@ from typing import Any
 from framestep.io.watchdog import HOST_UNREAD_MS
 from framestep.motors.backlash import LOAD
 from framestep.protocol import messages as m
-from host_tests import small_integers
 from host_tests.script import Script
 from host_tests.script_player import Player
 
@@ -171,12 +170,7 @@ class Trial:
                         motor.jerky = True
 
     def _broken(self, error):
-        places = [
-            p
-            for p in traceback.extract_tb(error.__traceback__)
-            if not p.filename.endswith("small_integers.py")
-        ]
-        where = places[-1]
+        where = traceback.extract_tb(error.__traceback__)[-1]
         text = (
             f"{type(error).__name__}: {error}, "
             f"in {where.name} ({where.filename.rsplit('/', 1)[-1]}:{where.lineno})"
@@ -281,15 +275,12 @@ class Trial:
         player.sent.clear()
         self.answers.clear()
         self.moving = 0
-        small_integers.armed = True
         try:
             player.step()
         except Finding:
             raise
         except Exception as error:
             self._broken(error)
-        finally:
-            small_integers.armed = False
         if self.stops.enabling:
             self.stops.enabled()
         if player.sent:
