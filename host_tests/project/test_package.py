@@ -46,6 +46,9 @@ _LEFT_OUT_OF_THE_BUILD = ("littlefs", "numpy", "segno", "websockets", "matplotli
 _LATE = ("rich", "serial", "mpremote", "littlefs", "framestep.controller", "websockets")
 
 
+COMMAND = "from framestep_tools.cli import app; app()"
+
+
 def block(folder, names):
     """Let no Python with this folder in PYTHONPATH import these."""
     lines = ["import sys", *(f"sys.modules[{name!r}] = None" for name in names)]
@@ -67,7 +70,11 @@ class Installed:
 
     def run(self, *args):
         """Return what a command prints; it must succeed."""
-        return self.python("from framestep_tools.cli import app; app()", *args)
+        return self.python(COMMAND, *args)
+
+    def command(self, *args):
+        """Return the result of a command."""
+        return self.start([sys.executable, "-c", COMMAND, *args])
 
     def begin(self, script, *args):
         """Start a Python script in its own process."""
@@ -246,7 +253,7 @@ def test_a_simulated_device_and_the_console_without_a_board(installed):
         "console": ("--demo", "--no-browser", "--port", "0"),
     }
     for command, options in commands.items():
-        process = installed.begin("from framestep_tools.cli import app; app()", command, *options)
+        process = installed.begin(COMMAND, command, *options)
         try:
             said = process.stdout.readline()
             if command == "sim":
@@ -262,17 +269,7 @@ def test_a_simulated_device_and_the_console_without_a_board(installed):
 
 
 def test_what_needs_unix_says_so_in_a_sentence(installed):
-    result = installed.start(
-        [
-            sys.executable,
-            "-c",
-            "from framestep_tools.cli import app; app()",
-            "lab",
-            "sniff",
-            "--device",
-            "socket://127.0.0.1:1",
-        ]
-    )
+    result = installed.command("lab", "sniff", "--device", "socket://127.0.0.1:1")
     assert result.returncode != 0
     assert len(result.stderr.splitlines()) == 1, result.stderr
 
@@ -287,23 +284,13 @@ def test_what_needs_unix_says_so_in_a_sentence(installed):
     ],
 )
 def test_what_an_extra_brings_is_named_when_it_is_missing(command, package, installed):
-    result = installed.start(
-        [sys.executable, "-c", "from framestep_tools.cli import app; app()", *command]
-    )
+    result = installed.command(*command)
     assert result.returncode == 1
     assert f"needs {package}: pipx inject framestep {package}" in result.stderr
     assert len(result.stderr.splitlines()) == 1
 
 
 def test_a_check_needs_no_extra(installed):
-    result = installed.start(
-        [
-            sys.executable,
-            "-c",
-            "from framestep_tools.cli import app; app()",
-            "check",
-            "camera_move.csv",
-        ]
-    )
+    result = installed.command("check", "camera_move.csv")
     assert "motor 1" in result.stdout + result.stderr
     assert "needs" not in result.stderr.partition("motor 1")[0]
