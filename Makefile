@@ -114,7 +114,7 @@ fuzz: setup ## random sessions, checked for what must never happen: SECONDS=60, 
 	$(if $(filter rp2%,$(TARGET)),@tools/setup.sh node && tools/micropython/build.sh rp2)
 	@"$(PYTHON_VENV)" -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(if $(TARGET),--target $(TARGET)) $(ARGS)
 
-strain: setup node micropython ### any requests on an emulated board while somebody works on its REPL: BOARD=pico2, SEED=7, ARGS="--requests 20000 --quiet"
+strain: setup node micropython ### any requests on an emulated board while somebody works on its REPL: BOARD=pico2, SEED=7, ARGS="--requests 20000"
 	@"$(PYTHON_VENV)" -m host_tests.board.strain $(if $(SEED),--seed $(SEED)) $(if $(BOARD),--board $(BOARD)) $(ARGS)
 
 lint: setup ### style (ruff, oxlint, shellcheck), spelling (codespell), and subjects of commits

@@ -1,16 +1,15 @@
 """Any requests in any order on the emulated board, while a person works on its REPL: memory used to
 the last byte, long C calls, Ctrl-C, files read, prints, bench commands.
 
-    make strain ARGS="--requests 20000 --seed 1 --quiet"
+    make strain ARGS="--requests 20000 --seed 1"
     make strain BOARD=pico2
     ... --overlay framestep.pulse.tick framestep.motors.axis
 
 Every valid request gets one answer in time, whatever stops the motors gets an answer, the motors
 end where their edges say, no tick in motion comes late, interrupts are not off for long, and the
 firmware runs at the end. HARD_STOP 100 may come if the REPL prevents passes for longer than queues
-last; the report says how often it came, and why. quiet: nobody works on the REPL, and HARD_STOP 100
-is a fault; without an overlay there are lights as well. overlay: these modules replace the image's,
-in RAM, as `framestep flash` does it with edited ones.
+last; the report says how often it came, and why. Without a REPL there is `make fuzz TARGET=rp2040`.
+overlay: these modules replace the image's, in RAM, as `framestep flash` does it with edited ones.
 """
 
 import argparse
@@ -23,10 +22,8 @@ from pathlib import Path
 
 from framestep.protocol import messages as m
 from framestep_emulator import ReplError
-from framestep_tools import payloads as p
 from framestep_tools.building.board_files import emulated_boards
 from framestep_tools.client.wire import FrameDecoder, encode
-from framestep_tools.judge.virtual_reference import Axis, Rig
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_overlay import edited, ident_of, on_board
 from host_tests.observers.timing import LATE_US, MASKED_US, Timing
@@ -34,7 +31,7 @@ from host_tests.script import parse
 
 SCRIPTS = Path(__file__).parents[1] / "fuzz" / "scripts"
 ODD = (0, 1, -1, 2, 255, 10_000, 2**30 - 1, 2**30, -(2**30) - 1, 2**31 - 1, -(2**31))
-RIG = {"estop": "nc", "outputs": [{"pin": 22}], "motor_count": 4}
+RIG = {"estop": "nc", "outputs": [{"pin": 22}], "motor_count": 4, "dmx": False}
 ESTOP = 19
 ANSWER_S = 3  # a long C call, a collection and a frame that never ends may come together
 REST_S = 40
@@ -116,11 +113,9 @@ def words(*values):
 
 
 class Strain:
-    """One board under strain. say: called with lines of the report. quiet: nobody works on the
-    REPL."""
+    """One board under strain. say: called with lines of the report."""
 
-    def __init__(self, board, seed, say=print, quiet=False):
-        self.quiet = quiet
+    def __init__(self, board, seed, say=print):
         self.timing: Timing | None = None
         self.recent: collections.deque[str] = collections.deque(maxlen=12)
         self.board = board
@@ -176,19 +171,13 @@ class Strain:
             self.judge()
 
     def judge(self):
-        """Check that ticks are in time, interrupts on, queues filled."""
+        """Check that ticks are in time, and interrupts on."""
         self.late_us = max(self.late_us, self.timing.worst_late())
         if self.late_us > LATE_US:
             raise self.broken(f"a tick in motion was {self.late_us} µs late")
         self.masked_us = self.timing.masked()
         if self.masked_us > MASKED_US:
             raise self.broken(f"interrupts were off for {self.masked_us:.0f} µs")
-        if self.quiet:
-            if self.counts["HARD_STOP 100"]:
-                raise self.broken("HARD_STOP 100")
-            ticks = self.timing.queued()
-            if ticks is not None:
-                self.least_queued = min(self.least_queued, ticks)
 
     def take(self, frame):
         if frame.id == 0:
@@ -262,60 +251,12 @@ class Strain:
                 )
             self.work()
             self.pass_time(dice.choice((1, 5)))
-        lights = self.lights and dice.random() < 0.6
-        if lights:
-            for channel in (1, 2, 512):
-                levels = [dice.randrange(256) for _ in range(frames)]
-                self.send(p.RtUploadMoveDmx.TYPE, p.RtUploadMoveDmx(channel, 0, levels).pack())
         self.send(m.MSG_RT_UPLOAD_MOVE_END, b"")
-        flags = struct.pack("<BIHHH", lights, 0, 0, 0, dice.choice((0, 1, 2, 0x10, 0x20)))
+        flags = struct.pack("<BIHHH", 0, 0, 0, 0, dice.choice((0, 1, 2, 0x10, 0x20)))
         self.send(m.MSG_RT_RUN_MOVE, struct.pack("<IiiII", 24_000, 1, frames, 300, 300) + flags)
         self.wander(dice.choice((30, 500)))
         self.send(m.MSG_RT_GO, b"")
         self.wander(dice.choice((20, 800)))
-
-    def virtual(self):
-        """Configure a rig of any type, with fast or slow motors; begin a motion, and end it."""
-        dice = self.dice
-        self.send(m.MSG_MOTOR_STOP_ALL, b"")
-        self.wander(400)
-        velocity, acceleration = dice.choice(((2000, 8000), (5000, 20_000), (20_000, 100_000)))
-        steps = dice.choice((50.0, 100.0, 500.0))
-        kind = dice.choice((1, 2, 3, 4))
-        pose = [dice.uniform(-20, 20) for _ in range(6)]
-        axes = tuple(
-            Axis(motor, steps, round(at, 2))
-            for motor, at in enumerate(pose[: 2 if kind == 2 else 4], 1)
-        )
-        if kind != 2:
-            axes += (Axis(0), Axis(0))
-        for axis in axes:
-            if axis.motor:
-                self.ask(m.MSG_MOTOR_CONFIGURE, bytes((axis.motor, 1)))
-                self.ask(p.MotorSetSpeed.TYPE, bytes((axis.motor,)) + words(velocity, acceleration))
-                self.ask(p.MotorResetPosition.TYPE, bytes((axis.motor,)) + words(0))
-        rig = Rig(kind, axes, length=800.0, extension=50.0)
-        self.ask(p.VirtConfig.TYPE, rig.payload())
-        for _ in range(dice.choice((1, 3))):
-            number = dice.choice((1, 2, 3, 4, 5))
-            far = dice.choice((-1, 1)) * (2**31 - 1)
-            motion = dice.choice(
-                (
-                    p.VirtMove(number, dice.randrange(-30, 30) * 100_000),
-                    p.VirtJog(number, dice.choice((2000, 10_000)), far),
-                    p.VirtJogOnLine(dice.randrange(5), dice.choice((-10_000, 10_000))),
-                )
-            )
-            code = struct.unpack("<H", self.ask(motion.TYPE, motion.pack()))[0]
-            self.counts["virtual motions taken"] += code == m.OK
-            self.wander(dice.choice((40, 150, 400, 700)))
-            if dice.random() < 0.6:
-                self.send(m.MSG_VIRT_STOP, bytes((number,)))
-            elif dice.random() < 0.5:
-                self.send(m.MSG_MOTOR_STOP_ALL, b"")
-                if dice.random() < 0.3:
-                    self.send(m.MSG_MOTOR_STOP_ALL, b"")
-            self.wander(dice.choice((10, 300)))
 
     def wander(self, ms):
         """Let time pass, with work on the REPL."""
@@ -349,9 +290,7 @@ class Strain:
             self.press(self.estop)
         elif chance < 0.015:
             self.play()
-        elif chance < 0.021:
-            self.virtual()
-        elif chance < 0.051:
+        elif chance < 0.045:
             self.send(m.MSG_MOTOR_STOP_ALL, b"")
         else:
             self.send(kind, payload)
@@ -407,7 +346,7 @@ class Strain:
                 raise self.broken(f"the firmware has ended: {self.heard[-2000:]!r}")
             if err and not any(name in err.decode() for name in BEARABLE):
                 raise self.broken(f"{self.piece!r} ended with {err!r}")
-        elif not self.quiet and dice.random() < 0.5:
+        elif dice.random() < 0.5:
             self.endless = dice.random() < 0.3
             self.piece = dice.choice(ENDLESS if self.endless else WORK)
             self.heard = b""
@@ -458,11 +397,9 @@ class Strain:
         """Whether a fault may have lost steps since the last check."""
         return self.counts["HARD_STOP 100"] > self.faults
 
-    lights = False  # there are some
     faults = 0
     late_us = 0  # of the worst tick in motion
     masked_us = 0.0  # the longest time with interrupts off
-    least_queued = 1000  # ticks, of a motor in motion with more planned
     heard = b""
     piece = ""
     answer = None
@@ -508,18 +445,16 @@ class Strain:
         self.say(
             f"slowest answer {self.slowest / 1e6:.0f} ms {self.slowest_of}, "
             f"worst tick {self.late_us} µs late, "
-            f"interrupts off for {self.masked_us:.0f} µs, {self.least_queued} ticks queued at least"
+            f"interrupts off for {self.masked_us:.0f} µs"
         )
 
 
-def strain(seed, requests, say=print, quiet=False, modules=(), board="pico"):
+def strain(seed, requests, say=print, modules=(), board="pico"):
     names = [module.replace(".", "/") + ".mpy" for module in modules]
     files = on_board(ident_of(board), {name: edited(name) for name in names}) if names else {}
-    lights = quiet and not names
-    with EmulatedBoard(RIG | {"dmx": lights}, files=files, board=board) as emulated:
+    with EmulatedBoard(RIG, files=files, board=board) as emulated:
         emulated.wire_switches()
-        found = Strain(emulated, seed, say, quiet)
-        found.lights = lights
+        found = Strain(emulated, seed, say)
         bits = struct.unpack_from("<I", found.ask(m.MSG_CONDITION))[0]
         if bool(names) != bool(bits & m.CONDITION_OVERLAY):
             raise found.broken(f"overlay of {names}, condition {bits:#x}")
@@ -530,7 +465,6 @@ def main():
     parser = argparse.ArgumentParser(description="requests and REPL work on the emulated board")
     parser.add_argument("--requests", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--quiet", action="store_true", help="nobody works on the REPL")
     parser.add_argument(
         "--overlay", nargs="+", default=(), metavar="MODULE", help="modules to run from RAM"
     )
@@ -538,9 +472,7 @@ def main():
     args = parser.parse_args()
     if args.requests < 1:
         parser.error("--requests has to be 1 or more")
-    strain(
-        args.seed, args.requests, quiet=args.quiet, modules=args.overlay, board=args.board
-    ).report()
+    strain(args.seed, args.requests, modules=args.overlay, board=args.board).report()
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ class ChainStrain(Strain):
     cut = False  # the E-stop was pressed since the last check
 
     def begin(self):
-        self.quiet = True
+        """There is no REPL."""
 
     def press(self, on):
         self.cut |= on
