@@ -69,12 +69,12 @@ def enter(state):
     elif state == "move":
         slow(session)
         session.accept(p.MotorMove(1, 9000))
-    elif state == "way":
+    elif state == "positioning":
         session.accept(p.MotorMove(1, 9000))
         session.wait_idle()
         session.accept(run_request(24, 1, FRAMES))
         session.run(0.005)
-    elif state in ("ready", "run", "stop"):
+    elif state in ("ready", "run", "ending"):
         for motor in (1, 2):
             # just enough for the run, so that a stop takes some time
             session.speed(motor, 20_000, 20_000)
@@ -82,9 +82,9 @@ def enter(state):
         if state != "ready":
             session.accept(p.RtGo())
             session.run(0.6)
-        if state == "stop":
+        if state == "ending":
             session.accept(p.MotorStopAll())
-    elif state == "back":
+    elif state == "next lap":
         session.ready(run_request(24, 1, 7, flags=2))
         session.accept(p.RtGo())
         controller = session.board._board.controller
@@ -157,7 +157,7 @@ def test_accepted(state):
         session.accept(p.MotorStopAll(), p.MotorStopAll())
         session.run(1.5)
         assert not session.moving, (state, request)
-        if state in ("run", "back", "stop", "shoot"):
+        if state in ("run", "next lap", "ending", "shoot"):
             assert len(session.events(p.RtEnd)) == 1, (state, request)
         elif state in ("empty", "upload", "idle", "move", "estop", "jog"):
             prepared = request.TYPE in (0x0111, 0x0112, 0x0115)
