@@ -18,3 +18,12 @@ def test_leftovers_are_looked_for_where_the_port_leaves_its_mark():
     assert number("soft_reset.py", "_MARK") == at
     assert number("soft_reset.py", "_ALIVE") == number("hal/ports/usb_transfers.py", "ALIVE")
     assert number("soft_reset.py", "_ADDRESS") == number("hal/rp2/usb.py", "ADDRESS_REGISTER")
+
+
+def test_pins_that_keep_their_levels_are_noted_behind_what_the_port_keeps():
+    kept = 4 * 4  # KEPT_MARK to KEPT_FLAG
+    end = (
+        number("hal/rp2/usb.py", "_MEMORY") + number("hal/ports/usb_transfers.py", "KEPT_AT") + kept
+    )
+    for chip in ("chip", "chip_rp2350"):
+        assert number(f"hal/rp2/{chip}.py", "KEPT_PINS") == end

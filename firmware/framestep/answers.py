@@ -1,28 +1,34 @@
 """Answers to questions for status, positions and HI as soon as they have come, between two passes
-and between the pieces of one; and the first part of a STOP and a STOP_ALL.
+and between the pieces of one; the first part of a STOP and a STOP_ALL; and sections of an uploaded
+move, stored between two passes.
 
 The port calls answer() also from within MicroPython's USB task. So this is a kernel: nothing can
 end it, and it allocates nothing. It is one piece, because each call and each name takes as long as
 a good part of it. It reads the same state as the handlers of controller.py, so it gives the same
 answers (host_tests/end_to_end/hosts/test_at_once.py). What it could not answer without a change of
-that state, and whatever comes after a request that waits, is left to the next pass.
+that state, and whatever comes after a request that waits, is left to the next pass. So are sections
+that are refused, or that come while an operation goes on. A section that waits for a pass takes
+three times as long, most of it in bytecode that leads to the kernels that store it.
 """
 
 from array import array
 
 from framestep.base.native import addressof, as_word, const, micropython, ptr8, ptr32
+from framestep.base.results import OK
 from framestep.hal import QUESTION
 from framestep.io.lights import RAMPING
 from framestep.motors.feeder import coupled
 from framestep.motors.samples import choose
 from framestep.moves.operation_runner import (
     ENDING,
+    IDLE,
     LEAVING,
     POSITIONING,
     RUNNING,
     fetch_positions,
 )
 from framestep.protocol import messages as m
+from framestep.protocol.checksum import fletcher16
 from framestep.protocol.frames import END, FILL, NEXT, TAKE
 from framestep.pulse import stepper
 
@@ -33,7 +39,11 @@ _LIGHTS = const(3)
 HI_SIZE = const(4)  # bytes of the answer to HI that follows, without checksum; 0: not known yet
 _HI = const(5)
 _SMOOTH = const(5 + 16)  # motors with a jerk limit, a bit each
-_WORDS = const(5 + 16 + 1)
+STORED = const(5 + 16 + 1)  # 1: a section has been stored since the last pass
+_WORDS = const(5 + 16 + 2)
+_LOW = const(m.MSG_RT_UPLOAD_MOVE_AXIS & 0xFF)
+_HIGH = const(m.MSG_RT_UPLOAD_MOVE_AXIS >> 8)
+_ACK = const(m.MSG_FLAG_ACK >> 8)
 _ANY_RATE = const(0x3FFFFFFF)
 _LARGEST = const(4 * 16)
 
@@ -96,6 +106,73 @@ def _slow_down(controller, bits: int):
 
 
 @micropython.viper
+def store_section(controller, frames, at: int, to: ptr8) -> int:
+    """Store the section at frames[at], and write its acknowledgement. Return the size of that in
+    bytes, or 0 if nothing has changed.
+
+    controller: the Controller. frames[at:] has as many bytes as a frame of its length.
+    """
+    f = ptr8(frames)
+    size = f[at + 8] | (f[at + 9] << 8)
+    if f[at + 0] != 0x44 or f[at + 1] != 0x46 or f[at + 6] != _LOW or f[at + 7] != _HIGH:
+        return 0
+    if size > m.LARGEST_PAYLOAD or size < m.RtUploadMoveAxis.positions:
+        return 0
+    operations = controller.operations
+    if (
+        int(operations.state) != IDLE
+        or operations.starts_by_itself
+        or operations.rt_end_due  # it goes out first
+        or int(controller.openings) != int(controller.port.openings)
+    ):
+        return 0
+    state = ptr32(controller.reader._state)
+    if state[NEXT] != state[FILL]:
+        return 0
+    state = ptr32(controller.writer._state)
+    if state[TAKE] != state[END]:
+        return 0
+    if int(fletcher16(frames, at, size + QUESTION)):
+        return 0
+    motor = f[at + m.HEADER_BYTES + m.RtUploadMoveAxis.motor]
+    i = at + m.HEADER_BYTES + m.RtUploadMoveAxis.start_index
+    high = f[i + 3]
+    size -= m.RtUploadMoveAxis.positions
+    if motor == 0 or size & 3 or high & 0x40:
+        return 0
+    index = f[i + 0] | (f[i + 1] << 8) | (f[i + 2] << 16) | ((high & 0x7F) << 24)
+    i = at + m.HEADER_BYTES + m.RtUploadMoveAxis.positions
+    store = controller.moves.store
+    if int(store.section(motor - 1, index, high & 0x80, frames, i, size >> 2)) != OK:
+        return 0
+    ptr32(controller.answers)[STORED] = 1
+    i = 0
+    while i < 8:
+        to[i + 0] = f[at + i]
+        i += 1
+    to[7] = _HIGH | _ACK
+    size = 4 if controller.rig.dword_acks else 2
+    to[8] = size
+    to[9] = 0
+    to[10] = OK
+    to[11] = 0
+    to[12] = 0
+    to[13] = 0
+    size += m.HEADER_BYTES
+    first = 0
+    second = 0
+    i = 0
+    while i < size:
+        first += to[i + 0]
+        second += first
+        i += 1
+    second = 255 - (first + second) % 255
+    to[size + 0] = second
+    to[size + 1] = 255 - (first + second) % 255
+    return size + 2
+
+
+@micropython.viper
 def answer(controller, questions, at: int, to: ptr8) -> int:
     """Write the answer to the question at questions[at], if it can be given at once. Return its
     size in bytes, or 0, also for a STOP.
@@ -103,7 +180,10 @@ def answer(controller, questions, at: int, to: ptr8) -> int:
     controller: the Controller. questions[at:] has as many bytes as a frame of its length.
     """
     f = ptr8(questions)
-    if f[at + 0] != 0x44 or f[at + 1] != 0x46 or f[at + 7] | f[at + 9]:
+    ptr32(controller.answers)[STORED] = 0
+    if f[at + 7]:
+        return int(store_section(controller, questions, at, to))
+    if f[at + 0] != 0x44 or f[at + 1] != 0x46 or f[at + 9]:
         return 0
     words = controller.answers
     w = ptr32(words)

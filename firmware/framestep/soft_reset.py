@@ -14,10 +14,6 @@ _CHANNEL = 0x40
 _ADDRESS = 0x50110000  # ADDR_ENDP, the USB device's address in the low 7 bits
 _MARK = 0x50100FC8  # framestep.hal.ports.usb_transfers writes _ALIVE here
 _ALIVE = 0x1D7A5C3B
-_LEVELS = 0xD0000004  # GPIO_IN, the levels of all pins
-# Memory of the USB controller, as _MARK is, behind what the protocol's port has there: pins that
-# keep their levels in a soft reset, a bit each
-KEPT_PINS = 0x50100FD8
 
 _stopped = False
 
@@ -45,7 +41,7 @@ def lower_pins():
     The soft reset may have ended the program within a pulse; a servo would then see one of some
     hundred milliseconds. Where a change of level is a step, it stays (hal/rp2/edges.py).
     """
-    high = mem32[KEPT_PINS] & mem32[_LEVELS]
+    high = mem32[chip.KEPT_PINS] & mem32[chip.LEVELS]
     for pin in range(30):
         control = (chip.IO_PAGE << 12) + 4 + 8 * pin
         if mem32[control] & 31 in (6, 7, 8):  # PIO0 to PIO2

@@ -41,7 +41,6 @@ MODULES = (
     "hal/rp2/pins",
     "hal/rp2/pin_guard",
     "hal/rp2/pulses",
-    "soft_reset",
 )
 CLAIM = Path(__file__).parent / "claims_setup.py"
 

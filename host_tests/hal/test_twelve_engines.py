@@ -47,12 +47,10 @@ def pulses(monkeypatch):
     monkeypatch.setitem(sys.modules, "machine", SimpleNamespace(Pin=Pin, mem32={}))
     claims = SimpleNamespace(Claim=lambda *pins: contextlib.nullcontext())
     monkeypatch.setitem(sys.modules, "framestep.hal.rp2.pin_guard", claims)
-    for name in ("framestep.hal.rp2.pulses", "framestep.soft_reset"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.delitem(sys.modules, "framestep.hal.rp2.pulses", raising=False)
     monkeypatch.setattr(Machine, "made", [])
     yield importlib.import_module("framestep.hal.rp2.pulses")
-    for name in ("framestep.hal.rp2.pulses", "framestep.soft_reset"):
-        sys.modules.pop(name, None)
+    sys.modules.pop("framestep.hal.rp2.pulses", None)
 
 
 def test_every_motor_has_its_own(pulses):

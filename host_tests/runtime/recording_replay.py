@@ -101,12 +101,15 @@ class Port:
         while size and self.open and self._has_frame():
             size = self.answer(self.incoming, self.begin, self.buffer)
             if size:
-                self.begin += QUESTION
+                self.begin += self._size()
                 self._note(size)
 
     def _has_frame(self):
         waiting = self.end - self.begin
-        return waiting >= QUESTION and waiting >= QUESTION + self.incoming[self.begin + 8]
+        return waiting >= QUESTION and waiting >= self._size()
+
+    def _size(self):
+        return QUESTION + self.incoming[self.begin + 8] + (self.incoming[self.begin + 9] << 8)
 
     def _note(self, count):
         notes = self.notes

@@ -119,12 +119,15 @@ class HostPort:
         while size and self.answer and self.open and self._has_frame():
             size = self.answer(self.incoming, 0, self._buffer)  # type: ignore[operator]
             if size:
-                del self.incoming[:QUESTION]
+                del self.incoming[: self._size()]
                 self.outgoing += self._buffer[:size]
 
     def _has_frame(self):
         waiting = len(self.incoming)
-        return waiting >= QUESTION and waiting >= QUESTION + self.incoming[8]
+        return waiting >= QUESTION and waiting >= self._size()
+
+    def _size(self):
+        return QUESTION + self.incoming[8] + (self.incoming[9] << 8)
 
     def poll(self, reader):
         moved = 0

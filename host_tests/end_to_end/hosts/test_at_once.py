@@ -1,17 +1,29 @@
 """Answers at once (framestep/answers.py) are those that the handlers give, byte for byte."""
 
+from array import array
+
 import numpy as np
 import pytest
 
-from framestep.moves.operation_runner import ENDING, POSITIONING
+from framestep.moves.operation_runner import (
+    ENDING,
+    IDLE,
+    LEAVING,
+    POSITIONING,
+    READY,
+    RUNNING,
+    STARTING,
+)
+from framestep.protocol import messages as m
 from framestep.protocol.frames import FrameReader
 from framestep_tools import payloads as p
+from framestep_tools.client.client import LAST_SECTION
 from framestep_tools.client.wire import encode
 from framestep_tools.payloads import Hi, MotorGetPosition, MotorStatus
 from host_tests.end_to_end import realtime_answers
 from host_tests.end_to_end.realtime import loaded
 from host_tests.end_to_end.runs.test_realtime_states import enter
-from host_tests.end_to_end.session import run_request, simulated
+from host_tests.end_to_end.session import DIALECTS, run_request, simulated
 
 pytestmark = pytest.mark.inside
 
@@ -173,3 +185,82 @@ def test_positions_of_any_number_of_motors(motors):
     for motor in range(1, motors + 1):
         session.accept(p.MotorResetPosition(motor, int(np.int32(-(2**31) + motor * 0x01234567))))
     assert same_answers(session) == {request.TYPE for request in QUESTIONS}
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("seed", range(4))
+def test_sections_are_stored_and_acknowledged_as_by_passes(dialect, seed):
+    """Of two boards only one stores sections at once. Both get sections in order and out of order,
+    again, to the end, too many, too long, of motors that are not there, with steep changes, and
+    damaged; and questions and other requests between them."""
+    dice = np.random.default_rng(seed)
+    boards = [simulated({"dialect": dialect}, motors=3) for _ in range(2)]
+    quick = boards[0].board.host_board
+    receive, at_once = quick.receive, []
+
+    def receive_and_ask(data):
+        receive(data)
+        quick.hal.port.ask()
+        at_once.append(not quick.hal.port.incoming)
+
+    quick.receive = receive_and_ask
+    frames = int(dice.integers(300, 2000))
+    requests = [p.RtUploadMoveBegin(1, frames)]
+    sent = dict.fromkeys((1, 2, 3), 0)
+    for _ in range(60):
+        motor = int(dice.choice((1, 1, 2, 3, 3, 0, 4)))
+        count = int(dice.choice((0, 1, 5, 100, 257)))
+        index = sent.get(motor, 0)
+        if dice.random() < 0.2:
+            index = int(dice.integers(0, frames + 20))
+        steep = int(dice.choice((3, 3, 3, 200, 100_000, 2**31 - 1)))
+        steps = np.cumsum(dice.integers(-steep, steep, count, endpoint=True)) if count else []
+        steps = np.array(steps, np.int64).astype(np.int32).tolist()
+        sent[motor] = index + count
+        last = LAST_SECTION if dice.random() < 0.05 else 0
+        requests.append(p.RtUploadMoveAxis(motor, index | last, steps))
+        if dice.random() < 0.1:
+            requests.append(dice.choice((MotorStatus(), p.GioOut(1))))
+    requests.append(p.RtUploadMoveEnd())
+    for number, request in enumerate(requests, 0x7FFF0000):
+        more = b"\0" * int(dice.integers(1, 4)) if dice.random() < 0.05 else b""
+        data = bytearray(encode(request.TYPE, request.pack() + more, number))
+        if dice.random() < 0.1 and request.TYPE == p.RtUploadMoveAxis.TYPE:
+            data[dice.integers(2, len(data))] ^= 1 << int(dice.integers(0, 8))
+            data += bytes(400)  # so that a length that is too long is no partial frame
+        answers = [board.bytes_for(bytes(data), 0.3) for board in boards]
+        assert answers[0] == answers[1], (number, request)
+    assert at_once.count(True) > 20
+    stores = [board.board.host_board.controller.moves.store for board in boards]
+    assert bytes(stores[0].memory) == bytes(stores[1].memory)
+    for motor in range(3):
+        read = [array("i", [0] * frames) for _ in stores]
+        for store, words in zip(stores, read, strict=True):
+            store.positions(motor, 0, frames, words, 0)
+        assert read[0] == read[1]
+
+
+def test_a_section_waits_for_what_came_before_it(rig):
+    """While a run goes on, or bytes of another request wait, it is left to the passes."""
+    controller = rig.board._board.controller
+    rig.accept(p.RtUploadMoveBegin(1, 20))
+    section = p.RtUploadMoveAxis(1, 0, [0, 1, 2])
+    data = bytearray(encode(section.TYPE, section.pack(), 7))
+    to = bytearray(BUFFER)
+    controller.reader.feed(b"DF", 0, 2)
+    assert controller.answer(data, 0, to) == 0
+    controller.reader.clear()
+    controller.reports.send_hi(None)
+    assert controller.answer(data, 0, to) == 0
+    controller.writer.clear()
+    controller.operations.rt_end_due = True
+    assert controller.answer(data, 0, to) == 0
+    controller.operations.rt_end_due = False
+    for state in (LEAVING, POSITIONING, READY, RUNNING, ENDING, STARTING):
+        controller.operations.state = state
+        assert controller.answer(data, 0, to) == 0
+    controller.operations.state = IDLE
+    assert not controller.moves.store.has(0)
+    size = controller.answer(data, 0, to)
+    assert bytes(to[:size]) == encode(section.TYPE | m.MSG_FLAG_ACK, bytes((m.OK, 0)), 7)
+    assert controller.moves.store.has(0)

@@ -35,6 +35,7 @@ from framestep.hal.ports.usb_transfers import (
     KEPT_FILL,
     KEPT_MARK,
     LAST,
+    LEAVE,
     LEFT,
     LIVE,
     LOOK,
@@ -59,6 +60,7 @@ from framestep.hal.ports.usb_transfers import (
     UNHEARD,
     USED,
     VIEW,
+    WAITS,
     WORDS,
     YES,
     activate,
@@ -89,6 +91,7 @@ _HI = const(0x01)
 _STATUS = const(0x30)
 _STOP = const(0x32)  # STOP_ALL is between this and _GET_POSITION
 _GET_POSITION = const(0x34)
+_SECTION = const(0x101)  # of an uploaded move
 
 # bytes that come this long after DTR was cleared come from a host that does not use it
 _QUIET_MS = const(100)
@@ -140,7 +143,7 @@ class UsbPort:
         s[KEPT] = as_word(addressof(memory)) + KEPT_AT
         s[USED] = s[USED + 1] = PLACE
         self._closed_at = time.ticks_ms()
-        self._waits = -1  # number of a waiting packet
+        s[WAITS] = -1
         self._waits_since = 0
         self._bus = chip.BusWatch() if chip else None
         self.open = False
@@ -317,8 +320,8 @@ class UsbPort:
                 send_packet(self)
             else:
                 s[SENDING] = 0
-        if s[SENDING] == 0:
-            now = s[HELD]
+        if s[LEFT] == 0:
+            now = 0 if s[SENDING] else s[HELD]
             if s[TAKE] != s[FILL]:
                 place = s[TAKE] & 1
                 at = s[AT]
@@ -326,15 +329,13 @@ class UsbPort:
                     now = 1
                 else:
                     frame = ptr8(s[RX] + place * PLACE + at)
-                    if frame[7] == 0:
-                        kind = frame[6]
-                        if (
-                            kind == _STATUS
-                            or kind >= _STOP
-                            and kind <= _GET_POSITION
-                            or kind == _HI
-                        ):
-                            now = 1
+                    kind = frame[6] | (frame[7] << 8)
+                    if kind == _SECTION:
+                        now = 1
+                    elif s[SENDING]:
+                        pass
+                    elif kind == _STATUS or kind >= _STOP and kind <= _GET_POSITION or kind == _HI:
+                        now = 1
             if now and self.answer:
                 _at_once(self)
         return True
@@ -368,6 +369,11 @@ class UsbPort:
                 break  # the next call finds the transfer complete, and the reader empty
             else:
                 end = int(arrived(s, look))
+                if at == 0 and end > s[LEAVE]:
+                    frame = ptr8(s[RX] + place * PLACE)
+                    if frame[6] | (frame[7] << 8) == _SECTION:
+                        s[LEAVE] = end  # it is stored once it is there; a pass would copy it first
+                        break
             if at < end:
                 if wanted == 0:
                     wanted = 1 if self._heard() else -1
@@ -428,7 +434,7 @@ class UsbPort:
             return
         at = (s[FILL] & 1) * PLACE
         frame = ptr8(s[RX] + at)
-        if ptr32(frame)[0] == MARK_0:
+        if ptr32(frame)[0] == MARK_0 or frame[7]:
             return
         if chip and self.answer and self.open:
             if int(chip.arrived(s[EP_OUT])) == QUESTION + frame[8]:
@@ -475,8 +481,8 @@ class UsbPort:
                 and chip.packet_waits(state[EP_OUT])
             ):
                 now = time.ticks_ms()
-                if state[SENT] != self._waits:
-                    self._waits = state[SENT]
+                if state[SENT] != state[WAITS]:
+                    state[WAITS] = state[SENT]
                     self._waits_since = now
                 elif time.ticks_diff(now, self._waits_since) > _COLLECT_MS:
                     self._lose()  # the host does not use DTR, or it was not noticed
@@ -489,7 +495,7 @@ class UsbPort:
 
 @micropython.viper
 def _at_once(port):
-    """Send what could not be sent before, or answer the question that has come.
+    """Send what could not be sent before. Answer the question, or store the section, that has come.
 
     A program on the REPL may have taken so much of the stack that there is no room for that; then
     the next pass sees to it, as it does to everything else.
@@ -497,20 +503,23 @@ def _at_once(port):
     s = ptr32(port._state)
     if s[STALE] or int(runtime.stack_use()) > DEEPEST:
         return
-    if s[HELD]:
+    if s[HELD] and s[SENDING] == 0:
         s[HELD] = 0
         port.send(port._writer)
-    if s[SENDING] or s[TAKE] == s[FILL] or not port.open:
+    if s[LEFT] or s[TAKE] == s[FILL] or not port.open:
         return
     place = s[TAKE] & 1
     at = s[AT]
     if at < s[END + place]:
         left = s[END + place] - at
-        if left < QUESTION or left < QUESTION + ptr8(s[RX] + place * PLACE + at)[8]:
+        if left < QUESTION:
+            return
+        frame = ptr8(s[RX] + place * PLACE + at)
+        if left < QUESTION + frame[8] + (frame[9] << 8) or s[SENDING] and frame[7] == 0:
             return
         if int(_reply(port, place * PLACE + at)) == 0:
             return
-        at += QUESTION
+        at = s[AT]
     if at == s[END + place]:
         s[AT] = 0
         s[TAKE] = (s[TAKE] + 1) & 3
@@ -520,12 +529,15 @@ def _at_once(port):
 
 @micropython.viper
 def _reply(port, at: int) -> int:
-    """Answer the question at this offset in the slots. Return 0 if it is left to the next pass."""
+    """Answer the question, or store the section, at this offset in the slots. Return 0 if it is
+    left to the next pass."""
     count = int(port.answer(port._rx, at, port._tx))
     if count:
         s = ptr32(port._state)
-        s[AT] = s[AT] + QUESTION
+        frame = ptr8(s[RX] + at)
+        s[AT] = s[AT] + QUESTION + frame[8] + (frame[9] << 8)
         s[LEFT] = count
         s[NEXT] = s[TX]
-        send_packet(port)
+        if s[SENDING] == 0:
+            send_packet(port)
     return count

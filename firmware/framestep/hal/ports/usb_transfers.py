@@ -113,7 +113,10 @@ NO_FLAG = const(30)  # used in place of the flags if they have not been found
 UNHEARD = const(31)
 VIEW = const(32)  # address of the memoryview of the packet's buffer
 HELD = const(33)  # 1: bytes could not be sent, because a packet had not gone yet
-WORDS = const(34)
+# bytes of the running transfer that had arrived at the last look, if it begins with a section
+LEAVE = const(34)
+WAITS = const(35)  # number of the packet that waited at the last look
+WORDS = const(36)
 
 _LENGTH = const(2)  # word of a memoryview (py/objarray.h, MicroPython 1.20 to 1.28)
 
@@ -145,6 +148,7 @@ def arm(port):
         at += PACKET
     s[END + place] = 0
     s[SEEN] = 0
+    s[LEAVE] = 0
     s[DOUBT] = 0
     flag = ptr8(s[FLAG])
     submit = port._submit

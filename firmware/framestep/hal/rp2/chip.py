@@ -8,6 +8,7 @@ the difference costs a board nothing. RP2040 datasheet 1.4.3, 2.2, 2.3.1.7, 2.5.
 from framestep.base.native import const
 
 # Registers of SIO: addresses, and the same as words from its start
+LEVELS = const(0xD0000004)  # of all pins
 OUT_SET = const(0xD0000014)  # raises the output pins of a mask
 OUT_CLEAR = const(0xD0000018)  # lowers them
 DRIVE = const(0xD0000024)  # makes pins outputs
@@ -22,6 +23,10 @@ PADS_PAGE = const(0x4001C)  # one word, then one for every pin
 CONTROL = const(0x3301F)
 OUTOVER = const(8)  # lowest bit of the output's override
 MAY_LOSE_PIN = const(1)  # some revisions' USB takes a pin after a bus reset (erratum RP2040-E5)
+
+# A word of the USB controller's memory, behind what the protocol's port keeps there across a soft
+# reset: pins that keep their levels then, a bit each
+KEPT_PINS = const(0x50100FD8)
 
 # Peripherals
 UART0 = const(0x40034000)

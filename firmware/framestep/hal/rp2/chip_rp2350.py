@@ -6,6 +6,7 @@ RP2350 datasheet 2.2, 3.1.11, 9.11, 12.6, 12.8.5, 12.9.
 from framestep.base.native import const
 
 # Registers of SIO: addresses, and the same as words from its start
+LEVELS = const(0xD0000004)  # of all pins
 OUT_SET = const(0xD0000018)  # raises the output pins of a mask
 OUT_CLEAR = const(0xD0000020)  # lowers them
 DRIVE = const(0xD0000038)  # makes pins outputs
@@ -20,6 +21,10 @@ PADS_PAGE = const(0x40038)  # one word, then one for every pin
 CONTROL = const(0x3C01F)
 OUTOVER = const(12)  # lowest bit of the output's override
 MAY_LOSE_PIN = const(0)  # some revisions' USB takes a pin after a bus reset (erratum RP2040-E5)
+
+# A word of the USB controller's memory, behind what the protocol's port keeps there across a soft
+# reset: pins that keep their levels then, a bit each
+KEPT_PINS = const(0x50100FD8)
 
 # Peripherals
 UART0 = const(0x40070000)

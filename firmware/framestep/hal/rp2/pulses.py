@@ -19,9 +19,9 @@ import rp2
 from machine import Pin, mem32
 
 from framestep.base.native import const, micropython, ptr32
+from framestep.hal.rp2.chip import KEPT_PINS
 from framestep.hal.rp2.pin_guard import Claim
 from framestep.pulse.engine import WIDTHS
-from framestep.soft_reset import KEPT_PINS
 
 # Start of the transmit FIFOs of a PIO block, four bytes per state machine (RP2040 datasheet 3.7)
 _PIO_BASE = (0x50200000, 0x50300000, 0x50400000)
