@@ -39,11 +39,13 @@ _LIGHTS = const(3)
 HI_SIZE = const(4)  # bytes of the answer to HI that follows, without checksum; 0: not known yet
 _HI = const(5)
 _SMOOTH = const(5 + 16)  # motors with a jerk limit, a bit each
-STORED = const(5 + 16 + 1)  # 1: a section has been stored since the last pass
-_WORDS = const(5 + 16 + 2)
+_WORDS = const(5 + 16 + 1)
 _LOW = const(m.MSG_RT_UPLOAD_MOVE_AXIS & 0xFF)
 _HIGH = const(m.MSG_RT_UPLOAD_MOVE_AXIS >> 8)
 _ACK = const(m.MSG_FLAG_ACK >> 8)
+# Passes left out after one of them if sections are stored meanwhile, since a pass takes as long as
+# storing one. Passes that store sections themselves take no less than three milliseconds.
+_SKIPPED = const(2)
 _ANY_RATE = const(0x3FFFFFFF)
 _LARGEST = const(4 * 16)
 
@@ -145,7 +147,9 @@ def store_section(controller, frames, at: int, to: ptr8) -> int:
     store = controller.moves.store
     if int(store.section(motor - 1, index, high & 0x80, frames, i, size >> 2)) != OK:
         return 0
-    ptr32(controller.answers)[STORED] = 1
+    state = ptr32(ptr32(controller.answers)[_HEADER])
+    if state[stepper.SKIP] == 0:
+        state[stepper.SKIP] = _SKIPPED + 1
     i = 0
     while i < 8:
         to[i + 0] = f[at + i]
@@ -180,7 +184,6 @@ def answer(controller, questions, at: int, to: ptr8) -> int:
     controller: the Controller. questions[at:] has as many bytes as a frame of its length.
     """
     f = ptr8(questions)
-    ptr32(controller.answers)[STORED] = 0
     if f[at + 7]:
         return int(store_section(controller, questions, at, to))
     if f[at + 0] != 0x44 or f[at + 1] != 0x46 or f[at + 9]:

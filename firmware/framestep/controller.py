@@ -3,7 +3,7 @@
 One pass is poll(). Nothing in it allocates.
 """
 
-from framestep.answers import STORED, answer, keep_hi, make_answers
+from framestep.answers import answer, keep_hi, make_answers
 from framestep.base.clock import WRAP, elapsed
 from framestep.base.native import const
 from framestep.base.results import WHAT
@@ -175,7 +175,6 @@ class Controller:
     def poll(self, now):
         """Do one pass. now: milliseconds modulo 2^29 or more. Return whether a request came."""
         now &= WRAP
-        self.answers[STORED] = 0
         self.now = self.reader.now = now
         alarm = sample(self.header, self.axes.samples)
         if self.axes.pending:

@@ -18,7 +18,6 @@ from time import sleep_us, ticks_diff, ticks_ms, ticks_us  # 30 bits where small
 from machine import Timer
 from micropython import heap_lock, heap_unlock, stack_use
 
-from framestep.answers import STORED
 from framestep.base.native import const, micropython
 from framestep.base.results import BY, EXCEEDED_MEMORY, EXCEEDED_RATE, FRAME, MOTOR, ROOM, WHAT
 from framestep.controller import LED_FAULT, glow
@@ -31,9 +30,6 @@ from framestep.stops import HOMING_REPORT
 
 _PASS_MS = const(1)
 _APART_US = const(500)  # passes, at least; one is due each millisecond
-# the same while sections of an upload are stored between passes: each pass costs more than a third
-# of what storing a section does
-_APART_STORING_US = const(2500)
 _BEHIND_TICK_US = const(50)  # from a tick to a pass: see run()
 _NO_TICK_MS = const(20)  # longer is no reason to wait on: motions will report it
 _LINES = const(16)
@@ -190,8 +186,7 @@ class Runner:
                 self._failing = False
                 self._hal.port.answer = self._answer
                 self._news = True
-            apart = _APART_STORING_US if controller.answers[STORED] else _APART_US
-            if not 0 <= ticks_diff(ticks_us(), self._begun_at) < apart:
+            if not 0 <= ticks_diff(ticks_us(), self._begun_at) < _APART_US:
                 # else it has been held up
                 self._begun_at = ticks_us()
                 controller.poll(ticks_ms())

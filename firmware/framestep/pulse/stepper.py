@@ -59,7 +59,9 @@ ASKED = const(22)  # when that was, in milliseconds modulo 2^29; -1: not since t
 HELD = const(23)
 # The tick by which the drivers that were switched on have woken up, modulo 2^29; -1: they have
 AWAKE_AT = const(24)
-HEADER_WORDS = const(25)
+# 0: no passes are to be left out; else their number and 1. For Hal.pass_callback()
+SKIP = const(25)
+HEADER_WORDS = const(26)
 
 UNSTRAINED = const(1000)
 

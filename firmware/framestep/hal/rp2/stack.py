@@ -19,7 +19,7 @@ from framestep.base.clock import WIDE_WRAP
 from framestep.base.native import addressof, const, micropython
 from framestep.hal import PASS, REPL_STACK, STACK
 from framestep.hal.rp2 import chip
-from framestep.pulse.stepper import CLOCK, PASSES, SPENT
+from framestep.pulse.stepper import CLOCK, PASSES, SKIP, SPENT
 
 # mp_obj_type_t: the type's own type, flags and name, twelve numbers of slots, slots. py/obj.h,
 # MicroPython 1.20 to 1.28
@@ -65,6 +65,12 @@ class WholeStack:
         limit = ptr32(words[0])
         inside = ptr32(words[1])
         header = words[2]
+        if header:
+            h = ptr32(header)
+            if h[SKIP] > 1:
+                h[SKIP] = h[SKIP] - 1
+                return
+            h[SKIP] = 0
         before = limit[0]
         limit[0] = STACK
         inside[PASS] = 1
