@@ -246,6 +246,8 @@ def test_a_stop_in_any_state_ends_in_rest_and_one_rt_end(state):
     bench, operation = prepared()
     if state != POSITIONING:
         bench.until(READY).run(20)
+    if state == STARTING:
+        bench.operations.axes.wake(50)  # else the motors would start at once
     if state in (STARTING, RUNNING):
         bench.operations.start()
     if state == RUNNING:
