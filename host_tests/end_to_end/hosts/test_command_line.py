@@ -210,9 +210,9 @@ def test_refused_in_words(framestep, board, line, words):
          "in its pre-roll of 1000 ms motor 3 would pass its soft limit, 0 or 50000 (set in "
          "Dragonframe's axis set-up, or in framestep console): give it a shorter one"),
         ([100, 200, 300, 400], "play FILE --preroll 0.02",
-         "in its pre-roll of 20 ms motor 3 would need 119429 steps/s², its acceleration is 20000"),
+         "in its pre-roll of 20 ms motor 3 would need 120000 steps/s², its acceleration is 20000"),
         ([2000, 2100, 2200, 2300], "play FILE --postroll 0.02",
-         "in its post-roll of 20 ms motor 3 would need 119429 steps/s², its acceleration is 20000"),
+         "in its post-roll of 20 ms motor 3 would need 120000 steps/s², its acceleration is 20000"),
         ([100, 101, 102, 103], "play FILE --fps 300",
          "300 frames/s: expected more than 0, at most 200"),
     ],
