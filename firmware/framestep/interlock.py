@@ -110,7 +110,9 @@ class Interlock:
         None may while the driver of any enabled motor does not work: without that motor it would be
         a different move.
         """
-        if not self.allow_motion() or not self._drivers_work(self.with_flag(m.MOTOR_ENABLED)):
+        if not self.allow_motion():
+            return m.ERR_GENERAL
+        if self.drivers and not self._drivers_work(self.with_flag(m.MOTOR_ENABLED)):
             return m.ERR_GENERAL
         return m.ERR_MOVING if self.homing else m.OK  # field note 4.9
 

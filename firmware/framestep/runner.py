@@ -30,7 +30,7 @@ from framestep.stops import HOMING_REPORT
 
 _PASS_MS = const(1)
 _APART_US = const(500)  # passes, at least; one is due each millisecond
-_BEHIND_TICK_US = const(50)  # from a tick to a pass: see run()
+_BEHIND_TICK_US = const(20)  # from a tick to a pass: see run()
 _NO_TICK_MS = const(20)  # longer is no reason to wait on: motions will report it
 _LINES = const(16)
 _BEAT_MS = const(128)

@@ -20,9 +20,11 @@ from framestep.moves.upload.store import READY as UPLOADED
 def all_at(axes, bits, positions, directions):
     """Return whether all motors of these bits are at rest on positions[motor], with their backlash
     taken up for directions[motor]."""
-    for motor in range(axes.count):
+    motor = 0
+    while bits >> motor:
         if (bits >> motor) & 1 and not axes[motor].rests_on(positions, motor, directions[motor]):
             return False
+        motor += 1
     return True
 
 

@@ -271,7 +271,7 @@ class OperationRunner:
         if self.state == READY and (self.early_plan == _BEGUN or self.early_plan == _DONE):
             stepper.restore_planned(self.axes.kernel.state, self.hidden)
             self.state = STARTING
-            if self.early_plan == _DONE and self.axes.filled:
+            if self.early_plan == _DONE and not stepper.waking(self.axes.kernel.state):
                 self._release()  # what else is due in this pass could make it a tick later
         else:
             self._start_from_here(self.operation)

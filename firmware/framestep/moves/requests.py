@@ -328,12 +328,11 @@ class Moves:
         return self.operations.may_go(self.interlock.in_virtual_motion) if code == m.OK else code
 
     def _go(self):
-        """MSG_RT_GO: acknowledge first, then start the motion (field note 6.3)."""
+        """MSG_RT_GO (field note 6.3). The acknowledgement goes out after the start, but before the
+        first pulse, which comes milliseconds later, and before all messages about the motion."""
         code = self._may_go()
         if code == m.OK:
-            self.link.acknowledge(m.OK)
             self.operations.start()
-            return 0
         return code
 
     def go_from_input(self):

@@ -17,8 +17,3 @@ class Link:
         self.writer = FrameWriter(LARGEST_FRAME)
         self.dword_acks = dword_acks
         self.handlers = {}
-
-    def acknowledge(self, code):
-        """Acknowledge the request at once, before it is carried out."""
-        self.writer.ack(self.reader, code, self.dword_acks)
-        self.port.send(self.writer)
