@@ -4,7 +4,7 @@ from array import array
 
 from framestep.base.clock import after, reached
 from framestep.base.native import const
-from framestep.motors.axis import MOST_SEGMENTS, Axis
+from framestep.motors.axis import MOST_SEGMENTS, UNLIMITED, Axis
 from framestep.motors.backlash import BACKLASH
 from framestep.motors.feeder import ALL_BITS, coupled, emptiest_queue
 from framestep.motors.positions import Positions
@@ -100,8 +100,8 @@ class Axes:
             if low and axis.block[stepper.MODE] == stepper.RUN:
                 state[stepper.SHALLOWEST] = queued(axis.block, 1, state[stepper.SHALLOWEST])
             tail = axis.block[stepper.WRITE_INDEX]
-            axis.feed(min((found & 31) + AHEAD, MOST_SEGMENTS) if left > 0 else LOW)
-            self.hal.port.glance()
+            most = min((found & 31) + AHEAD, MOST_SEGMENTS) if left > 0 else LOW
+            axis.feed(most, UNLIMITED, self.hal.port)
             left -= ((axis.block[stepper.WRITE_INDEX] - tail) & ALL_BITS) + _CALL
         for backlash in self.with_backlash:
             backlash.refresh()

@@ -47,7 +47,7 @@ _X = const(12)
 _Y = const(14)
 
 _RUNS = const(stepper.RUN | stepper.STOP)
-_UNLIMITED = const(0x3FFFFFFF)
+UNLIMITED = const(0x3FFFFFFF)
 
 
 class Axis:
@@ -568,9 +568,12 @@ class Axis:
         self.start(hal)
         return True
 
-    def feed(self, most=MOST_SEGMENTS, enough=_UNLIMITED):
-        """Cut phases until `most` segments are queued, or `enough` ticks more than before."""
+    def feed(self, most=MOST_SEGMENTS, enough=UNLIMITED, port=None):
+        """Cut phases until `most` segments are queued, or `enough` ticks more than before.
+
+        port: see feeder.feed().
+        """
         if self.partner:
-            feeder.feed(self.parts, self.partner.block, self.base, most, enough)
+            feeder.feed(self.parts, self.partner.block, self.base, most, enough, port)
         else:
-            feeder.feed(self.parts, None, self.base, most, enough)
+            feeder.feed(self.parts, None, self.base, most, enough, port)

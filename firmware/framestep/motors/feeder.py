@@ -34,10 +34,11 @@ _PHASE_MASK = const(phases.PHASES - 1)
 
 
 @micropython.viper
-def feed(parts, other, base, most: int, enough: int):
+def feed(parts, other, base, most: int, enough: int, port):
     """Cut phases until `most` segments are queued, or `enough` ticks more than before.
 
     parts: of the Axis. other: the block of a coupled motor, or None; base: see segments.mirror().
+    port: one that may answer a question between two segments, or None.
 
     As a rule a phase ends within a tick. That tick is a segment of its own: it begins with the old
     phase and ends with the new one, or with the one after that. At the end of the last phase the
@@ -59,6 +60,8 @@ def feed(parts, other, base, most: int, enough: int):
         and enough > 0
         and (b[stepper.WRITE_INDEX] - b[stepper.READ_INDEX]) & ALL_BITS < most
     ):
+        if port:
+            port.glance()
         n = w[LEFT]
         if n:
             if n > segments.LONGEST:
