@@ -34,10 +34,10 @@ from framestep_tools.building.kernels import is_kernel
 _ROOT = Path(__file__).parents[1]
 # Not from framestep_tools: that loads modules of the core.
 _CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or _ROOT / ".cache") / "machine_code"
-# Not protocol.frames: the fuzzer of the frame reader follows its lines. Not answers: the Controller
-# makes a method of a kernel in it.
+# Not answers: the Controller makes a method of a kernel in it.
 _PACKAGES = (
-    "pulse", "motion", "motors", "moves", "virtual_axes", "io", "hand_wheel", "protocol.checksum",
+    "pulse", "motion", "motors", "moves", "virtual_axes", "io", "hand_wheel",
+    "protocol.checksum", "protocol.frames",
 )  # fmt: skip
 _NAMES = tuple(f"framestep.{each}" for each in _PACKAGES)
 _KEPT = 8  # libraries of a module, for its last versions

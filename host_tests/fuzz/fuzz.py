@@ -205,15 +205,6 @@ def main() -> int:
     kinds: Counter = Counter()
     virtual_ms = played = 0
     worst = 0
-    if not options.sessions < 10**9:
-        from . import reader
-
-        tried, _, steps = reader.explore(seed, 0.04 * options.seconds)
-        print(
-            f"frame reader: {tried} streams, {steps} steps from line to line, "
-            "as the other reader has it",
-            flush=True,
-        )
     for number in range(options.first, options.first + options.sessions):
         if played and time.monotonic() - began > options.seconds:
             break

@@ -6,7 +6,7 @@ import pytest
 
 from host_tests.script import parse
 
-from . import fuzz, reader
+from . import fuzz
 
 SCRIPTS = sorted((Path(__file__).parent / "scripts").glob("*.txt"))
 
@@ -17,24 +17,8 @@ def test_what_was_found_passes(path):
         fuzz.replay(parse(file))
 
 
-# ---- the frame reader ----------------------------------------------------------------------------
-
-
-def test_streams_grown_by_coverage():
-    tried, kept, steps = reader.explore("frames", cases=150)
-    assert tried == 150
-    assert kept > 15
-    assert steps > 250
-
-
-def test_a_difference_between_the_readers_is_reported(monkeypatch):
-    monkeypatch.setattr(reader.READER, "drop_partial", lambda self: None)
-    with pytest.raises(reader.Mismatch):
-        reader.explore("frames", cases=150)
-
-
 def test_fuzzing_plays_a_session_or_fails(monkeypatch, capsys):
-    """However short the time, and however long the frame reader has taken of it."""
+    """However short the time."""
 
     def run(*words):
         monkeypatch.setattr("sys.argv", ["fuzz", "--seed", "7", "--requests", "20", *words])
