@@ -29,6 +29,8 @@ pytestmark = pytest.mark.inside
 
 QUESTIONS = (MotorStatus(), MotorGetPosition(), Hi())
 BUFFER = 128
+# states in which a pass looks first whether the motors have arrived
+ARRIVING = ("positioning", "next lap", "ending")
 
 
 def at_once(session, request, number):
@@ -81,7 +83,7 @@ def test_in_each_state(state):
         board.transmit()
         found.append(same_answers(session))
     times = [sum(request.TYPE in each for each in found) for request in QUESTIONS]
-    if state in ("way", "back", "stop"):  # a pass looks first whether the motors have arrived
+    if state in ARRIVING:
         assert min(times) > 20, times
     elif state == "jog":
         assert min(times[0], times[2]) > 300, times
@@ -105,7 +107,7 @@ def test_within_passes(state):
     for _ in range(40):
         board.run_until(board.now_ns + 5_000_000)
         board.transmit()
-    if state not in ("way", "back", "stop"):
+    if state not in ARRIVING:
         assert sum(MotorStatus.TYPE in each for each in found) > 8
 
 
