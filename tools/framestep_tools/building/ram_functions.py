@@ -15,7 +15,6 @@ from .kernels import kernels
 RAM_FUNCTIONS = (
     ("framestep/hal/rp2/pins.py", "", "levels"),
     ("framestep/hal/rp2/stack.py", "WholeStack", "call"),
-    ("framestep/hal/rp2/pulses.py", "", "lost_commands"),
     ("framestep/hal/ports/usb_transfers.py", "", "arrived"),
     ("framestep/hal/ports/usb_port.py", "UsbPort", "_transferred"),
     ("framestep/hal/ports/usb_port.py", "UsbPort", "send"),
