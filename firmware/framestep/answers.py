@@ -108,7 +108,7 @@ def _slow_down(controller, bits: int):
 
 
 @micropython.viper
-def store_section(controller, frames, at: int, to: ptr8) -> int:
+def store_section(controller, frames, at: int, place) -> int:
     """Store the section at frames[at], and write its acknowledgement. Return the size of that in
     bytes, or 0 if nothing has changed.
 
@@ -150,6 +150,7 @@ def store_section(controller, frames, at: int, to: ptr8) -> int:
     state = ptr32(ptr32(controller.answers)[_HEADER])
     if state[stepper.SKIP] == 0:
         state[stepper.SKIP] = _SKIPPED + 1
+    to = ptr8(place)
     i = 0
     while i < 8:
         to[i + 0] = f[at + i]
@@ -177,7 +178,7 @@ def store_section(controller, frames, at: int, to: ptr8) -> int:
 
 
 @micropython.viper
-def answer(controller, questions, at: int, to: ptr8) -> int:
+def answer(controller, questions, at: int, place) -> int:
     """Write the answer to the question at questions[at], if it can be given at once. Return its
     size in bytes, or 0, also for a STOP.
 
@@ -185,7 +186,8 @@ def answer(controller, questions, at: int, to: ptr8) -> int:
     """
     f = ptr8(questions)
     if f[at + 7]:
-        return int(store_section(controller, questions, at, to))
+        return int(store_section(controller, questions, at, place))
+    to = ptr8(place)
     if f[at + 0] != 0x44 or f[at + 1] != 0x46 or f[at + 9]:
         return 0
     words = controller.answers

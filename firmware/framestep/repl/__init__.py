@@ -21,6 +21,19 @@ _COMMANDS = (
 )
 
 
+# loaded for a command, and unloaded after it
+_MODULES = (
+    "framestep.repl.guide",
+    "framestep.repl.tracing",
+    "framestep.repl.reasons",
+    "framestep.repl.state",
+    "framestep.repl.motion",
+    "framestep.repl.figures",
+    "framestep.repl.commands",
+    "framestep.texts",
+)
+
+
 def _call(module, name, *arguments):
     try:
         found = __import__("framestep.repl." + module, None, None, (name,))
@@ -29,16 +42,9 @@ def _call(module, name, *arguments):
         print(name, _NO_MEMORY, sep="")
     finally:
         if not CPYTHON:
-            forget(
-                "framestep.repl.guide",
-                "framestep.repl.tracing",
-                "framestep.repl.reasons",
-                "framestep.repl.state",
-                "framestep.repl.motion",
-                "framestep.repl.figures",
-                "framestep.repl.commands",
-                "framestep.texts",
-            )
+            gc.collect()  # first, since even to forget takes memory: 16 bytes for each module
+            for loaded in _MODULES:
+                forget(loaded)
             gc.collect()
 
 
