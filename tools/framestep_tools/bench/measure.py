@@ -193,7 +193,9 @@ def measure(
         figures["tick_late_us_worst"] = worst_late_us(session, ARM, ARM_SPEED)
         figures["steps_per_s_8"] = top_rate(session, MOTORS, say)
         figures["steps_per_s_1"] = top_rate(session, 1, say)
-        figures |= rates_by_edges(session, say)
+    with EmulatedBoard(rig, trace=False, board=board, args=args) as emulated:
+        # a board of its own, as what it types on the REPL takes most of the memory
+        figures |= rates_by_edges(Session(emulated), say)
     say("upload through a single port")
     with EmulatedBoard({**rig, "ports": 1}, trace=False, board=board, args=args) as emulated:
         figures["rx_bytes_per_s_single_port"] = upload_rate(Session(emulated), 1000)
