@@ -63,7 +63,7 @@ ANSWERS = (
         "OK OK OK OK OK OK 12 12 12 12 12 OK",
     ),
     (
-        "MOTOR_CONFIGURE that changes no flag, or those of another motor",
+        "MOTOR_CONFIGURE with the flags as they are, or for a motor outside the operation",
         p.MotorConfigure(1, 3),
         _ALWAYS,
     ),

@@ -12,9 +12,9 @@ from .figures import Figure, number
 
 RECORD = Path(__file__).with_name("record.json")
 TOLERANCE = 0.03
-# These also depend on where a build puts the code in flash, since other code then shares its places
-# in the cache: so much worse they were in one of seven builds that did not concern them, one of
-# which only had 3 kB of other code in front.
+# These also depend on where a build puts code in flash, because that decides which code shares a
+# place in the cache. In seven builds whose changes did not concern them they varied by this much.
+# One of the builds differed only by 3 kB of other code in front.
 _BY_PLACE = {
     "frame_error_us": 0.5,
     "smoothing_load_percent": 0.25,
