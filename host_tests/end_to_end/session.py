@@ -17,6 +17,7 @@ import numpy as np
 from framestep.moves.operation_runner import READY
 from framestep_tools.client.client import Client
 from framestep_tools.client.wire import FrameDecoder, encode
+from framestep_tools.judge.motion_limits import ACCELERATION, EDGES, beyond, too_close
 from framestep_tools.judge.trace import Trace
 from framestep_tools.payloads import (
     Ack,
@@ -267,24 +268,39 @@ def velocities(times, signs, window, begin=None, end=None):
     """Return the mean velocities (steps/s) in consecutive windows, and when each begins."""
     begin = times[0] if begin is None else begin
     end = times[-1] if end is None else end
+    places, grid = _places(times, signs, window, begin, end)
+    return np.diff(places) / window, grid[:-1]
+
+
+def _places(times, signs, window, begin, end):
+    """Return where a motor was at the beginning of each window, and when that was."""
     grid = np.arange(begin, end, window)
-    position = np.concatenate(([0], np.cumsum(signs)))[np.searchsorted(times, grid, side="right")]
-    return np.diff(position) / window, grid[:-1]
+    made = np.searchsorted(times, grid, side="right")
+    return np.concatenate(([0], np.cumsum(signs)))[made], grid
 
 
 def assert_within(times, signs, velocity, acceleration, window=0.04):
     """Assert that edges are as far apart as the velocity demands, and keep within the
-    acceleration.
-
-    Positions are whole steps, so a change of velocity between two windows is only known to 2 steps
-    per window.
-    """
+    acceleration."""
     assert len(times) > 2
-    assert np.diff(times).min() >= 1 / velocity - 5e-6
-    rates, _ = velocities(times, signs, window)
-    if len(rates) > 1:
-        steepest = np.abs(np.diff(rates)).max() / window
-        assert steepest <= acceleration * 1.01 + 2 / window**2
+    assert_no_faster(times, velocity)
+    places, begins = _places(times, signs, window, times[0], times[-1])
+    most = EDGES.most(ACCELERATION, acceleration, window)
+    if found := beyond(places, ACCELERATION, 1, most):
+        at, steps, allowed = found
+        raise AssertionError(
+            f"between two windows of {window} s from {begins[at]:.4f} s on the steps differ by "
+            f"{steps}, allowed are {allowed:.1f}"
+        )
+
+
+def assert_no_faster(times, velocity):
+    """Assert that edges are as far apart as the velocity demands."""
+    first = too_close(times, 1 / velocity - EDGES.early_s)
+    assert first is None, (
+        f"at {times[first]:.6f} s two steps are {1e6 * (times[first + 1] - times[first]):.1f} µs "
+        f"apart, allowed are {velocity} steps/s"
+    )
 
 
 def deceleration(times, signs, after):

@@ -3,22 +3,28 @@
 import numpy as np
 
 from framestep.hal.host import CYCLES as MS
+from framestep_tools.judge.motion_limits import (
+    ACCELERATION,
+    JERK,
+    SESSION,
+    VELOCITY,
+    VIRTUAL_SESSION,
+    beyond,
+    too_close,
+)
 
 from .bounds import STEEPEST, play
 from .findings import Part
 
-# Tolerances. Positions are whole steps, each off by less than one; the path follows virtual lines
-# within a step (field note 9.5). `_MARGIN`: for rounding.
-_MARGIN = 0.05
-_MOVED = 2  # steps between two positions
-_BENT = 4  # of second differences
-_BENT_VIRTUAL = 7
-_TWISTED = 8  # of third differences
-_SHARE = 1.02  # of an acceleration or a jerk, for ticks that are rounded
 # A jerk shorter than four ticks is left out (ramps.py): the acceleration then jumps by four times
 # the jerk, which twists by 3 w² more; twice at a ramp's top.
 _JERK_MS, _LEAST_JERK_MS = 3, 8
 _WIDEST = 512  # ms
+_KINDS = {
+    VELOCITY: ("velocity", "moves"),
+    ACCELERATION: ("acceleration", "bends"),
+    JERK: ("jerk", "twists"),
+}
 
 
 class Edges(Part):
@@ -51,14 +57,9 @@ class Edges(Part):
         # the limits after that are not all known while it moves
         grid = np.arange(first, max(min(int(cycles[-1]) // MS + 3, self.ms), first + 1)) * MS
         place = np.concatenate(([motor.at], places))[np.searchsorted(cycles, grid, side="right")]
-        ms = grid // MS
-        top = self._bound(motor.top, ms)
-        steep = self._bound(motor.steep, ms)
-        self._fast(motor, name, place, top, ms)
-        self._sharp(motor, name, place, steep, ms)
-        apart = np.diff(cycles)[signs[1:] == signs[:-1]]
+        self._keeps_limits(motor, name, place, grid // MS)
         fastest = motor.top[-1][1]
-        if len(apart) and fastest < 100_000:
+        if fastest < 100_000:
             # a ramp of a tick or two is only as fine as ticks are
             brief = fastest < 0.004 * min(motor.steep[-1][1], STEEPEST)
             if self.trial.virtual:
@@ -67,13 +68,13 @@ class Edges(Part):
             # Where a ramp ends within a tick, steps are up to 0.2 % of their distance too early.
             # With a step in a tick or fewer: by an eighth of what the ramp changes in a tick.
             early = 0.003 + (min(motor.steep[-1][1], STEEPEST) / 8e6 if fastest < 2000 else 0)
-            least = 125e6 / fastest * (0.5 if brief else max(0.5, 1 - early)) - 1000
-            if apart.min() < least:
+            least = 1 / fastest * (0.5 if brief else max(0.5, 1 - early)) - SESSION.early_s
+            times = cycles * (1e-3 / MS)
+            if (at := too_close(times, least, signs)) is not None:
                 self.fail(
                     "velocity",
-                    f"{name} makes two steps {apart.min() * 8e-3:.1f} µs apart at "
-                    f"{cycles[1:][signs[1:] == signs[:-1]][apart.argmin()] / MS:.2f} ms, "
-                    f"allowed {motor.top[-1][1]:.0f}/s",
+                    f"{name} makes two steps {1e6 * (times[at + 1] - times[at]):.1f} µs apart at "
+                    f"{1e3 * times[at + 1]:.2f} ms, allowed {motor.top[-1][1]:.0f}/s",
                 )
         motor.load = int(
             play(np.concatenate(([motor.at], places)), motor.load - motor.at, motor.backlash)[-1]
@@ -116,42 +117,27 @@ class Edges(Part):
         values = np.array([v for _, v in changes], float)
         return values[np.maximum(np.searchsorted(times, ms, side="right") - 1, 0)]
 
-    def _fast(self, motor, name, place, top, ms):
-        for w in _widths(len(place), 1):
-            moved = np.abs(place[w:] - place[:-w])
-            over = moved > top[w:] * (w * 1.003e-3) + _MOVED + 0.02
-            if over.any():
-                i = int(np.argmax(over))
+    def _keeps_limits(self, motor, name, place, ms):
+        """Compare differences of the places at each millisecond with velocity, acceleration and
+        jerk."""
+        within = VIRTUAL_SESSION if self.trial.virtual else SESSION
+        top = self._bound(motor.top, ms)
+        steep = self._bound(motor.steep, ms)
+        for order, w in _spans(len(place), jerk=motor.jerk and not motor.jerky):
+            if order == VELOCITY:
+                limit = top[w:]
+            elif order == ACCELERATION:
+                limit = steep[2 * w :]
+            else:
+                limit = motor.jerk * max(w + _JERK_MS, _LEAST_JERK_MS) / w
+            if found := beyond(place, order, w, within.most(order, limit, w * 1e-3)):
+                at, steps, allowed = found
+                kind, does = _KINDS[order]
                 self.fail(
-                    "velocity",
-                    f"{name} makes {moved[i]} steps in {w} ms from {ms[i]} ms on, "
-                    f"allowed {top[i + w]:.0f}/s",
+                    kind,
+                    f"{name} {does} by {steps} steps in {order} x {w} ms from {ms[at]} ms on, "
+                    f"{allowed:.1f} are allowed",
                 )
-
-    def _sharp(self, motor, name, place, steep, ms):
-        for w in _widths(len(place), 2):
-            bend = np.abs(place[2 * w :] - 2 * place[w:-w] + place[: -2 * w])
-            rounding = (_BENT_VIRTUAL if self.trial.virtual else _BENT) + _MARGIN
-            allowed = steep[2 * w :] * (_SHARE * 1e-6 * w * w) + rounding
-            self._within("acceleration", f"{name} bends", bend, allowed, f"2 x {w}", ms)
-        if motor.jerk and not motor.jerky:
-            for w in _widths(len(place), 3):
-                a, b, c, d = (place[i * w : len(place) - (3 - i) * w] for i in range(4))
-                twist = np.abs(d - 3 * c + 3 * b - a)
-                lasts = max(w + _JERK_MS, _LEAST_JERK_MS)
-                allowed = motor.jerk * lasts * w * w * _SHARE * 1e-9 + _TWISTED + _MARGIN
-                allowed = np.full(len(twist), allowed)
-                self._within("jerk", f"{name} twists", twist, allowed, f"3 x {w}", ms)
-
-    def _within(self, kind, what, found, allowed, width, ms):
-        """Fail with the first number that is not allowed."""
-        if (over := found > allowed).any():
-            i = int(np.argmax(over))
-            self.fail(
-                kind,
-                f"{what} by {found[i]} steps in {width} ms from {ms[i]} ms on, "
-                f"{allowed[i]:.1f} are allowed",
-            )
 
     def together(self, motor, partner):
         """Compare coupled motors, at every millisecond and at rest."""
@@ -175,9 +161,10 @@ class Edges(Part):
                 )
 
 
-def _widths(count, parts):
-    """Yield powers of 2, in ms, of which so many fit."""
-    w = 1 if parts == 1 else 2
-    while parts * w < count and w <= _WIDEST:
-        yield w
-        w *= 2
+def _spans(count, jerk):
+    """Yield (order of the difference, its span in ms), of which so many fit: powers of 2."""
+    for order in (VELOCITY, ACCELERATION, JERK)[: 3 if jerk else 2]:
+        w = 1 if order == VELOCITY else 2
+        while order * w < count and w <= _WIDEST:
+            yield order, w
+            w *= 2

@@ -5,6 +5,7 @@ from array import array
 from itertools import accumulate, pairwise
 from math import sqrt
 
+import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -14,21 +15,21 @@ from framestep.motors.axes import Axes
 from framestep.motors.axis import SPLICE_TICKS
 from framestep.pulse import stepper
 from framestep.pulse.engine import LEAD
+from framestep_tools.judge.motion_limits import (
+    ACCELERATION,
+    PLAN,
+    PLAN_NEAR_REST,
+    VELOCITY,
+    beyond,
+)
 from host_tests.pulse.engine import Bench
 from host_tests.pulse.profiles import ONE
 
 TRAVEL, STOP, PAUSE, SPEED = "travel", "stop", "pause", "speed"
 LONGEST_RUN = 30_000  # ticks
+TICK_S = 0.001
 
-# Tolerances of Motor.check. Segments meet within some ten-thousandths of a step: where they do, a
-# tick may be that much longer, which shows as a velocity and as a change of velocity.
-MEET = 0.25  # steps/s
-MEET_STEEPNESS = 500  # steps/s²
-# Near rest it may be more: a stop ends with a whole tick, and a motion that turns in that tick is
-# half a tick's change ahead. The last 256th of a step is not planned: the motor just counts as
-# being there.
-END_STEEPNESS = 4000  # steps/s²
-END_SHARE = 1.5
+# The last 256th of a step is not planned: the motor just counts as being there.
 UNPLANNED = 1 / 250  # steps, a little more
 # If a stop ends this near to a whole step, segments.settle() puts it there in its last tick: that
 # is not a motion of the plan.
@@ -103,19 +104,17 @@ class Motor:
     def check(self, velocity, acceleration):
         """Check everything that holds for any motion within these limits, steps/s and steps/s²."""
         self._check_edges()
-        gone = [*self.gone, 0.0]
-        top = max(map(abs, gone)) * 1e3
-        assert top <= velocity * 1.0001 + MEET, f"{top} steps/s, {velocity} allowed"
+        gone = np.array([*self.gone, 0.0])
         slow = max(2 * acceleration / 1e6, UNPLANNED)
-        for tick, (before, way) in enumerate(pairwise(gone)):
-            near_rest = max(abs(before), abs(way)) < slow
-            allowed = (
-                acceleration * END_SHARE + END_STEEPNESS
-                if near_rest
-                else acceleration * 1.01 + MEET_STEEPNESS
-            )
-            steepness = abs(way - before) * 1e6
-            assert steepness <= allowed, f"tick {tick}: {steepness} steps/s², {allowed} allowed"
+        near_rest = np.maximum(np.abs(gone[:-1]), np.abs(gone[1:])) < slow
+        within = [
+            tolerance.most(ACCELERATION, acceleration, TICK_S)
+            for tolerance in (PLAN_NEAR_REST, PLAN)
+        ]
+        found = beyond(gone, 0, 1, PLAN.most(VELOCITY, velocity, TICK_S))
+        assert not found, f"tick, steps per tick, allowed: {found}"
+        found = beyond(gone, 1, 1, np.where(near_rest, *within))
+        assert not found, f"tick, change of steps per tick, allowed: {found}"
 
     def _check_edges(self):
         """The steps add up to the position, each comes after the one before, none is to come."""
@@ -306,7 +305,7 @@ def test_retargeted_within_the_jerk_limit(velocity, acceleration, jerk):
         motor.run(tick)
         motor.move_to(velocity * 11)
         motor.run(min(round(acceleration / jerk), 110) + 40)
-        assert max(motor.gone) * 1e3 <= velocity * 1.0001 + MEET, tick
+        assert max(motor.gone) <= PLAN.most(VELOCITY, velocity, TICK_S), tick
 
 
 @pytest.mark.parametrize("jerk", [2000, 1000, 300])

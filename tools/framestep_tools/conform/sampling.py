@@ -8,14 +8,13 @@ import itertools
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
+from ..judge.motion_limits import ACCELERATION, REPORTS, VELOCITY
 from . import spec
 from .bench import Bench
 from .link import Failed
 from .spec import Request
 
 _STEP_S = 0.004
-SLACK = 1.12  # factor on accelerations and velocities
-_STEPS = 2.5  # steps: rounding of two positions
 
 
 class Sample(NamedTuple):
@@ -65,7 +64,7 @@ def ramps_up(samples: list[Sample], motor: int, acceleration: float) -> None:
     track = of(samples, motor)
     _, start, origin = track[0]
     for _, came, steps in track[1:]:
-        most = acceleration * SLACK * (came - start) ** 2 / 2 + _STEPS
+        most = REPORTS.most(ACCELERATION, acceleration / 2, came - start)
         if abs(steps - origin) > most:
             raise Failed(
                 f"{came - start:.3f} s after its start motor {motor} has gone "
@@ -82,7 +81,7 @@ def ramps_down(samples: list[Sample], motor: int, acceleration: float) -> None:
     for asked, _, steps in track:
         if asked >= end:
             break
-        most = acceleration * SLACK * (end - asked) ** 2 / 2 + _STEPS
+        most = REPORTS.most(ACCELERATION, acceleration / 2, end - asked)
         if asked > track[0][1] and abs(last - steps) > most:
             raise Failed(
                 f"{end - asked:.3f} s before its end motor {motor} has {abs(last - steps)} steps "
@@ -97,7 +96,7 @@ def no_faster(samples: list[Sample], motor: int, velocity: float, over_s: float 
     for _, came, steps in track:
         while came - track[begin][0] > over_s:
             asked, _, before = track[begin]
-            most = velocity * 1.04 * (came - asked) + _STEPS
+            most = REPORTS.most(VELOCITY, velocity, came - asked)
             if abs(steps - before) > most:
                 raise Failed(
                     f"motor {motor} made {abs(steps - before)} steps in {came - asked:.3f} s, "

@@ -8,12 +8,14 @@ backlash. That is measured first, and then allowed at each turn.
 from itertools import pairwise
 from typing import NamedTuple
 
+import numpy as np
+
+from ...judge.motion_limits import REPORTS, too_close
 from ...judge.trace import Edge
 from .. import spec
 from ..bench import FRAMES, Bench
 from ..kit import Subject, once
 from ..link import Failed
-from ..sampling import SLACK
 from ..spec import Request
 
 _V, _A = 800, 2000
@@ -94,12 +96,12 @@ def _counted(bench: Bench, moves: Targets):
 @EDGES.must("{moves}: MAX VELOCITY", "MSG_MOTOR_SET_SPEED", moves=_MOVES)
 def _spaced(bench: Bench, moves: Targets):
     for steps in moves.steps(bench):
-        for (a, _), (b, _) in pairwise(steps):
-            if b - a < 0.96 / _V:
-                raise Failed(
-                    f"two steps came {1e6 * (b - a):.0f} µs apart, MAX VELOCITY asks for "
-                    f"{1e6 / _V:.0f} µs"
-                )
+        times = np.array([time for time, _ in steps])
+        if (at := too_close(times, 0.96 / _V)) is not None:
+            raise Failed(
+                f"two steps came {1e6 * (times[at + 1] - times[at]):.0f} µs apart, MAX VELOCITY "
+                f"asks for {1e6 / _V:.0f} µs"
+            )
 
 
 @EDGES.must("{moves}: MAX ACCEL", "MSG_MOTOR_SET_SPEED", moves=_MOVES)
@@ -113,7 +115,7 @@ def _ramped(bench: Bench, moves: Targets):
 def _from_rest(times: list[float]) -> None:
     """Require that the velocity after n steps from rest is at most the root of 2 n a."""
     for n, (a, b) in enumerate(pairwise(times), 2):
-        if n >= 4 and 1 / (b - a) ** 2 > 2 * (n + 0.5) * _A * SLACK:
+        if n >= 4 and 1 / (b - a) ** 2 > 2 * (n + 0.5) * _A * REPORTS.acceleration.share:
             raise Failed(
                 f"{n} steps from rest the velocity is {1 / (b - a):.0f} steps/s; with MAX ACCEL "
                 f"it is at most {(2 * n * _A) ** 0.5:.0f}"
