@@ -41,6 +41,9 @@ def replayed(request, tmp_path_factory):
     with recorded(most) as recorders:
         yield recorders
     played = [each for each in (recorder.finish() for recorder in recorders) if each.head]
+    table = request.config.pluginmanager.get_plugin("observers")
+    for _ in {each.test for each in played}:
+        table.watched(request.path, {"replay"})
     failures = []
     for name in PROCESSORS if request.config.getoption("repeats") == 1 else ["x86"]:
         again = [each for each in played if name == "x86" or each.test in marked]
@@ -81,13 +84,20 @@ def observed(request, _watches):
     """Judge each session after the test, by what must hold in every scenario."""
     yield
     node = request.node
+    table = request.config.pluginmanager.get_plugin("observers")
+    table.played(node.path)
     inside = node.get_closest_marker("inside") is not None
     provoked = {kind for mark in request.node.iter_markers("provokes") for kind in mark.args}
-    for watch in observers.watches:
-        if inside:
-            watch.end()
-        elif (found := watch.settle()) and found.kind not in provoked:
-            raise found
+    looks: set[str] = set()
+    try:
+        for watch in observers.watches:
+            if inside:
+                watch.end()
+            elif (found := watch.settle()) and found.kind not in provoked:
+                raise found
+            looks |= watch.looks()
+    finally:
+        table.watched(node.path, looks)
 
 
 @pytest.fixture

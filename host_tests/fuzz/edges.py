@@ -43,6 +43,9 @@ class Edges(Part):
         cycles = e >> 1
         signs = np.where(e & 1, 1, -1)
         self.counts["edges"] += len(e)
+        self.looks.add("limits")
+        if quiets:
+            self.looks.add("quiet")
         for since, until in quiets:
             late = cycles[(cycles > (since + 1) * MS) & (cycles < until * MS)]
             if len(late):
@@ -104,6 +107,8 @@ class Edges(Part):
                 "astray", f"{name} is at {out}, at {at:.1f} ms outside {motor.low} … {motor.high}"
             )
         if motor.soft is not None:
+            if motor.soft != (None, None):
+                self.looks.add("soft limits")
             lower, upper = motor.soft
             if (lower is not None and low < lower) or (upper is not None and high > upper):
                 self.fail(
@@ -129,6 +134,7 @@ class Edges(Part):
             elif order == ACCELERATION:
                 limit = steep[2 * w :]
             else:
+                self.looks.add("jerk")
                 limit = motor.jerk * max(w + _JERK_MS, _LEAST_JERK_MS) / w
             if found := beyond(place, order, w, within.most(order, limit, w * 1e-3)):
                 at, steps, allowed = found
@@ -142,6 +148,7 @@ class Edges(Part):
     def together(self, motor, partner):
         """Compare coupled motors, at every millisecond and at rest."""
         if motor.edges or partner.edges:
+            self.looks.add("couples")
             both = []
             for each, sign in ((motor, motor.coupled), (partner, 1)):
                 e = np.array(each.edges or [0])

@@ -18,6 +18,7 @@ class Part:
         self.player, self.hal, self.rig = trial.player, trial.hal, trial.rig
         self.motors, self.count = trial.motors, trial.count
         self.counts, self.open, self.fail = trial.counts, trial.open, trial.fail
+        self.looks = trial.looks
 
     @property
     def ms(self):

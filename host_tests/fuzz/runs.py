@@ -243,6 +243,7 @@ class Runs(Part):
                     f"a motor is {best:.1f} times what is allowed beside a frame of the run",
                 )
             self.counts["runs judged"] += 1
+            self.looks.add("frames")
 
     def _exactly(self, moving, numbers, fps):
         """Motors without backlash have made just the steps of each frame at its time, all by one

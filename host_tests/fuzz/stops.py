@@ -127,6 +127,7 @@ class Stops(Part):
     def safe(self):
         """Check that outputs have their safe levels."""
         self.safe_at = None
+        self.looks.add("outputs")
         levels = self.hal.levels()
         board = self.rig.board
         for name, on in (("shutter", self.rig.shutter_on), ("meter", self.rig.meter_on)):
@@ -140,6 +141,7 @@ class Stops(Part):
 
     def reported(self, payload):
         """Check that a HARD_STOP has a reason."""
+        self.looks.add("HARD_STOP")
         reason = payload[0]
         self.reported_at = self.ms
         self.trial.anything_may_stop()

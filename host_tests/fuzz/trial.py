@@ -72,6 +72,7 @@ class Trial:
                 motor.edges, 0 if self.rig.motor(motor.index)["invert"] else 1
             )
         self.counts: Counter = Counter()
+        self.looks: set[str] = set()  # what was compared, of observers.OBSERVERS
         self.open: dict[int, Request] = {}  # by number: without an answer
         # of this millisecond, for those who ask
         self.answers: list[tuple[Request | None, int, bytes]] = []
@@ -301,6 +302,7 @@ class Trial:
         if self.stops.rest_by is not None and self.ms >= self.stops.rest_by:
             self.stops.rest_by = None
             self.stops.stood_by = self.ms
+            self.looks.add("stops")
             for motor in self.motors:
                 motor.rest(self.ms)
         if self.stops.safe_at is not None:

@@ -23,6 +23,28 @@ class Tolerances:
     masked_us: int = 140  # the longest time with interrupts off, except for writing to flash
 
 
+OBSERVERS = {
+    "answers": "each request gets one answer, in time and in its form",
+    "limits": "edges keep to velocity and acceleration, and to where the requests allow",
+    "jerk": "edges of a motor with a jerk limit keep to that, too",
+    "soft limits": "edges stay between them",
+    "quiet": "no edge comes while the motors are said to stand",
+    "pins": "positions reported in motion match the edges",
+    "positions": "positions reported at rest match the edges",
+    "goals": "motors come to rest on their targets",
+    "frames": "motors pass each frame of a run exactly",
+    "couples": "coupled motors go together",
+    "stops": "motors rest in time after a stop",
+    "outputs": "outputs are safe after a stop",
+    "HARD_STOP": "it has a reason",
+    "late": "ticks come in time (emulated chips)",
+    "masked": "interrupts are on (emulated chips)",
+    "replay": "32-bit MicroPython with a locked heap does the same (host)",
+}
+ON_PINS = set(OBSERVERS) - {"late", "masked", "replay"}  # what a board's port and pins show
+ON_CHIPS = ON_PINS | {"late", "masked"}
+FED_BY_EACH = {"answers", "late", "masked"}  # by any ten scenarios
+
 watches: list | None = None  # of the boards of a module's sessions, if they are observed
 
 

@@ -1,6 +1,8 @@
-"""The observers find faults in sessions that somebody else conducts."""
+"""The observers find faults in sessions that somebody else conducts, and it is counted what they
+watch."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -13,6 +15,7 @@ from host_tests.fuzz.findings import Finding
 from host_tests.fuzz.link import frame
 from host_tests.fuzz.sessions import SESSIONS, Host
 from host_tests.fuzz.test_trial import RULES, conduct
+from host_tests.observers.table import SCENARIOS, Table
 from host_tests.targets import rp2040
 
 MS = 1_000_000
@@ -111,3 +114,49 @@ def test_ticks_of_an_emulated_chip(moves, us, kind):
     repl.exec(OFF % (us // 2))
     found = watch.settle()
     assert (found and found.kind) == kind
+
+
+def run_of(table, subject, scenarios, *observers):
+    """Play scenarios of a subject, each watched by these observers; return pytest's verdict."""
+    for _ in range(scenarios):
+        table.played(SCENARIOS / subject / "test_it.py")
+        table.watched(SCENARIOS / subject / "test_it.py", set(observers))
+    session = SimpleNamespace(config=SimpleNamespace(), testsfailed=0, exitstatus=0)
+    table.pytest_sessionfinish(session)
+    return session.exitstatus
+
+
+@pytest.mark.parametrize(
+    "whole, scenarios, observers, missing",
+    [
+        (True, 3, ("answers", "late", "quiet"), ""),
+        (True, 3, ("answers", "late"), "quiet"),
+        (False, 20, ("answers", "late"), ""),
+        (False, 20, ("answers", "quiet"), "late"),
+        (False, 3, (), ""),
+    ],
+)
+def test_a_run_fails_if_an_observer_has_watched_nothing(
+    whole, scenarios, observers, missing, tmp_path
+):
+    table = Table("chip", {"answers", "late", "quiet"}, tmp_path / "table.md")
+    table.whole = whole
+    assert run_of(table, "io", scenarios, *observers) == bool(missing)
+    assert table.failure == (missing and f"on chip nothing to watch for: {missing}")
+
+
+def test_the_table_keeps_the_rows_of_other_runs(tmp_path):
+    file = tmp_path / "table.md"
+    run_of(Table("host", set(), file), "runs", 4, "answers", "frames")
+    run_of(Table("chip", set(), file), "runs", 2, "late")
+    run_of(Table("chip", set(), file), "runs", 3, "answers")
+    rows = [
+        line.split(" | ") for line in file.read_text().splitlines() if line.startswith("| runs")
+    ]
+    head = next(line for line in file.read_text().splitlines() if line.startswith("| subject"))
+    column = {name: at for at, name in enumerate(head.split(" | "))}
+    assert [row[1] for row in rows] == ["chip", "host"]
+    assert [row[column["scenarios"]] for row in rows] == ["3", "4"]
+    assert [row[column["answers"]] for row in rows] == ["3", "4"]
+    assert [row[column["frames"]] for row in rows] == ["0", "4"]
+    assert [row[column["late"]] for row in rows] == ["0", "0"]

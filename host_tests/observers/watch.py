@@ -137,8 +137,16 @@ class Watch:
         except Finding as finding:
             self.found = finding
         else:
-            self.found = self.ticks and timing.finding(self.ticks, self._within)
+            if self.ticks:
+                self.trial.looks |= {"late", "masked"}
+                self.found = timing.finding(self.ticks, self._within)
         return self.found
+
+    def looks(self) -> set[str]:
+        """Return the observers that have compared something since the last call."""
+        found = set(self.trial.looks)
+        self.trial.looks.clear()
+        return found
 
     def follow(self) -> None:
         """Take what has happened so far. Raises Finding for what must not happen."""

@@ -1,8 +1,9 @@
 """What plays the end-to-end scenarios: `pytest --target NAME host_tests/end_to_end`.
 
 A target is a module here: its class `Target` takes the place of boards.SimulatedBoard, LACKS is
-what it cannot show, and `begin`, if there is one, is called before each test. The host simulation
-lacks nothing. A scenario says what it needs of its target: `@pytest.mark.needs("lights")`.
+what it cannot show, FEEDS names the observers that it can feed, and `begin`, if there is one, is
+called before each test. The host simulation lacks nothing. A scenario says what it needs of its
+target: `@pytest.mark.needs("lights")`.
 """
 
 import importlib
@@ -13,6 +14,8 @@ from types import ModuleType
 import pytest
 
 from framestep_tools.judge.trace import Edge
+from host_tests.observers import ON_PINS
+from host_tests.observers.table import Table
 
 NAMES = ("host", "rp2040", "rp2350", "esp32", "device")
 NEEDS = {
@@ -132,3 +135,5 @@ def install(config: pytest.Config) -> None:
 
         boards.SimulatedBoard = session.SimulatedBoard = target.Target  # type: ignore[misc]
     config.pluginmanager.register(Scenarios(target, config.getoption("--share")))
+    feeds = getattr(target, "FEEDS", ON_PINS | {"replay"})
+    config.pluginmanager.register(Table(name, feeds), "observers")

@@ -36,6 +36,7 @@ LACKS = {
     "edges",
     "inputs",
 }
+FEEDS: set[str] = set()
 _SLICE_S = 0.001
 _REST_S = 1.0  # from one session to the next: the port is closed, and all that moves comes to rest
 

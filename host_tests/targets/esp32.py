@@ -16,7 +16,7 @@ import pytest
 from framestep_tools.building.board_files import board_data
 from framestep_tools.judge.trace import Edge
 from framestep_tools.simulator.esp32_board import Esp32Board
-from host_tests.observers import Tolerances
+from host_tests.observers import ON_PINS, Tolerances
 from host_tests.targets import FirstLevels
 
 NAME = "esp32_s3_595"
@@ -49,6 +49,7 @@ LACKS = {
     "instants",
     "servo edges",
 }
+FEEDS = ON_PINS
 
 
 def begin(item: pytest.Item) -> None:

@@ -10,13 +10,14 @@ from framestep.rig import Rig
 from framestep_tools.building.board_files import board_data
 from framestep_tools.judge.trace import Edge
 from framestep_tools.simulator.boards import EmulatedBoard
-from host_tests.observers import Tolerances
+from host_tests.observers import ON_CHIPS, Tolerances
 from host_tests.targets import FirstLevels
 
 NAME = "pico"
 # DMX is not decoded from its pin (host_tests/board/test_io.py), the memory for uploads is the
 # board's, and a request takes effect some ticks later than on the host simulation.
 LACKS = {"inside", "boards", "lights", "little memory", "prompt", "150 frames/s"}
+FEEDS = ON_CHIPS
 
 
 class Inside:

@@ -7,6 +7,7 @@ from host_tests.targets import rp2040
 
 NAME = "pico2"
 LACKS = rp2040.LACKS | {"120 frames/s"}
+FEEDS = rp2040.FEEDS
 _MOTORS = 8  # with more, the scenarios' inputs and outputs are motors' pins
 
 

@@ -4,8 +4,8 @@ import subprocess
 import sys
 
 from framestep_tools.building.board_files import ROOT
+from host_tests.observers.table import SCENARIOS
 
-SCENARIOS = ROOT / "host_tests" / "end_to_end"
 SUBJECTS = sorted(path.name for path in SCENARIOS.iterdir() if list(path.glob("test_*.py")))
 
 
