@@ -49,15 +49,16 @@ watches: list | None = None  # of the boards of a module's sessions, if they are
 
 
 def begin(board) -> None:
-    """Watch a board from now on, as it has just started."""
-    if watches is None or hasattr(board, "watch"):
+    """Watch a board from now on, as it has just started; not one whose pins nobody sees."""
+    shows = getattr(board, "shows", Tolerances())
+    if watches is None or shows is None or hasattr(board, "watch"):
         return
     from host_tests.observers import timing
     from host_tests.observers.watch import Watch
 
     rig = board._board.controller.rig
     if not _hidden(rig):
-        board.watch = Watch(board, rig, getattr(board, "shows", Tolerances()))
+        board.watch = Watch(board, rig, shows)
         # its REPL on a port of its own says where the tick's state is
         if hasattr(board, "emulator") and board.repl:
             board.watch.ticks = timing.watched(board.emulator, f"{board.pins} {board._rig}")

@@ -16,7 +16,7 @@ from host_tests.fuzz.link import frame
 from host_tests.fuzz.sessions import SESSIONS, Host
 from host_tests.fuzz.test_trial import RULES, conduct
 from host_tests.observers.table import SCENARIOS, Table
-from host_tests.targets import rp2040
+from host_tests.targets import device, rp2040
 
 MS = 1_000_000
 
@@ -87,6 +87,19 @@ def test_time_does_not_run_ahead_with_many_answers():
         assert board.transmit()
     assert not board.watch.settle()
     assert board.watch.trial.ms <= 7
+
+
+class OnAPort(device.Target):
+    """A board of which only the port is there, without a port."""
+
+    def __init__(self):
+        self._port = None
+        self._board = device.Inside()
+
+
+def test_a_board_whose_pins_nobody_sees_is_not_watched(watches):
+    observers.begin(OnAPort())
+    assert observers.watches == []
 
 
 OFF = """

@@ -36,13 +36,14 @@ class Ticks:
         return self.emulator.cycles()["masked"]["us"]
 
 
-_addresses: dict[str, int] = {}  # by board and rig file: it boots in the same way each time
+# by board and rig file: it boots in the same way each time, as long as its modules are the same
+addresses: dict[str, int] = {}
 
 
 def watched(emulator, boot):
     """Return the Ticks of a board that has just booted; `boot` says which board and rig file."""
-    ticks = Ticks(emulator, address=_addresses.get(boot))
-    _addresses[boot] = ticks.address
+    ticks = Ticks(emulator, address=addresses.get(boot))
+    addresses[boot] = ticks.address
     emulator.cycles(clear=True)
     return ticks
 

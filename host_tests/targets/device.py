@@ -36,7 +36,7 @@ LACKS = {
     "edges",
     "inputs",
 }
-FEEDS: set[str] = set()
+FEEDS: set[str] = set()  # no observer
 _SLICE_S = 0.001
 _REST_S = 1.0  # from one session to the next: the port is closed, and all that moves comes to rest
 
@@ -52,6 +52,7 @@ class Target:
     """In the place of boards.SimulatedBoard. Time is the computer's. The device has been through
     the scenarios before: it begins at rest, at 0, without limits, with the default speeds."""
 
+    shows = None  # no pins, and so nothing to observe
     slice_ns = 1_000_000
     repl = None
     _before: ClassVar["weakref.ref[Target] | None"] = None  # which may still have the port
