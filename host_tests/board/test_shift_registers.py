@@ -56,12 +56,12 @@ def check_turns(seen, motors):
 def test_the_steps_of_pio_to_a_word(board):
     """Sixteen motors go and come back, each at its own rate and acceleration."""
     there = {
-        motor: (20_000 - 800 * motor, 400_000 + 5_000 * motor, 350 - 10 * motor)
+        motor: (20_000 - 800 * motor, 400_000 + 5_000 * motor, 150 - 4 * motor)
         for motor in range(16)
     }
-    back = {motor: (*there[motor][:2], -150) for motor in there}
+    back = {motor: (*there[motor][:2], -80) for motor in there}
     before = board.eval("board.state()[0]")
-    seen = board.watch(f"{board.go(there)}run(75)\n{board.go(back)}run(55)")
+    seen = board.watch(f"{board.go(there)}run(55)\n{board.go(back)}run(45)")
     lines = ["new 16 0"]
     for moves in (there, back):
         for motor, (rate, acceleration, steps) in moves.items():
