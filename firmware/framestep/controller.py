@@ -269,6 +269,7 @@ class Controller:
         lost = self.hal.take_lost_commands()
         if lost or flags & stepper.FLAG_FAULT:
             self.stops.on_fault(lost)
+        self.port.glance()  # what follows may take more than a millisecond
         self.reports.send(now, self.was_open)
         if self.journal:
             self.journal.poll(

@@ -162,8 +162,9 @@ class Runner:
         if self.task:
             self._inside[PASS] = 0
             self._after()
-        if self._struck:
-            self._struck = False
+        port = self._hal.port
+        if self._struck or port.struck:
+            self._struck = port.struck = False
             _interrupt(dupterm, dupterm_notify, self._ctrl_c)
 
     def _turn(self):

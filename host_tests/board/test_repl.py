@@ -7,7 +7,7 @@ import pytest
 
 from framestep_emulator import Emulator
 from framestep_tools.building import images
-from framestep_tools.payloads import Ack, GetLoad, HardStop, MotorMove, RtEnd, RtGo, RtJogAll
+from framestep_tools.payloads import Ack, GetLoad, HardStop, Hi, MotorMove, RtEnd, RtGo, RtJogAll
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_end_to_end import assert_played, load, move
 from host_tests.end_to_end.io.test_led import CONNECTED, FAULT, MOVING
@@ -170,16 +170,22 @@ while struck < {count}:
 
 
 def test_ctrl_c_beside_a_run(session):
-    """It always ends a program on the REPL, also if it comes during a pass, and moves no edge."""
+    """It always ends a program on the REPL, also if it comes during a pass, where the USB task runs
+    because a question has two packets to its answer. It moves no edge."""
     positions = move(session, frames=60)
     stands = load(session, positions)
     session.accept(RtGo())
     repl = session.board.emulator.repl()
-    count = 25
+    client = session.client
+    count = 60
     repl.start(CTRL_C.format(count=count))
-    for _ in range(count):
-        session.run(0.083)
+    session.run(0.08)
+    for i in range(count):
+        session.run(0.02 + i / 7000)
+        asked = client.send(Hi())
+        session.run(i / 50_000)
         repl.serial.write(b"\x03")
+        assert client.answer_to(asked)
     session.run(0.05)
     assert repl.finish(1) == ""
     assert session.client.wait_event(RtEnd, 10)

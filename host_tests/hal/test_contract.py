@@ -43,7 +43,8 @@ IMPLEMENTED = {
 # single object that models engine commands.
 WITHOUT = {
     "host.py:HostHal": {"engine", "inside", "passes", "pass_callback"},
-    "host.py:HostPort": {"stop"},
+    "host.py:HostPort": {"stop", "struck"},
+    "ports/stdin_port.py:StdinPort": {"struck"},
     "ports/usb_port.py:UsbPort": {"stop"},
     "esp32/port.py:UartPort": {
         "start",
@@ -52,8 +53,10 @@ WITHOUT = {
         "openings",
         "answer",
         "glance",
+        "struck",
     },  # StdinPort's
-    "esp32/usb_port.py:OwnPort": {"send", "open", "openings", "answer", "glance"},  # UsbPort's
+    # UsbPort's
+    "esp32/usb_port.py:OwnPort": {"send", "open", "openings", "answer", "glance", "struck"},
 }
 # Names by which the other layers call each kind: the part before the dot
 CALLED = {

@@ -175,6 +175,8 @@ class Port:
                 REPL's, as soon as a question for status, positions or HI has come to buffer[at:]
                 and nothing else is to be sent; it puts the answer into `to`. Set from outside;
                 False: passes answer all questions.
+    struck      a Ctrl-C for the REPL has come during glance(); whoever makes the passes clears
+                this, and passes it on. Only if the port is not the REPL's.
     """
 
     def start(self):

@@ -111,6 +111,7 @@ class LookAhead:
 
     def __init__(self, line, survey):
         self.line = line
+        self.port = line.axes.hal.port
         self.survey = survey
         self.r = line.r
         self.cells = array("i", [0] * (_RING * _CELL))
@@ -174,19 +175,24 @@ class LookAhead:
         reals.add(r, registers.SAMPLE, registers.END, registers.SAMPLE)
         return self.line.positions_at(registers.SAMPLE, row)
 
-    def _probe(self):
-        """Measure the cell after END. Return 0 or a code."""
+    def _probe(self, port=None):
+        """Measure the cell after END. Return 0 or a code. port: for questions that come during
+        this."""
         survey = self.survey
         rows = self.rows
         self.short = self.level == _HALVINGS
         code = self._sample(1, rows[1])
         if code:
             return code
+        if port:
+            port.glance()
         if survey.is_short(rows[0], rows[1]):
             self.short = True
         code = self._sample(2, rows[2])
         if code:
             return code
+        if port:
+            port.glance()
         survey.clear()
         if survey.measure(rows[0], rows[1], rows[2], self.level) != SMOOTH:
             return ERR_RANGE
@@ -201,7 +207,7 @@ class LookAhead:
         if self.step == _PROBE:
             if self.closed or self.count >= (_RING - 1 if more else CELLS):
                 return False
-            if not self._probe():
+            if not self._probe(self.port):
                 self.step = _RATE
                 return True
             if self.short:
@@ -220,7 +226,7 @@ class LookAhead:
         """Add the cell that has been probed, from END to SAMPLE."""
         survey = self.survey
         r = self.r
-        survey.set_point_limits(self.share)
+        survey.set_point_limits(self.share, self.port)
         reals.double(r, registers.CELL_LENGTH, registers.HALF_CELL, 1 - self.level)
         compute(r, _CELL_ENDS)
         cells = self.cells

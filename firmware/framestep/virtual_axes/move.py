@@ -128,6 +128,7 @@ class LinearMove:
                 axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
                 set_advance(self.advances, i, line.present, motor, 0, self.rows, 2 * i)
                 reals.fetch(self.speeds, 2 * i, r, registers.ZERO)
+                hal.port.glance()
         reals.put(r, registers.S, 0, 0)
         reals.put(r, registers.V, 0, 0)
         self._note(0)
@@ -269,6 +270,7 @@ class LinearMove:
             self._finish(knot)
         elif advance(r, self.survey, self.ahead, self.stopping):
             knot += 1
+            self.axes.hal.port.glance()
             if self.line.positions_at(registers.S, ROW * (knot % _KNOTS)):
                 self.halt()  # though the survey has found that it can be reached
                 return True
@@ -299,6 +301,7 @@ class LinearMove:
         c = ROW * ahead
         word = self.word
         speeds = self.speeds
+        port = self.axes.hal.port
         for i in range(registers.AXES):
             motor = self.motor[i]
             if motor:
@@ -319,6 +322,7 @@ class LinearMove:
                 self.axes[motor - 1].append_coasting_phase(
                     registers.PHASE_TICKS, registers.FROM_V, registers.TO_V, r, word, 0, part
                 )
+                port.glance()
             a += 2
             b += 2
             c += 2
@@ -344,6 +348,7 @@ class LinearMove:
                     registers.TICKS, registers.FROM_V, registers.ZERO, r, word, 0, part
                 )
                 axis.set_more_to_come(False)
+                line.axes.hal.port.glance()
             a += 2
             b += 2
         self.queued = knot

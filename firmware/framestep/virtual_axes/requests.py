@@ -344,6 +344,8 @@ class VirtualAxes:
         if reader:
             self.axes.choose_sample()
         self.locate()
+        if not reader:
+            self.axes.hal.port.glance()
         writer.begin(m.MSG_VIRT_GET_POSITION, reader)
         for i in range(AXES):
             self.line.rig.to_host(self.word, 0, i)

@@ -323,9 +323,9 @@ class Survey:
         reals.fetch(r, registers.MOTOR_A, numbers, MAX_ACCELERATION)
         return True
 
-    def set_point_limits(self, share):
+    def set_point_limits(self, share, port=None):
         """Set MAX_V, MAX_A and `span` from `curve`, with `share` ten-thousandths of the motors'
-        limits."""
+        limits. port: for questions that come during this."""
         r = self.r
         reals.put(r, registers.SHARE, share, 0)
         compute(r, _NO_LIMIT)
@@ -333,10 +333,14 @@ class Survey:
             if self._load_motor(i):
                 compute(r, _LIMIT_V)
         compute(r, _LIMIT_V_IN_BENDS)
+        if port:
+            port.glance()
         self.span = SPAN
         for i in range(registers.AXES):
             if self.motor[i] and self.curve[2 * i + 1]:
                 self._smoothen(i)
+        if port:
+            port.glance()
         for i in range(registers.AXES):
             if self._load_motor(i):
                 compute(r, _LIMIT_A)

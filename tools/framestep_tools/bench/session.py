@@ -24,6 +24,8 @@ from ..payloads import (
 from ..simulator.boards import EmulatedBoard, LockstepPort
 from .moves import FPS, ROLL_MS, STEEPEST, WINDOW
 
+_TICK_S = 0.001
+
 
 class Session:
     """A board with a client on its protocol port."""
@@ -108,11 +110,15 @@ class Played:
     faults: list[HardStop]
 
     def errors_us(self, ramps: bool) -> np.ndarray:
-        """Return the edges' errors against the path, in its ramps or at constant velocity."""
+        """Return the edges' errors against the path, in its ramps or at constant velocity. The
+        first tick after a ramp belongs to it: there the engine makes up for the ramp's last step.
+        """
         found = []
         for motor in self.verdict.motors:
             error = motor.edge_error_us - np.nanmedian(motor.edge_error_us)
-            accelerates = np.abs(self.path.acceleration(motor.motor, motor.edge_times_s)) > 1
+            times = motor.edge_times_s
+            accelerates = np.abs(self.path.acceleration(motor.motor, times)) > 1
+            accelerates |= np.abs(self.path.acceleration(motor.motor, times - _TICK_S)) > 1
             found.append(np.abs(error[accelerates == ramps]))
         return np.concatenate(found)
 

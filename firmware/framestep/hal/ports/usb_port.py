@@ -8,7 +8,9 @@ a Ctrl-C nor a lack of stack can end them) and allocate nothing. Callbacks own w
 `poll()` and `send()` own what the main loop has taken and given.
 """
 
+import select
 import struct
+import sys
 import time
 from array import array
 
@@ -29,6 +31,7 @@ from framestep.hal.ports.usb_transfers import (
     FILL,
     FLAG,
     HELD,
+    INSIDE,
     KEPT,
     KEPT_AT,
     KEPT_DTR,
@@ -111,6 +114,9 @@ class UsbPort:
     or HI as soon as it has come, if nothing else is to be sent, and begins a stop. False by
     default.
 
+    `struck`: a Ctrl-C for the REPL has come during glance(). Whoever makes the passes clears this,
+    and passes it on.
+
     Nothing allocates after `start()`. One main loop calls `poll()` and `send()`. If it is a
     scheduled function, it calls `poll()` only once each time, since callbacks must come between two
     calls.
@@ -149,7 +155,14 @@ class UsbPort:
         self.open = False
         self.openings = 0
         self.answer = False
+        self.struck = False
         self._writer = None
+        if chip:
+            # Polling the REPL's port runs MicroPython's USB task, even in a scheduled function.
+            poller = select.poll()
+            poller.register(sys.stdin, 0)
+            self._task = poller.ipoll
+            self._task(0)  # the first one allocates
 
     def start(self):
         """Add the port to the built-in one; returns at once.
@@ -313,7 +326,8 @@ class UsbPort:
             s[FILL] = (s[FILL] + 1) & 3
             ptr32(s[KEPT])[KEPT_FILL] = s[FILL]
             s[ARMED] = 0
-            if (s[FILL] - s[TAKE]) & 3 < 2:
+            # A host sends sections without waiting, but its next question after the answer.
+            if ptr8(s[RX] + place * PLACE)[7] and (s[FILL] - s[TAKE]) & 3 < 2:
                 arm(self)
         elif endpoint == s[EP_IN]:
             if s[LEFT] or s[LAST] == PACKET:
@@ -331,13 +345,15 @@ class UsbPort:
                     frame = ptr8(s[RX] + place * PLACE + at)
                     kind = frame[6] | (frame[7] << 8)
                     if kind == _SECTION:
-                        now = 1
+                        now = 1 - s[INSIDE]
                     elif s[SENDING]:
                         pass
                     elif kind == _STATUS or kind >= _STOP and kind <= _GET_POSITION or kind == _HI:
                         now = 1
             if now and self.answer:
                 _at_once(self)
+        if s[LIVE] and not s[ARMED] and (s[FILL] - s[TAKE]) & 3 < 2:
+            arm(self)
         return True
 
     # ------------------------------------------------------------ for the main loop
@@ -407,6 +423,8 @@ class UsbPort:
         """
         s = ptr32(self._state)
         if self.open:
+            if s[STALE]:  # a new session has begun in this pass; the next one drops what is here
+                return 1
             if s[SENDING]:
                 s[HELD] = 1
                 self._writer = writer
@@ -423,22 +441,37 @@ class UsbPort:
 
     @micropython.viper
     def glance(self):
-        """Answer a question that has come since the pass began, where the pass has nothing half
-        done.
+        """Answer a question that has come since the pass began; or if the last answer has gone, let
+        MicroPython's USB task run, whose callbacks send the rest of it, answer a further question,
+        and let the next one come. Called where the pass has nothing half done.
 
-        MicroPython's USB task does not run during a pass, but the packet is there, and its length
-        is known to the chip.
+        Otherwise the task would wait for the end of the pass, as it comes from the scheduler. A
+        first question does not need it: the packet is there, and its length is known to the chip.
+        Sections of an uploaded move are left to the task, since storing one takes long.
         """
+        if not chip:
+            return
         s = ptr32(self._state)
-        if s[ARMED] == 0 or s[TAKE] != s[FILL] or s[AT] | s[SENDING] | s[STALE]:
-            return
-        at = (s[FILL] & 1) * PLACE
-        frame = ptr8(s[RX] + at)
-        if ptr32(frame)[0] == MARK_0 or frame[7]:
-            return
-        if chip and self.answer and self.open:
-            if int(chip.arrived(s[EP_OUT])) == QUESTION + frame[8]:
-                _reply(self, at)
+        if s[SENDING]:
+            if not chip.in_flight(s[EP_OUT], 0):
+                s[INSIDE] = 1
+                self._run_task()
+                s[INSIDE] = 0
+        elif s[ARMED] and s[TAKE] == s[FILL] and s[AT] | s[STALE] == 0:
+            at = (s[FILL] & 1) * PLACE
+            frame = ptr8(s[RX] + at)
+            if ptr32(frame)[0] != MARK_0 and frame[7] == 0 and self.answer and self.open:
+                if int(chip.arrived(s[EP_OUT])) == QUESTION + frame[8]:
+                    _reply(self, at)
+
+    def _run_task(self):
+        """Run MicroPython's USB task. It keeps a Ctrl-C that has come on the REPL's port for the
+        next branch, which is here, and not later in the pass."""
+        try:
+            if self._task(0):
+                pass
+        except KeyboardInterrupt:
+            self.struck = True
 
     # ------------------------------------------------------------ openings and closings
 
@@ -501,7 +534,7 @@ def _at_once(port):
     the next pass sees to it, as it does to everything else.
     """
     s = ptr32(port._state)
-    if s[STALE] or int(runtime.stack_use()) > DEEPEST:
+    if s[STALE] or s[INSIDE] == 0 and int(runtime.stack_use()) > DEEPEST:
         return
     if s[HELD] and s[SENDING] == 0:
         s[HELD] = 0

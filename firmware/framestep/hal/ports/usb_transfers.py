@@ -116,7 +116,8 @@ HELD = const(33)  # 1: bytes could not be sent, because a packet had not gone ye
 # bytes of the running transfer that had arrived at the last look, if it begins with a section
 LEAVE = const(34)
 WAITS = const(35)  # number of the packet that waited at the last look
-WORDS = const(36)
+INSIDE = const(36)  # 1: callbacks come within a pass, from glance()
+WORDS = const(37)
 
 _LENGTH = const(2)  # word of a memoryview (py/objarray.h, MicroPython 1.20 to 1.28)
 
