@@ -25,7 +25,7 @@ from framestep_emulator import ReplError
 from framestep_tools.building.board_files import emulated_boards
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.simulator.boards import EmulatedBoard
-from host_tests.board.test_overlay import edited, ident_of, on_board
+from host_tests.board.modules import edited, ident_of, on_board
 from host_tests.observers.timing import LATE_US, MASKED_US, Timing
 from host_tests.script import parse
 

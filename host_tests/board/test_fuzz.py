@@ -5,7 +5,9 @@ import pytest
 
 from framestep_emulator import Emulator
 from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.board import timing_faults
 from host_tests.board.chips import PICO
+from host_tests.covering import sweep
 from host_tests.fuzz import fuzz
 from host_tests.fuzz.findings import Finding
 from host_tests.fuzz.sessions import Host, moves, outputs_on, pressed, run
@@ -73,3 +75,17 @@ def test_interrupts_that_are_off_for_long_are_found(host, monkeypatch):
     with pytest.raises(Finding) as found:
         moves(host)
     assert found.value.kind == "masked"
+
+
+def test_each_fault_of_time_has_its_place():
+    for fault in timing_faults.FAULTS.values():
+        assert timing_faults.edited(fault)
+
+
+@pytest.mark.parametrize(
+    "name", sweep([*timing_faults.FAULTS], "interrupts_off_for_400_us", "command_lost_in_a_FIFO")
+)
+def test_a_fault_of_time_in_the_image_is_found(name):
+    fault = timing_faults.FAULTS[name]
+    found = timing_faults.found(fault)
+    assert timing_faults.as_expected(fault, found), f"{found}, expected: {fault.kinds or 'nothing'}"

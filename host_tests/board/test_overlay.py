@@ -6,11 +6,10 @@ import pytest
 from framestep.protocol import messages as m
 from framestep_emulator import Emulator, edge_times
 from framestep_tools.board import overlay
-from framestep_tools.board.module_files import dotted
 from framestep_tools.building import images
-from framestep_tools.building.board_files import board_modules, board_sources, compiled
 from framestep_tools.client.client import Client
 from framestep_tools.payloads import GetCondition, Hi, MotorMove
+from host_tests.board.modules import edited, ident_of, on_board
 from host_tests.covering import sweep
 
 BACKLASH = "framestep/motors/backlash.mpy"
@@ -26,29 +25,9 @@ def firmware():
     return images.frozen("pico")
 
 
-def ident_of(board):
-    """Return the ID of a board's image, as in framestep_image."""
-    return images.image_module(board_modules("armv6m", board)).split("'")[1]
-
-
 @pytest.fixture(scope="module")
 def ident(firmware):
     return ident_of("pico")
-
-
-def edited(name, more="", old="", new=""):
-    """Return a module with a text replaced, and lines added at its end."""
-    source = board_sources("pico")[name].decode()
-    assert not old or source.count(old) == 1
-    text = (source.replace(old, new) + more).encode()
-    return compiled(name.replace(".mpy", ".py"), text, "armv6m")
-
-
-def on_board(ident, modules):
-    """Return the files of a board with this overlay."""
-    listing = " ".join([ident, *map(dotted, modules)]).encode()
-    files = {f"{overlay.FOLDER}/{name}": content for name, content in modules.items()}
-    return {**files, overlay.LIST: listing}
 
 
 def seven_more(more=""):

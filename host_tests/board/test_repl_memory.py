@@ -13,7 +13,7 @@ from framestep_tools.client.client import Client
 from framestep_tools.console.repl_scripts import CHECK
 from framestep_tools.payloads import Hi
 from framestep_tools.simulator.boards import EmulatedBoard
-from host_tests.board.test_overlay import edited, ident_of, on_board
+from host_tests.board.modules import edited, ident_of, on_board
 
 HOME = {"limit": 1, "travel": 3000, "back_off": 400}
 START_MS = 3000  # from power-on until framestep runs, with a margin

@@ -1,6 +1,7 @@
 """The Pico's image on the emulated RP2040."""
 
 import contextlib
+import os
 from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
@@ -18,6 +19,17 @@ NAME = "pico"
 # board's, and a request takes effect some ticks later than on the host simulation.
 LACKS = {"inside", "boards", "lights", "little memory", "prompt", "150 frames/s"}
 FEEDS = ON_CHIPS
+
+
+FAULT = "FRAMESTEP_TIMING_FAULT"  # the environment variable that names one for all boards
+
+
+def _files() -> Mapping[str, bytes]:
+    """Return the files of a board, beside its rig file."""
+    from host_tests.board import timing_faults
+
+    name = os.environ.get(FAULT)
+    return timing_faults.files(timing_faults.FAULTS[name]) if name else {}
 
 
 class Inside:
@@ -56,7 +68,7 @@ class Target(EmulatedBoard):
         if motors not in (None, len(board_data(board)["step"])):
             settings.setdefault("motor_count", motors)
         self._first = FirstLevels()
-        super().__init__(settings, board=board)
+        super().__init__(settings, board=board, files=_files())
         self._board = Inside(self)
 
     # the protocol's port, as it is of a SimulatedBoard
