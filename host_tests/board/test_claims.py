@@ -6,8 +6,6 @@ USB controller for a millisecond, and then restores what it had found there
 (pico_fix/rp2040_usb_device_enumeration). On the emulated B1 the SDK's own code does it.
 """
 
-from pathlib import Path
-
 import pytest
 
 from framestep.motors.positions import KNOWN, LOST, SET, STEPS
@@ -42,7 +40,42 @@ MODULES = (
     "hal/rp2/pin_guard",
     "hal/rp2/pulses",
 )
-CLAIM = Path(__file__).parent / "claims_setup.py"
+# Claims pins as an engine does, some microseconds after a request
+CLAIM = """
+import time
+
+import machine
+import rp2
+
+from framestep.hal.rp2 import pulses
+
+STEP, DIRECTION = 14, 15
+
+
+def forget():
+    # the pins as after a reset
+    rp2.PIO(1).remove_program()
+    for pin in (STEP, DIRECTION):
+        machine.mem32[0x40014004 + 8 * pin] = 31
+        machine.mem32[0x4001C004 + 4 * pin] = 0x56
+
+
+def claim():
+    engine = pulses.PulseEngine(
+        [STEP] * 5, [DIRECTION] * 5, machine.freq(), [(0, 625, False, 0, 0)] * 5
+    )
+    for command in (0, 1, 0, 1, 0):
+        machine.mem32[engine.fifo(4)] = command | 1 << 1 | 5000 << 10
+
+
+def try_after(us):
+    begun = time.ticks_us()
+    print("go")
+    while time.ticks_diff(time.ticks_us(), begun) < us:
+        pass
+    claim()
+    time.sleep_ms(30)
+"""
 
 
 @pytest.mark.parametrize("stepping", sweep(["B1", "B2"], "B2"))
@@ -50,7 +83,7 @@ def test_a_claim_at_any_time_around_a_bus_reset(emulator, stepping):
     """The direction pin follows its engine, whenever it was claimed, and USB starts again."""
     emu = emulator(files=board_modules(MODULES), args=["--chip", stepping])
     repl = emu.repl()
-    repl.exec(CLAIM.read_text())
+    repl.exec(CLAIM)
     dead = []
     held = 0
     for us in (*range(8500, 13000, 100), 1000, 20000):

@@ -12,7 +12,7 @@ from framestep_tools.payloads import Ack, Dmx, GetCondition, HardStop, MotorMove
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_io import Wire, check_timing
 from host_tests.covering import sweep
-from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played
+from host_tests.end_to_end.runs.moves import FRAMES, MOVE, assert_played
 from host_tests.end_to_end.session import Session, run_request
 
 STUCK = """

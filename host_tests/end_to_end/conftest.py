@@ -16,8 +16,7 @@ from framestep_tools.payloads import RtPositionFrame
 from framestep_tools.simulator.boards import LockstepPort
 from host_tests import observers
 from host_tests.end_to_end import realtime
-from host_tests.end_to_end.runs.frame_jogs import FRAMES, PATH
-from host_tests.end_to_end.runs.uploaded_runs import MOVE
+from host_tests.end_to_end.runs.moves import MOVE, PATH, PATH_FRAMES
 from host_tests.end_to_end.session import DIALECTS, simulated
 from host_tests.recording import all_differences, recorded
 from host_tests.runtimes import PROCESSORS, Runtime
@@ -132,9 +131,9 @@ def loaded(fast):
 
 @pytest.fixture
 def standing():
-    """Yield a session with the path of frame_jogs.py, 1 to 241, at rest on frame 121, index 120."""
+    """Yield a session with the path of runs/moves.py, 1 to 241, at rest on frame 121, index 120."""
     session = realtime.rig()
-    realtime.upload(session, PATH, frames=FRAMES)
+    realtime.upload(session, PATH, frames=PATH_FRAMES)
     session.accept(RtPositionFrame(121))
     session.wait_idle()
     session.forget()

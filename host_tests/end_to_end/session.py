@@ -17,11 +17,12 @@ import numpy as np
 from framestep.moves.operation_runner import READY
 from framestep_tools.client.client import Client
 from framestep_tools.client.wire import FrameDecoder, encode
-from framestep_tools.judge.motion_limits import ACCELERATION, EDGES, beyond, too_close
+from framestep_tools.judge import motion_limits
 from framestep_tools.judge.trace import Trace
 from framestep_tools.payloads import (
     Ack,
     DeviceInfo,
+    GioIn,
     MotorGetPosition,
     MotorSetSpeed,
     MotorStatus,
@@ -261,6 +262,30 @@ def run_request(fps=24, start=1, end=2, pre=500, post=500, **more):
     return RtRunMove(round(fps * 1000), start, end, pre, post, **more)
 
 
+# ---- switches and inputs of a simulated board ----------------------------------------------------
+
+VELOCITY, ACCELERATION = 5000, 20000  # field note 4.1
+SWITCHES = {"limits": [{"high": 22, "low": 26}, {"high": 27, "low": 28, "contact": "no"}]}
+
+
+def inputs(session):
+    return session.ask(GioIn()).levels
+
+
+def set_input(session, name, level):
+    session.board._board.set_input(name, level)
+
+
+def calm(session, estop=False):
+    """Close the switches, so that no input is active."""
+    for pin in (22, 26):
+        set_input(session, pin, 0)
+    if estop:
+        set_input(session, "estop", 0)
+    session.run(0.05)
+    session.forget()
+
+
 # ---- what edges show -----------------------------------------------------------------------------
 
 
@@ -285,8 +310,8 @@ def assert_within(times, signs, velocity, acceleration, window=0.04):
     assert len(times) > 2
     assert_no_faster(times, velocity)
     places, begins = _places(times, signs, window, times[0], times[-1])
-    most = EDGES.most(ACCELERATION, acceleration, window)
-    if found := beyond(places, ACCELERATION, 1, most):
+    most = motion_limits.EDGES.most(motion_limits.ACCELERATION, acceleration, window)
+    if found := motion_limits.beyond(places, motion_limits.ACCELERATION, 1, most):
         at, steps, allowed = found
         raise AssertionError(
             f"between two windows of {window} s from {begins[at]:.4f} s on the steps differ by "
@@ -296,7 +321,7 @@ def assert_within(times, signs, velocity, acceleration, window=0.04):
 
 def assert_no_faster(times, velocity):
     """Assert that edges are as far apart as the velocity demands."""
-    first = too_close(times, 1 / velocity - EDGES.early_s)
+    first = motion_limits.too_close(times, 1 / velocity - motion_limits.EDGES.early_s)
     assert first is None, (
         f"at {times[first]:.6f} s two steps are {1e6 * (times[first + 1] - times[first]):.1f} µs "
         f"apart, allowed are {velocity} steps/s"

@@ -30,7 +30,7 @@ from framestep_tools.payloads import (
 )
 from framestep_tools.simulator.esp32_board import BOARD, Esp32Board
 from host_tests.covering import sweep
-from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played
+from host_tests.end_to_end.runs.moves import FRAMES, MOVE, assert_played
 from host_tests.end_to_end.session import Session, deceleration, run_request
 
 QUEUE_S = 0.028  # from the tick to its pulses, at most: 24 buffers and two ticks

@@ -26,7 +26,7 @@ from framestep_tools.payloads import (
 )
 from framestep_tools.simulator.esp32_board import PROCESSOR, Esp32Board, modules
 from framestep_tools.simulator.usb_host import Function, UsbError, serial_functions
-from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played
+from host_tests.end_to_end.runs.moves import FRAMES, MOVE, assert_played
 from host_tests.end_to_end.session import Session, deceleration, run_request
 from host_tests.esp32.terminal import Terminal
 

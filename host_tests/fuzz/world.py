@@ -5,13 +5,12 @@ middle; nothing deep would be reached otherwise. Sometimes it is not: any messag
 may come in any state. Everything is drawn from one `random.Random`.
 
 Each subject has its own file: rigs.py, host.py (the port and the clock), and what a host does:
-single_motors.py, uploads.py, operations.py, virtuals.py, bursts.py, outside.py, any_message.py.
+single_motors.py, uploads.py, operations.py, virtuals.py, bursts.py, outside.py.
 """
 
 from random import Random
 
-from .any_message import AnyPayload
-from .bursts import Bursts
+from .bursts import AnyPayload, Bursts
 from .host import Host, Over
 from .operations import Operations
 from .outside import Surroundings

@@ -10,9 +10,8 @@ import pytest
 
 from framestep.pulse import stepper
 from framestep.pulse.engine import LEAD
-from host_tests.pulse.edges import at_rest, errors_us, moving, steady
 from host_tests.pulse.engine import PER_TICK, PER_US, Bench
-from host_tests.pulse.profiles import ONE, Profile, trapezoid
+from host_tests.pulse.profiles import ONE, Profile, at_rest, errors_us, moving, steady, trapezoid
 
 # ---------------------------------------------------------------- edges
 

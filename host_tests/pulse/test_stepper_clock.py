@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 from framestep.pulse import stepper
-from host_tests.pulse.edges import GRID_US, at_rest, errors_us, moving, steady
 from host_tests.pulse.engine import PER_TICK, PER_US, Bench
-from host_tests.pulse.profiles import ONE, Profile, trapezoid
+from host_tests.pulse.profiles import (
+    GRID_US,
+    ONE,
+    Profile,
+    at_rest,
+    errors_us,
+    moving,
+    steady,
+    trapezoid,
+)
 
 
 @pytest.mark.parametrize("late_us", [30, 200, 1000, 1500, 1750])

@@ -8,15 +8,19 @@ target: `@pytest.mark.needs("lights")`.
 
 import importlib
 import os
+import subprocess
+import sys
 from collections.abc import Iterable
 from types import ModuleType
 
 import pytest
 
+from framestep_tools.building.board_files import ROOT
 from framestep_tools.judge.trace import Edge
 from host_tests.observers import ON_PINS
-from host_tests.observers.table import Table
+from host_tests.observers.table import SCENARIOS, Table
 
+SUBJECTS = sorted(path.name for path in SCENARIOS.iterdir() if list(path.glob("test_*.py")))
 NAMES = ("host", "rp2040", "rp2350", "esp32", "device")
 NEEDS = {
     "inside": "looks or reaches into the host simulation",
@@ -137,3 +141,19 @@ def install(config: pytest.Config) -> None:
     config.pluginmanager.register(Scenarios(target, config.getoption("--share")))
     feeds = getattr(target, "FEEDS", ON_PINS | {"replay"})
     config.pluginmanager.register(Table(name, feeds), "observers")
+
+
+# ---- a share of the scenarios of a target, as a test --------------------------------------------
+
+
+def pytest_run(*words: str) -> subprocess.CompletedProcess[str]:
+    """Run pytest on scenarios, in one process."""
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:xdist", "-p", "no:cacheprovider"]
+    return subprocess.run([*command, *words], capture_output=True, text=True, cwd=ROOT)
+
+
+def play(target: str, share: int, subject: str = "") -> None:
+    """Play every n-th scenario on a target: of a subject, or of them all."""
+    done = pytest_run("--target", target, "--share", str(share), str(SCENARIOS / subject))
+    assert done.returncode == 0, done.stdout
+    assert " passed" in done.stdout, done.stdout

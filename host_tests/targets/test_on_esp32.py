@@ -1,6 +1,6 @@
 """A share of the scenarios on the simulated ESP32-S3; `make test-sessions` plays all."""
 
-from host_tests.targets.shares import play
+from host_tests.targets import play
 
 
 def test_share(request):

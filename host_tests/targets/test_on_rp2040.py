@@ -2,7 +2,7 @@
 
 import pytest
 
-from host_tests.targets.shares import SUBJECTS, play
+from host_tests.targets import SUBJECTS, play
 
 
 @pytest.mark.parametrize("subject", SUBJECTS)

@@ -1,6 +1,6 @@
 """A share of the scenarios on the emulated Pico 2; `make test-sessions TARGET=rp2350` plays all."""
 
-from host_tests.targets.shares import play
+from host_tests.targets import play
 
 
 def test_share():

@@ -5,8 +5,7 @@ import re
 
 import pytest
 
-from host_tests.targets import NAMES, NEEDS, FirstLevels
-from host_tests.targets.shares import SCENARIOS, pytest_run
+from host_tests.targets import NAMES, NEEDS, SCENARIOS, FirstLevels, pytest_run
 
 
 def chosen(*words: str) -> set[str]:

@@ -24,8 +24,7 @@ from framestep_tools.payloads import (
     RtUploadMoveDmx,
     RtUploadMoveEnd,
 )
-from host_tests.end_to_end.session import run_request, simulated
-from host_tests.end_to_end.switches import SWITCHES, inputs, set_input
+from host_tests.end_to_end.session import SWITCHES, inputs, run_request, set_input, simulated
 
 
 def shown(session, signal):

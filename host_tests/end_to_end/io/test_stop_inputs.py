@@ -25,8 +25,17 @@ from framestep_tools.payloads import (
     RtShootFrame,
     RtShootFrame2,
 )
-from host_tests.end_to_end.session import deceleration, run_request, simulated
-from host_tests.end_to_end.switches import ACCELERATION, SWITCHES, VELOCITY, calm, inputs, set_input
+from host_tests.end_to_end.session import (
+    ACCELERATION,
+    SWITCHES,
+    VELOCITY,
+    calm,
+    deceleration,
+    inputs,
+    run_request,
+    set_input,
+    simulated,
+)
 
 PATH = [round(1000 * (1 - math.cos(math.pi * k / 40))) for k in range(41)]
 

@@ -7,10 +7,10 @@ import pytest
 from framestep_tools import payloads as p
 from host_tests.covering import sweep
 from host_tests.end_to_end.realtime import rig, upload
-from host_tests.end_to_end.runs.frame_jogs import (
+from host_tests.end_to_end.runs.moves import (
     ACCELERATION,
-    FRAMES,
     PATH,
+    PATH_FRAMES,
     PER_FRAME,
     assert_followed,
     assert_on_frame,
@@ -195,7 +195,7 @@ def test_second_stop_all_is_hard(standing):
 def test_refused(standing):
     """Numbers out of range, not on a frame, in a run; nothing moves."""
     standing.refuse(
-        p.Ack.ERR_RANGE, p.RtJogAll(24000, 0), p.RtJogAll(24000, FRAMES + 1), p.RtJogAll(0, 5)
+        p.Ack.ERR_RANGE, p.RtJogAll(24000, 0), p.RtJogAll(24000, PATH_FRAMES + 1), p.RtJogAll(0, 5)
     )
     standing.refuse(
         p.Ack.ERR_RANGE,

@@ -12,10 +12,10 @@ from framestep.protocol.messages import (
 from framestep_tools import payloads as p
 from host_tests.covering import sweep
 from host_tests.end_to_end.realtime import rig, upload
-from host_tests.end_to_end.runs.frame_jogs import (
+from host_tests.end_to_end.runs.moves import (
     ACCELERATION,
-    FRAMES,
     PATH,
+    PATH_FRAMES,
     PER_FRAME,
     K,
     assert_followed,
@@ -79,7 +79,7 @@ def test_only_the_frames_between_count(standing, to):
     upload(
         standing,
         {**PATH, 3: np.where(K < 15, K * 3000 - 42_000, np.clip(K - 205, 0, None) * 3000)},
-        frames=FRAMES,
+        frames=PATH_FRAMES,
     )
     standing.speed(3, 1000, 100_000)
     standing.accept(p.RtPositionFrame(121))
@@ -98,7 +98,7 @@ def test_slows_down_under_way(grain):
     before them."""
     session = rig()
     gathering = np.cumsum(100 + 10 * np.clip(K - 150, 0, 50)) - 100
-    upload(session, {1: gathering}, frames=FRAMES)
+    upload(session, {1: gathering}, frames=PATH_FRAMES)
     session.speed(1, 400, 3000)
     session.accept(p.RtPositionFrame(131))
     session.wait_idle()
@@ -129,7 +129,7 @@ def test_slows_down_for_what_is_set_before_it_begins(standing):
 
 def test_what_no_rate_can_make(standing):
     """A frame takes 1000 s at most: nothing moves if a motor needs longer."""
-    upload(standing, {1: K * 10_010, 2: 0 * K}, frames=FRAMES)
+    upload(standing, {1: K * 10_010, 2: 0 * K}, frames=PATH_FRAMES)
     standing.accept(p.RtPositionFrame(121))
     standing.wait_idle()
     standing.speed(1, 10, 100_000)
@@ -145,7 +145,7 @@ CORNERS = {
     "into motion": 200 * np.clip(K - 3, 0, 20),
     "to and fro": 100 * (K % 2),
     "a fast swing": np.round(1000 * np.sin(K * 0.9)).astype(int),
-    "anywhere": np.random.default_rng(3).integers(-300, 300, FRAMES),
+    "anywhere": np.random.default_rng(3).integers(-300, 300, PATH_FRAMES),
     "jumps among small steps": np.cumsum(np.where(K % 7 == 3, 900, 5)),
 }
 
@@ -230,7 +230,7 @@ def test_limit_switches():
     before that."""
     session = rig(limits=[{"high": 22, "contact": "no"}], outputs=[], inputs=[])
     held = np.clip(20 * (K - 150), 0, None)  # holds until frame 151
-    upload(session, {**PATH, 3: held}, frames=FRAMES)
+    upload(session, {**PATH, 3: held}, frames=PATH_FRAMES)
     session.accept(p.MotorSetLimits(3, 0, 0, 0, 0, 1), p.RtPositionFrame(121))
     session.wait_idle()
     session.board._board.set_input(22, 0)
@@ -255,7 +255,7 @@ def test_limit_switches():
 def test_a_limit_switch_of_a_motor_that_is_left_out():
     """A motor under live control does not move, so its switch refuses nothing."""
     session = rig(limits=[{"high": 22, "contact": "no"}], outputs=[], inputs=[])
-    upload(session, {**PATH, 3: 20 * K}, frames=FRAMES)
+    upload(session, {**PATH, 3: 20 * K}, frames=PATH_FRAMES)
     session.accept(p.MotorSetLimits(3, 0, 0, 0, 0, 1), p.RtPositionFrame(121))
     session.wait_idle()
     session.board._board.set_input(22, 0)

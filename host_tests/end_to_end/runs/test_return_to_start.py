@@ -5,7 +5,7 @@ import pytest
 
 from framestep_tools import payloads as p
 from framestep_tools.judge.judge import frame_times_ns
-from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played, section
+from host_tests.end_to_end.runs.moves import FRAMES, MOVE, assert_played, section
 from host_tests.end_to_end.session import assert_within, run_request
 
 

@@ -9,7 +9,7 @@ from framestep_tools import payloads as p
 from framestep_tools.client.client import RequestRefused
 from framestep_tools.client.refusals import explain
 from framestep_tools.judge.judge import judge
-from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played
+from host_tests.end_to_end.runs.moves import FRAMES, MOVE, assert_played
 from host_tests.end_to_end.session import run_request, simulated
 
 

@@ -8,7 +8,7 @@ from framestep.pulse import stepper
 from framestep_tools import payloads as p
 from framestep_tools.judge.judge import frame_times_ns, judge
 from framestep_tools.simulator.boards import SimulatedBoard
-from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played, section
+from host_tests.end_to_end.runs.moves import FRAMES, MOVE, assert_played, section
 from host_tests.end_to_end.session import Session, assert_within, deceleration, run_request
 
 # ---- RUN_MOVE, GO, RT_END ------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import pytest
 from framestep.protocol.messages import LARGEST_PAYLOAD
 from framestep_tools import payloads as p
 from host_tests.end_to_end.realtime import edges
-from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played
+from host_tests.end_to_end.runs.moves import FRAMES, MOVE, assert_played
 from host_tests.end_to_end.session import run_request
 
 

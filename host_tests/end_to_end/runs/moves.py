@@ -1,22 +1,42 @@
-"""The path of the JOG_ALL tests, and whether a session has followed it."""
+"""The moves that tests of runs and of JOG_ALL share, and verdicts on how they were played."""
 
 import numpy as np
 
 from framestep_tools import payloads as p
+from framestep_tools.judge.judge import judge
 from host_tests.end_to_end.session import assert_within
 
-FRAMES = 241
+# ---- a run
+
+FRAMES = 25
+# A motor at constant speed, one that swings, one that holds in the middle
+MOVE = {
+    1: 100 + 60 * np.arange(FRAMES),
+    2: np.round(400 * np.sin(np.arange(FRAMES) * 0.3)).astype(int),
+    4: np.concatenate((np.zeros(8, int), 20 * np.arange(9), np.full(8, 160))),
+}
 
 
-K = np.arange(FRAMES)
+def section(first, last, start_frame=1):
+    """Return the positions of MOVE from one scene frame to another, in the order of play."""
+    step = 1 if last >= first else -1
+    return {
+        m: steps[np.arange(first, last + step, step) - start_frame] for m, steps in MOVE.items()
+    }
 
 
+def assert_played(rig, before, positions, fps, **more):
+    verdict = judge(rig.trace(), positions, round(fps * 1000), before, rig.positions, **more)
+    assert verdict.good, verdict.complaints
+    return verdict
+
+
+# ---- JOG_ALL
+
+PATH_FRAMES = 241
+K = np.arange(PATH_FRAMES)
 PATH = {1: 100 * K, 2: np.round(3000 * np.sin(K * 0.05)).astype(int)}
-
-
 PER_FRAME = 100
-
-
 ACCELERATION = 4.0  # frames/s²
 
 
