@@ -1,5 +1,5 @@
-"""Runs on MicroPython and on CPython: calls of functions that have a form of their own on a board,
-with the heap locked.
+"""Runs on MicroPython and on CPython: calls of functions of numbers and memory, with the heap
+locked.
 
 Lines on standard input: module, name and arguments, which are numbers, or memory in hex after its
 type: b bytes, w words; `=0`: the memory of argument 0. The answer: the result, and the
@@ -38,7 +38,9 @@ def call(function, a):
             return function(a[0])
         if count == 3:
             return function(a[0], a[1], a[2])
-        return function(a[0], a[1], a[2], a[3], a[4])
+        if count == 5:
+            return function(a[0], a[1], a[2], a[3], a[4])
+        return function(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7])
     finally:
         heap_unlock()
 
