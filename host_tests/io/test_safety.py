@@ -51,36 +51,56 @@ class Switches:
         return found
 
 
-@pytest.mark.parametrize(("contact", "pressed"), [("nc", 1), ("no", 0)])
-def test_estop(contact, pressed):
-    switches = Switches(estop=contact)
-    safety = switches.safety
-    switches.pins.put(ESTOP, 1 - pressed)
+@pytest.fixture(params=["nc", "no"])
+def estop(request):
+    """Return Switches with a released E-stop, and a function that presses and releases it."""
+    switches = Switches(estop=request.param)
+
+    def press(on):
+        switches.pins.put(ESTOP, on == (request.param == "nc"))
+
+    press(False)
     assert not switches.poll(50)
-    assert not safety.tripped
+    return switches, press
+
+
+def test_a_released_estop_is_no_news(estop):
+    switches, _ = estop
+    assert not switches.safety.tripped
     assert switches.reports() == []
-    switches.pins.put(ESTOP, pressed)
+
+
+def test_a_pressed_estop_trips_at_once_and_is_reported_once(estop):
+    switches, press = estop
+    press(True)
     assert switches.poll()
-    assert safety.tripped
+    assert switches.safety.tripped
     assert switches.reports() == [(m.HARD_STOP_GENERAL,)]
     assert not switches.poll(100)
-    assert safety.tripped
+    assert switches.safety.tripped
     assert switches.reports() == []
-    switches.pins.put(ESTOP, 1 - pressed)
-    assert not switches.poll(RELEASE_MS)
-    assert safety.tripped
-    switches.pins.put(ESTOP, pressed)  # it bounces
-    assert not switches.poll()
-    assert safety.tripped
-    assert switches.reports() == []
-    switches.pins.put(ESTOP, 1 - pressed)
-    assert not switches.poll(RELEASE_MS)
-    assert safety.tripped
-    assert not switches.poll()
-    assert not safety.tripped
-    switches.pins.put(ESTOP, pressed)
+
+
+def test_an_estop_counts_as_released_when_it_has_not_bounced_for_a_while(estop):
+    switches, press = estop
+    press(True)
+    switches.poll()
+    switches.reports()
+    for _ in range(2):
+        press(False)
+        assert not switches.poll(RELEASE_MS)
+        assert switches.safety.tripped
+        press(True)  # it bounces: that is no other stop
+        assert not switches.poll()
+        assert switches.safety.tripped
+        assert switches.reports() == []
+    press(False)
+    switches.poll(RELEASE_MS)
+    assert switches.safety.tripped
+    switches.poll()
+    assert not switches.safety.tripped
+    press(True)
     assert switches.poll()
-    assert safety.tripped
     assert switches.reports() == [(m.HARD_STOP_GENERAL,)]
 
 

@@ -82,11 +82,8 @@ REQUESTS = (
 )
 
 
-@pytest.mark.needs("ramped E-stop", only=("1-moves", "4-moves"))
-@pytest.mark.needs("prompt")
-@pytest.mark.parametrize("motion", MOTIONS)
-@pytest.mark.parametrize("factor", [1, 4])
-def test_estop(motion, factor):
+def estop_pressed(motion, factor=1):
+    """Press the E-stop in a motion; return the session, the motors, and when that was."""
     session = simulated({"estop": "nc", "hard_stop_factor": factor})
     session.run(0.01)
     assert [message for _, message in session.events(HardStop)] == [HardStop(0)]  # its wire is off
@@ -94,7 +91,15 @@ def test_estop(motion, factor):
     motors = start(session, motion)
     session.client.events.clear()
     set_input(session, "estop", 1)
-    pressed = session.now
+    return session, motors, session.now
+
+
+@pytest.mark.needs("ramped E-stop", only=("1-moves", "4-moves"))
+@pytest.mark.needs("prompt")
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("factor", [1, 4])
+def test_the_estop_stops_all_motors_on_their_ramps_and_says_so(motion, factor):
+    session, motors, pressed = estop_pressed(motion, factor)
     session.run(1)
     assert not session.moving
     ((reported, message),) = session.events(HardStop)
@@ -109,8 +114,13 @@ def test_estop(motion, factor):
         # no motor moves for longer than a ramp from its top speed and the queued ticks take
         longest = VELOCITY / (factor * ACCELERATION) + 0.006
         assert not len(late) or late[-1] - pressed <= longest
-    ends = session.events(RtEnd)
-    assert len(ends) == (motion not in ("moves", "jog all"))
+    assert len(session.events(RtEnd)) == (motion not in ("moves", "jog all"))
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_nothing_moves_after_the_estop_until_it_is_released_and_asked_to(motion):
+    session, _, _ = estop_pressed(motion)
+    session.run(1)
     session.forget()
     session.refuse(m.ERR_GENERAL, *REQUESTS)
     set_input(session, "estop", 0)
@@ -118,7 +128,6 @@ def test_estop(motion, factor):
     assert not session.moving
     assert not session.events(HardStop)
     assert not session.events(RtEnd)
-    # nothing starts by itself
     assert not [signal for signal in session.trace().signals if signal.startswith("m")]
     session.refuse(m.ERR_GENERAL, RtGo())
     session.accept(MotorJog(3, 10000, 500))
