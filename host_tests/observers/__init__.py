@@ -43,7 +43,7 @@ OBSERVERS = {
 }
 ON_PINS = set(OBSERVERS) - {"late", "masked", "replay"}  # what a board's port and pins show
 ON_CHIPS = ON_PINS | {"late", "masked"}
-FED_BY_EACH = {"answers", "late", "masked"}  # by any ten scenarios
+FED_BY_EACH = {"answers", "late", "masked"}  # by any share of ten scenarios
 
 watches: list | None = None  # of the boards of a module's sessions, if they are observed
 

@@ -14,7 +14,7 @@ from host_tests.observers import FED_BY_EACH, OBSERVERS
 FILE = ROOT / "build" / "scenarios.md"
 SCENARIOS = ROOT / "host_tests" / "end_to_end"
 _COLUMNS = ("subject", "target", "scenarios", *OBSERVERS)
-_SOME = 10  # scenarios, which feed observers that all scenarios feed
+_SOME = 10  # scenarios: fewer prove nothing
 _HEAD = "".join(f"* {name}: {what}\n" for name, what in OBSERVERS.items())
 
 
@@ -22,13 +22,14 @@ class Table:
     """A plugin of pytest. It counts scenarios in which an observer had something to compare.
 
     feeds: the observers that the target can feed. If all scenarios are played, each of them has to
-    have watched one; in a run of some, those that any scenarios feed.
+    have watched one; in a share of them, those that any scenarios feed. A chosen part proves
+    nothing.
     """
 
-    def __init__(self, target: str, feeds: set[str], file: Path = FILE):
-        self.target, self.feeds, self.file = target, feeds, file
+    def __init__(self, target: str, feeds: set[str], share: int = 1, file: Path = FILE):
+        self.target, self.feeds, self.share, self.file = target, feeds, share, file
         self.rows: dict[str, Counter[str]] = {}
-        self.whole = False
+        self.chosen = True
         self.failure = ""
 
     def played(self, path: Path) -> None:
@@ -46,22 +47,21 @@ class Table:
     def pytest_collection_modifyitems(self, config: Any, items: list[pytest.Item]) -> None:
         option = config.option
         files = {item.path for item in items}
-        part = option.keyword or option.markexpr or option.near or option.share > 1
-        self.whole = not part and files >= set(SCENARIOS.rglob("test_*.py"))
+        part = option.keyword or option.markexpr or option.near
+        self.chosen = bool(part) or not files >= set(SCENARIOS.rglob("test_*.py"))
 
     def unfed(self) -> set[str]:
         """Return the observers that had nothing to watch, though they should."""
         fed = {name for row in self.rows.values() for name, count in row.items() if count}
-        if self.whole:
-            return self.feeds - fed
-        some = sum(row["scenarios"] for row in self.rows.values()) >= _SOME
-        return self.feeds & FED_BY_EACH - fed if some else set()
+        if self.chosen or sum(row["scenarios"] for row in self.rows.values()) < _SOME:
+            return set()
+        return (self.feeds if self.share == 1 else self.feeds & FED_BY_EACH) - fed
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         if hasattr(session.config, "workeroutput"):
             rows = {subject: dict(row) for subject, row in self.rows.items()}
-            session.config.workeroutput["observers"] = rows, self.whole
+            session.config.workeroutput["observers"] = rows, self.chosen
         elif self.rows:
             self._write()
             if not session.testsfailed and (unfed := self.unfed()):
@@ -70,10 +70,10 @@ class Table:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: Any) -> None:
-        rows, whole = getattr(node, "workeroutput", {}).get("observers", ({}, False))
+        rows, chosen = getattr(node, "workeroutput", {}).get("observers", ({}, True))
         for subject, row in rows.items():
             self.rows.setdefault(subject, Counter()).update(row)
-        self.whole |= whole
+        self.chosen &= chosen
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         if self.failure:

@@ -140,29 +140,30 @@ def run_of(table, subject, scenarios, *observers):
 
 
 @pytest.mark.parametrize(
-    "whole, scenarios, observers, missing",
+    "chosen, share, scenarios, observers, missing",
     [
-        (True, 3, ("answers", "late", "quiet"), ""),
-        (True, 3, ("answers", "late"), "quiet"),
-        (False, 20, ("answers", "late"), ""),
-        (False, 20, ("answers", "quiet"), "late"),
-        (False, 3, (), ""),
+        (False, 1, 10, ("answers", "late", "quiet"), ""),
+        (False, 1, 10, ("answers", "late"), "quiet"),
+        (False, 5, 10, ("answers", "late"), ""),
+        (False, 5, 10, ("answers", "quiet"), "late"),
+        (False, 5, 9, (), ""),
+        (True, 1, 10, (), ""),
     ],
 )
 def test_a_run_fails_if_an_observer_has_watched_nothing(
-    whole, scenarios, observers, missing, tmp_path
+    chosen, share, scenarios, observers, missing, tmp_path
 ):
-    table = Table("chip", {"answers", "late", "quiet"}, tmp_path / "table.md")
-    table.whole = whole
+    table = Table("chip", {"answers", "late", "quiet"}, share, tmp_path / "table.md")
+    table.chosen = chosen
     assert run_of(table, "io", scenarios, *observers) == bool(missing)
     assert table.failure == (missing and f"on chip nothing to watch for: {missing}")
 
 
 def test_the_table_keeps_the_rows_of_other_runs(tmp_path):
     file = tmp_path / "table.md"
-    run_of(Table("host", set(), file), "runs", 4, "answers", "frames")
-    run_of(Table("chip", set(), file), "runs", 2, "late")
-    run_of(Table("chip", set(), file), "runs", 3, "answers")
+    run_of(Table("host", set(), file=file), "runs", 4, "answers", "frames")
+    run_of(Table("chip", set(), file=file), "runs", 2, "late")
+    run_of(Table("chip", set(), file=file), "runs", 3, "answers")
     rows = [
         line.split(" | ") for line in file.read_text().splitlines() if line.startswith("| runs")
     ]

@@ -140,7 +140,8 @@ def install(config: pytest.Config) -> None:
         boards.SimulatedBoard = session.SimulatedBoard = target.Target  # type: ignore[misc]
     config.pluginmanager.register(Scenarios(target, config.getoption("--share")))
     feeds = getattr(target, "FEEDS", ON_PINS | {"replay"})
-    config.pluginmanager.register(Table(name, feeds), "observers")
+    table = Table(name, feeds, config.getoption("--share"))
+    config.pluginmanager.register(table, "observers")
 
 
 # ---- a share of the scenarios of a target, as a test --------------------------------------------

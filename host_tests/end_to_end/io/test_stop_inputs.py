@@ -117,6 +117,7 @@ def test_the_estop_stops_all_motors_on_their_ramps_and_says_so(motion, factor):
     assert len(session.events(RtEnd)) == (motion not in ("moves", "jog all"))
 
 
+@pytest.mark.needs("ramped E-stop")
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_nothing_moves_after_the_estop_until_it_is_released_and_asked_to(motion):
     session, _, _ = estop_pressed(motion)

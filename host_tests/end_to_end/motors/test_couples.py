@@ -71,6 +71,7 @@ def test_the_stricter_setting_counts_in_any_order(at, flag, sense):
     assert_together(session, sense)
 
 
+@pytest.mark.needs("ramped E-stop", only=("estop",))
 @pytest.mark.parametrize("flag, sense", [(COUPLE, 1), (REVERSED, -1)])
 @pytest.mark.parametrize(
     "cause", ["estop", "leader's limit", "follower's limit", "two STOP_ALL", "STOP", "port closed"]
