@@ -20,7 +20,8 @@ from framestep_tools.building import images
 from framestep_tools.building.board_files import ROOT, board_modules
 from framestep_tools.client.client import Client
 from framestep_tools.payloads import Hi, MotorMove, MotorSetSpeed, MotorStatus, MotorStopAll
-from host_tests.board.test_overlay import BACKLASH, STEP, TICK, edited, seven_more
+from host_tests.board.modules import edited
+from host_tests.board.test_overlay import BACKLASH, STEP, TICK, seven_more
 
 RIG = b'{"name": "my crane"}'
 PATIENCE_S = 300
