@@ -36,9 +36,15 @@ PACKAGES = {
     "framestep_tools": {"framestep", "flash_images", "framestep_emulator", "framestep_tools"},
 }
 FOLDERS = {name: ROOT / "tools" / name for name in PACKAGES} | {"framestep": FIRMWARE / "framestep"}
-# All that the conformance kit knows of framestep: frames, edges, and an arm's position by the
-# specification's mathematics
-FOR_CONFORM = {"conform", "client.wire", "judge.trace", "judge.virtual_reference"}
+# All that the conformance kit knows of framestep: frames, edges, what a limit allows, and an arm's
+# position by the specification's mathematics
+FOR_CONFORM = {
+    "conform",
+    "client.wire",
+    "judge.motion_limits",
+    "judge.trace",
+    "judge.virtual_reference",
+}
 
 
 def modules(folder: Path) -> list[Path]:
