@@ -1,5 +1,5 @@
-"""The prototype of an engine for more than twelve motors (bench/shift_registers.py): steps behind
-the shift registers of an emulated Pico 2, compared with those of PIO's model."""
+"""The prototype of an engine for more than twelve motors (bench/shift_registers.py), on an emulated
+Pico 2: the steps behind its shift registers are those that the model of PIO's engine makes."""
 
 import numpy as np
 import pytest

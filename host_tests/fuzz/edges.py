@@ -169,7 +169,7 @@ class Edges(Part):
 
 
 def _spans(count, jerk):
-    """Yield (order of the difference, its span in ms), of which so many fit: powers of 2."""
+    """Yield (order of the difference, its span in ms): powers of 2 that fit into `count` ms."""
     for order in (VELOCITY, ACCELERATION, JERK)[: 3 if jerk else 2]:
         w = 1 if order == VELOCITY else 2
         while order * w < count and w <= _WIDEST:

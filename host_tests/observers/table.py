@@ -81,7 +81,7 @@ class Table:
             terminalreporter.write_line(f"{self.failure} (observers/table.py)")
 
     def _write(self) -> None:
-        """Renew this run's rows; those of other runs stay."""
+        """Write the table: this run's rows, and those that other runs have left."""
         self.file.parent.mkdir(exist_ok=True)
         with self.file.open("a+") as file:
             fcntl.flock(file, fcntl.LOCK_EX)  # other processes play other subjects

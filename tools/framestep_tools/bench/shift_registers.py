@@ -211,7 +211,7 @@ class Prototype:
         self.repl.exec(f"board.axes.stop()\nrun({_STOP_MS})")
 
     def complaints(self) -> list[str]:
-        """Return what has gone wrong since the start."""
+        """Return the names of the faults since the start."""
         _, _, faults, lost, misses = self.eval("board.state()")
         found = {"faults": faults, "lost commands": any(lost), "the ring ran dry": misses}
         return [name for name, value in found.items() if value]

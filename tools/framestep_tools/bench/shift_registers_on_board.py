@@ -2,9 +2,9 @@
 to chains of 74HC595, sixteen motors each. Runs on the emulated board, for shift_registers.py.
 
 A word of 32 levels lasts 4 µs: bit 2n is the step of a chain's motor n, bit 2n + 1 its direction.
-The tick and its commands are those of the ESP32's engine (hal/stream.py); `paint` is, too, without
-what I2S demands. DMA plays a ring of BLOCKS ticks, and interrupts as each begins. The interrupt
-does a tick and paints its words.
+The tick and its commands are those of the ESP32's engine (hal/stream.py). `paint` is its painting,
+copied, without what I2S demands. DMA plays a ring of BLOCKS ticks, and interrupts as each begins.
+The interrupt does a tick and paints its words.
 
 A played block is filled with zeros by DMA itself. So words are played once, however late the
 interrupt comes; a ring that has run dry is silent. The program sends zeros, too, if DMA ends.
