@@ -31,6 +31,7 @@ from framestep.protocol import messages as m
 from framestep.protocol.checksum import fletcher16
 from framestep.protocol.frames import END, FILL, NEXT, TAKE
 from framestep.pulse import stepper
+from framestep.pulse.engine import MOTORS
 
 _READER = const(0)  # addresses of the states of reader and writer
 _WRITER = const(1)
@@ -48,6 +49,7 @@ _ACK = const(m.MSG_FLAG_ACK >> 8)
 _SKIPPED = const(2)
 _ANY_RATE = const(0x3FFFFFFF)
 _LARGEST = const(4 * 16)
+_THIRD_BYTE = const(MOTORS >> 4)  # 0 if MOTOR_STATUS' bits of all motors fit two bytes
 
 
 def make_answers(controller):
@@ -250,6 +252,8 @@ def answer(controller, questions, at: int, place) -> int:
         to[10] = moving & 0xFF
         to[11] = moving >> 8
         to[12] = 0
+        if _THIRD_BYTE:
+            to[12] = moving >> 16
         to[13] = 0
         to[14] = 1 if x[RAMPING] else 0
         size = 15

@@ -15,7 +15,7 @@ from array import array
 
 from framestep.base.clock import elapsed
 from framestep.base.native import const
-from framestep.io.safety import LOWER
+from framestep.io.safety import AT_LOWER, AT_UPPER, LOWER
 from framestep.motion import reals
 from framestep.motors import bounds
 from framestep.motors.axis import MOTION_ACCELERATION, MOTION_VELOCITY
@@ -151,12 +151,11 @@ class Seeker:
         which is then not reported."""
         own = 1 << self.motor
         safety = self.safety
-        end = self.motor if self.away else self.motor + LOWER
-        both = own | (own << LOWER)
+        end, other = (AT_UPPER, AT_LOWER) if self.away else (AT_LOWER, AT_UPPER)
         others = safety.is_active(self.pins & ~self.pin)
-        if not bits & own or safety.at_limit & both != 1 << end or others:
+        if not bits & own & safety.words[end] & ~safety.words[other] or others:
             return False
-        safety.reported(end)
+        safety.reported(self.motor if self.away else self.motor + LOWER)
         return True
 
     def restore(self):

@@ -276,8 +276,8 @@ def test_power_cuts_at_any_time(steps):
 
 def test_wear():
     """Wear as in docs/use/safety.md: blocks take turns, and one erasure serves all slots of a
-    block."""
-    flash = HostFlash(4, 4096 - 256)
+    block. 30 slots of a board with up to twelve motors take 4 kB."""
+    flash = HostFlash(4, 30 * SLOT_BYTES)
     powered = PoweredUp(flash)
     powered.put(0, 0, 0)
     records = 4 * 30 * 5

@@ -12,7 +12,8 @@ record before it counts, whose mark was cleared when the motion began.
 
 Wear. A block takes `slots` records until it is erased, and the blocks take turns. With four blocks
 of 30 slots, and flash good for 100 000 erasures, that is 12 million records: 2000 a day for 16
-years. A block is erased (46 ms without interrupts) when a record is written, never before a motion.
+years; half as many on a chip with more than twelve motors. A block is erased (46 ms without
+interrupts) when a record is written, never before a motion.
 
 Nothing allocates after construction.
 """
@@ -25,9 +26,11 @@ from framestep.motion.reals import copy_word
 from framestep.motors.backlash import LOAD
 from framestep.motors.positions import LOST
 from framestep.pulse import stepper
+from framestep.pulse.engine import MOTORS
 
 STILL_MS = const(2000)
-SLOT_BYTES = const(128)
+_ROOM = const(12 << MOTORS // 13)  # motors in a record: 12, or 24 on chips with more
+SLOT_BYTES = const(128 << MOTORS // 13)
 PAGE_BYTES = const(256)
 
 # Words of a record
@@ -35,10 +38,10 @@ NUMBER = const(0)  # counts up from record to record
 FORM = const(1)  # LAYOUT and the number of motors
 LOST_ONES = const(2)  # motors whose position was lost, one bit each
 LOAD_POSITIONS = const(3)  # positions of the loads
-STEPS = const(15)  # positions of the motors; the difference is the offset
-CHECK = const(30)  # CRC-32 of the words before it
-MARK = const(31)  # -1 while the record is true
-_WORDS = const(32)
+STEPS = const(LOAD_POSITIONS + _ROOM)  # positions of the motors; the difference is the offset
+CHECK = const(SLOT_BYTES // 4 - 2)  # CRC-32 of the words before it
+MARK = const(SLOT_BYTES // 4 - 1)  # -1 while the record is true
+_WORDS = const(SLOT_BYTES // 4)
 LAYOUT = const(0x100)
 _CRC = const(-306674912)  # 0xEDB88320, the polynomial of CRC-32, reflected
 

@@ -21,6 +21,7 @@ from framestep.base.clock import elapsed
 from framestep.base.native import addressof, as_word, const, micropython, ptr32
 from framestep.motors.feeder import coupled
 from framestep.motors.rates import ACCELERATION_LIMIT, kernel_rate
+from framestep.pulse.engine import MOTORS
 from framestep.pulse.stepper import (
     DOWN,
     HELD,
@@ -36,8 +37,8 @@ from framestep.pulse.stepper import (
 
 RELEASE_MS = const(20)
 _READINGS = const(3)  # after the first one
-ESTOP = const(24)  # result of unreported(): the E-stop was pressed
-LOWER = const(12)  # result of unreported(): motor 0 is at its lower limit; see _approaching()
+LOWER = const(MOTORS)  # result of unreported(): motor 0 is at its lower limit
+ESTOP = const(2 * MOTORS)  # result of unreported(): the E-stop was pressed
 _STANDSTILL = const(4194)  # lower velocities count as rest: a step per second, Q22 steps per tick
 
 # Words of Safety.words
@@ -47,14 +48,23 @@ _SEEN = const(2)  # switches active at the last reading
 ACTIVE = const(3)  # these, and switches that were active less than RELEASE_MS ago
 _SINCE = const(4)  # time of the last change of _SEEN
 CAUGHT = const(5)  # switches that an interrupt has found active
-_AT_LIMIT = const(6)  # motors that it has stopped at a limit, as returned by _approaching()
-_MOVED = const(7)  # motors that moved when it found the E-stop pressed
-_ESTOP = const(8)  # bit of the E-stop, or 0
-_EVERYONE = const(9)  # one bit per motor
-_STEEPEST = const(10)  # the steepest ramp of a stop, and the factor: see stepper.halt()
-_FACTOR = const(11)
-_COUNT = const(12)  # number of motors; for each of them three words follow:
-_MOTORS = const(13)
+# motors that it has stopped at their upper and at their lower limit, a bit each: see _approaching()
+_CAUGHT_UPPER = const(6)
+_CAUGHT_LOWER = const(7)
+AT_UPPER = const(8)  # motors being stopped there
+AT_LOWER = const(9)
+_REACH_UPPER = const(10)  # motors found on the way there by the present poll()
+_REACH_LOWER = const(11)
+_DUE_UPPER = const(12)  # reports that are due
+_DUE_LOWER = const(13)
+_DUE_ESTOP = const(14)
+_MOVED = const(15)  # motors that moved when it found the E-stop pressed
+_ESTOP = const(16)  # bit of the E-stop, or 0
+_EVERYONE = const(17)  # one bit per motor
+_STEEPEST = const(18)  # the steepest ramp of a stop, and the factor: see stepper.halt()
+_FACTOR = const(19)
+_COUNT = const(20)  # number of motors; for each of them three words follow:
+_MOTORS = const(21)
 _BLOCK = const(0)  # address of its state block
 _UPPER_PIN = const(1)  # of the limit switch at its upper end, or 0
 _LOWER_PIN = const(2)
@@ -64,29 +74,29 @@ _MOVES = const(RUN | STOP)  # modes
 
 
 @micropython.viper
-def _update(w: ptr32, levels: int, now: int) -> int:
-    """Update with levels and what interrupts have found. Return _AT_LIMIT. Interrupts are off."""
+def _update(w: ptr32, levels: int, now: int):
+    """Update with levels and what interrupts have found, which begins _REACH_UPPER and
+    _REACH_LOWER. Interrupts are off."""
     seen = (levels ^ w[REST]) & w[SWITCHES]
-    struck = w[_AT_LIMIT]
     if (seen ^ w[_SEEN]) | w[CAUGHT]:
         w[_SEEN] = seen
         w[_SINCE] = now
     seen |= w[CAUGHT]
     w[CAUGHT] = 0
-    w[_AT_LIMIT] = 0
+    w[_REACH_UPPER] = w[_CAUGHT_UPPER]
+    w[_REACH_LOWER] = w[_CAUGHT_LOWER]
+    w[_CAUGHT_UPPER] = 0
+    w[_CAUGHT_LOWER] = 0
     if elapsed(now, w[_SINCE]) >= RELEASE_MS:
         w[ACTIVE] = seen
     else:
         w[ACTIVE] = w[ACTIVE] | seen
-    return struck
 
 
 @micropython.viper
-def _approaching(w: ptr32, active: int) -> int:
-    """Return the motors that move toward an active limit.
-
-    Upper limits have the bits from 0 on, lower limits from LOWER on.
-    """
+def _approaching(w: ptr32, active: int, to: int) -> int:
+    """Return the motors that move toward an active limit. Add those at upper limits to w[to], those
+    at lower ones to w[to + 1]."""
     bits = 0
     bit = 1
     at = _MOTORS
@@ -95,16 +105,17 @@ def _approaching(w: ptr32, active: int) -> int:
         block = ptr32(w[at + _BLOCK])
         pins = w[at + _UPPER_PIN]
         v = block[VELOCITY]
-        end = bit
+        end = to
         if block[DOWN]:
             pins = w[at + _LOWER_PIN]
             v = 0 - v
-            end <<= LOWER
+            end += 1
         # Check velocity and pulses: the end of a motion away may tremble within a step. With a
         # SPAN of its own the motor comes to rest within this tick; see stepper.halt().
         if pins & active and v > _STANDSTILL and block[MODE] & _MOVES:
             if block[SPAN] == block[WHOLE_SPAN]:
-                bits |= end
+                bits |= bit
+                w[end] = w[end] | bit
         bit <<= 1
         at += _MOTOR_WORDS
         n -= 1
@@ -166,8 +177,6 @@ class Safety:
             words[_ESTOP] = self._switch(hal.board["estop"], rig.estop)
         self._here = array("i", [0])
         self.tripped = False  # the E-stop is held
-        self.at_limit = 0  # motors being stopped at a limit, as returned by _approaching()
-        self._reports = 0  # that are due: 1 << ESTOP, and bits of _approaching()
         if self.words[SWITCHES]:
             hal.watch(self.words[SWITCHES], self.on_switch_change)
 
@@ -305,46 +314,47 @@ class Safety:
             h = ptr32(header)
             h[HELD] = 1
         else:
-            bits = int(_approaching(words, active))
+            bits = int(_approaching(words, active, _CAUGHT_UPPER))
             if bits == 0:
                 return
-            w[_AT_LIMIT] = w[_AT_LIMIT] | bits
-            bits = int(coupled(self.block, (bits | bits >> LOWER) & (1 << LOWER) - 1))
+            bits = int(coupled(self.block, bits))
         halt(self.block, bits, w[_STEEPEST], w[_FACTOR])
 
     def poll(self, now, levels):
         """Read the switches. Needed only while one is active, or has been until now.
 
         now: milliseconds modulo 2^29. levels: Hal.levels(). Return whether the caller has to act:
-        `tripped` has become True, or motors have been added to `at_limit`.
+        `tripped` has become True, or a motor has come to a limit.
         """
         words = self.words
         levels = self._steady(levels)
         irq = self.hal.irq_off()
-        bits = _update(words, levels, now)
+        _update(words, levels, now)
         if words[ACTIVE] & words[_ESTOP] == 0:
             self.header[HELD] = words[_MOVED] = 0
         self.hal.irq_on(irq)
-        return self._judge(words, bits)
+        return self._judge(words)
 
-    def _judge(self, words, bits):
-        """Update `tripped` and `at_limit`. bits: of _AT_LIMIT. Return as in poll()."""
+    def _judge(self, words):
+        """Update `tripped`, AT_UPPER and AT_LOWER. Return as in poll()."""
         news = False
         held = words[ACTIVE] & words[_ESTOP] != 0
         if held != self.tripped:
             self.tripped = held
-            self._reports = self._reports & ~(1 << ESTOP) | (1 << ESTOP if held else 0)
+            words[_DUE_ESTOP] = 1 if held else 0
             news = held
-        bits |= _approaching(words, words[ACTIVE])
-        fresh = bits & ~self.at_limit
-        if fresh and self.shared:
-            for motor in range(self.axes.count):
-                if ((fresh | fresh >> LOWER) >> motor) & 1:
-                    self.shared.take(motor, (fresh >> motor) & 1, words[ACTIVE])
-        self.at_limit = bits
-        if fresh:
-            self._reports |= fresh
-            news = True
+        _approaching(words, words[ACTIVE], _REACH_UPPER)
+        for lower in range(2):
+            bits = words[_REACH_UPPER + lower]
+            fresh = bits & ~words[AT_UPPER + lower]
+            words[AT_UPPER + lower] = bits
+            if fresh:
+                words[_DUE_UPPER + lower] |= fresh
+                news = True
+                if self.shared:
+                    for motor in range(self.axes.count):
+                        if (fresh >> motor) & 1:
+                            self.shared.take(motor, 1 - lower, words[ACTIVE])
         return news
 
     @property
@@ -358,7 +368,7 @@ class Safety:
 
     def motors_at_limit(self):
         """Return the motors to be stopped at a limit, a bit each; of coupled motors the leader."""
-        bits = self.at_limit | (self.at_limit >> LOWER)
+        bits = self.words[AT_UPPER] | self.words[AT_LOWER]
         motors = 0
         for i in range(self.axes.count):
             if (bits >> i) & 1:
@@ -372,19 +382,26 @@ class Safety:
         ESTOP; a motor (from 0) that has come to its upper limit; or LOWER plus a motor that has
         come to its lower one.
         """
-        bits = self._reports
-        if bits >> ESTOP:
+        words = self.words
+        if words[_DUE_ESTOP]:
             return ESTOP
-        if bits:
-            for i in range(2 * LOWER):
-                if (bits >> i) & 1:
-                    return i
+        for lower in range(2):
+            bits = words[_DUE_UPPER + lower]
+            if bits:
+                motor = 0
+                while not (bits >> motor) & 1:
+                    motor += 1
+                return motor + LOWER * lower
         return -1
 
     def reported(self, what):
         """Note that a result of unreported() has been reported."""
-        self._reports &= ~(1 << what)
+        if what == ESTOP:
+            self.words[_DUE_ESTOP] = 0
+        else:
+            lower = what // LOWER
+            self.words[_DUE_UPPER + lower] &= ~(1 << what - LOWER * lower)
 
     def drop_limit_reports(self):
         """Drop the reports of stops at limits."""
-        self._reports &= 1 << ESTOP
+        self.words[_DUE_UPPER] = self.words[_DUE_LOWER] = 0

@@ -53,6 +53,8 @@ CUE_DELAY_US = const(12)  # from the beginning of a tick to its change of output
 COMMANDS = const(8)  # that can wait for each motor
 BATCH = const(1)  # most ticks done at a time
 
+MOTORS = const(24)  # at most; the build puts the chip's own number here (boards/chips.json)
+
 # How commands and outputs leave the tick. 0: a command is written to a register of the motor; one
 # register raises the pins of a mask, another lowers them. 1: each motor has a ring of COMMANDS
 # words (a power of 2) in memory, followed by the count of words ever put; outputs are one word of

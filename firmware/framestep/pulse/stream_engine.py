@@ -38,6 +38,8 @@ CUE_DELAY_US = const(0)
 COMMANDS = const(8)
 BATCH = const(48)
 
+MOTORS = const(24)
+
 RING = const(1)
 
 # Only for this engine

@@ -2,12 +2,12 @@
 
 from framestep.base.native import const
 from framestep.motors.rates import DEFAULT_ACCELERATION, DEFAULT_VELOCITY
-from framestep.rig.settings import NO_PIN, RigError, read
+from framestep.rig.settings import MOST, NO_PIN, RigError, read
 
 # fmt: off
 # same columns as the tables of settings.py
 HOME_SETTINGS = {
-    "limit": (int, 1, 12, None, "",
+    "limit": (int, 1, 16, None, "",
         "number of the limit switch set (in `limits`) that contains the home switch"),
     "toward": (str, ("low", "high"), None, "low", "",
         "the end with the switch: toward lower or toward higher positions"),
@@ -28,7 +28,7 @@ HOME_SETTINGS = {
     "square": (int, -100000, 100000, 0, "steps",
         "how much farther the next motor goes from its switch than this one, so that the gantry is "
         "square"),
-    "order": (int, 0, 12, 0, "",
+    "order": (int, 0, MOST, 0, "",
         "motors with lower numbers are homed first"),
 }
 # fmt: on

@@ -1,6 +1,6 @@
 """Settings of a pendant. Loaded only if the rig file has one. Allocates."""
 
-from framestep.rig.settings import NO_PIN, RigError, read
+from framestep.rig.settings import MOST, NO_PIN, RigError, read
 
 # fmt: off
 # same columns as the tables of settings.py
@@ -13,7 +13,7 @@ PENDANT_SETTINGS = {
         "pin of the button that goes on to the next motor, to ground; -1: none, it is motor 1"),
     "step": (int, NO_PIN, 47, NO_PIN, "",
         "pin of the button that goes on from x1 to x10, x100 and back to x1, to ground; -1: none"),
-    "motors": (int, 1, 12, 12, "",
+    "motors": (int, 1, MOST, MOST, "",
         "how many motors, from motor 1 on, the axis button goes through"),
     "click": (int, 1, 10000, 1, "steps", "steps of a click of the wheel at x1"),
     "pull": (str, ("up", "none"), None, "up", "", "the resistors in the chip at A and B"),

@@ -4,7 +4,10 @@ Error texts name the key, the value found and what is allowed. The build leaves 
 a board's image. Allocates.
 """
 
+from framestep.base.native import const
 from framestep.rig.drivers import TYPE_SETTINGS
+
+MOST = const(24)  # motors of any board; Rig checks how many its own has
 
 # fmt: off
 # name: (type, lowest or choices, highest or length, default, unit, meaning)
@@ -38,17 +41,17 @@ SETTINGS = {
         "a motor has made its uploaded steps, the last of them up to a step's time earlier than "
         "without smoothing. Costs a Pico with eight motors 4 % of its time at 60 frames/s"),
     "report_ms": (int, 20, 1000, 100, "ms", "how often positions are sent while something moves"),
-    "motor_count": (int, 0, 12, 0, "",
+    "motor_count": (int, 0, MOST, 0, "",
         "how many motors; the other motors' pins become free. 0: all that the board has"),
     "virtuals": (int, 0, 124, 124, "",
         "virtual axes, a sum: 4 boom-swing-track, 8 swing-pan, 16 Y-swing-track, 32 "
         "X-Y-Z, 64 aim; 0 saves memory"),
-    "motors": (list, 0, 12, [], "", "settings of motor 1, 2, …"),
+    "motors": (list, 0, MOST, [], "", "settings of motor 1, 2, …"),
     "outputs": (list, 0, 16, None, "",
         "general outputs 1, 2, …; by default the board's, see its page"),
     "inputs": (list, 0, 16, None, "",
         "general inputs 1, 2, …; by default the board's, see its page"),
-    "limits": (list, 0, 12, [], "",
+    "limits": (list, 0, 16, [], "",
         "limit switch sets 1, 2, …; a set stops a motor only once the host has assigned it "
         "(SET_LIMITS)"),
     "pendant": (dict, None, None, None, "",

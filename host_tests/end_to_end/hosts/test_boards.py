@@ -1,5 +1,7 @@
 """The controller with the pins and counts of boards other than the Pico, in virtual time."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,15 +18,17 @@ from framestep_tools.payloads import (
     MotorSetLimits,
     RtEnd,
     RtGo,
+    VirtMove,
 )
 from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.session import Session, run_request
+from host_tests.end_to_end.virtual_axes.judging import XYZ, configured, pose
 
 pytestmark = pytest.mark.needs("boards")
 
 
-def session(name, rig=None):
-    board = SimulatedBoard(rig, board=name)
+def session(name, rig=None, motors=None):
+    board = SimulatedBoard(rig, motors, board=name)
     return Session(board, board._board.hal.motors), board
 
 
@@ -46,18 +50,17 @@ def test_example_rig_with_its_switches(name):
     assert not talk.events(HardStop)
 
 
-def test_twelve_motors():
-    """Upload, run to the exact frames, limits of the last motor: everything with a bit or a word
-    per motor."""
-    twelve = tuple(range(1, 13))
-    rig = {"estop": "nc"}
-    talk, board = session("pico2", rig)
+@pytest.mark.parametrize("count", [12, 16, 24])
+def test_many_motors(count):
+    """Upload, run to the exact frames, E-stop: everything with a bit or a word per motor."""
+    every = tuple(range(1, count + 1))
+    talk, board = session("pico2", {"estop": "nc"}, count)
     board._board.set_input("estop", 0)
     talk.run(0.05)
-    assert talk.ask(Hi()).motors == 12
+    assert talk.ask(Hi()).motors == count
     k = np.arange(30)
-    moves = {i: np.round(100 * i * (1 - np.cos(2 * np.pi * k / 29))).astype(int) for i in twelve}
-    for motor in twelve:
+    moves = {i: np.round(100 * i * (1 - np.cos(2 * np.pi * k / 29))).astype(int) for i in every}
+    for motor in every:
         talk.speed(motor, 20_000, 100_000)
     talk.upload(moves)
     talk.ready(run_request(24, 1, 30, 300, 300))
@@ -69,8 +72,8 @@ def test_twelve_motors():
     assert not talk.events(HardStop)
     verdict = judge(talk.trace(), moves, 24_000, stands, talk.positions)
     assert verdict.good, verdict.complaints
-    talk.accept(*(MotorMove(motor, 40_000) for motor in twelve))
-    assert tuple(talk.moving) == twelve
+    talk.accept(*(MotorMove(motor, 40_000) for motor in every))
+    assert tuple(talk.moving) == every
     talk.run(0.3)
     board._board.set_input("estop", 1)
     talk.run(0.5)
@@ -78,18 +81,36 @@ def test_twelve_motors():
     assert [message for _, message in talk.events(HardStop)] == [HardStop(0)]
 
 
-def test_limit_of_the_twelfth_motor():
-    rig = {"motor_count": 12, "limits": [{"high": 23, "contact": "no"}]}
-    talk, board = session("pico2", rig)
-    talk.accept(MotorSetLimits(12, 0, 0, 0, 0, 1))
-    talk.speed(12, 10_000, 50_000)
-    talk.accept(MotorMove(12, 30_000), MotorMove(11, 2000))
+@pytest.mark.parametrize("end", [1, -1], ids=["upper", "lower"])
+@pytest.mark.parametrize("last", [12, 16, 24])
+def test_limit_of_the_last_motor(last, end):
+    """The others go on. Its switch is found again by the pass, whatever the number of motors."""
+    rig = {"limits": [{"high" if end > 0 else "low": 23, "contact": "no"}]}
+    talk, board = session("pico2", rig, last)
+    talk.accept(MotorSetLimits(last, 0, 0, 0, 0, 1))
+    talk.speed(last, 10_000, 50_000)
+    talk.accept(MotorMove(last, 30_000 * end), MotorMove(last - 1, 2000))
     talk.run(0.5)
     board._board.set_input(23, 0)
     talk.run(0.5)
-    assert [message for _, message in talk.events(HardStop)] == [HardStop(1, 12)]
-    talk.refuse(m.ERR_HARD_UP, MotorMove(12, 30_000))
-    assert talk.position(11) == 2000
+    reason, refused = (1, m.ERR_HARD_UP) if end > 0 else (2, m.ERR_HARD_LOW)
+    assert [message for _, message in talk.events(HardStop)] == [HardStop(reason, last)]
+    talk.refuse(refused, MotorMove(last, 30_000 * end))
+    assert talk.position(last - 1) == 2000
+    assert not talk.moving
+
+
+@pytest.mark.parametrize("last", [16, 24])
+def test_virtual_axes_of_the_last_motors(last):
+    """The camera goes along its line by motors with high numbers only."""
+    axes = tuple(replace(axis, motor=last - i) for i, axis in enumerate(XYZ.axes))
+    talk = configured(replace(XYZ, axes=axes), motors=last)
+    before = pose(talk)
+    talk.accept(VirtMove(m.VIRT_MOTOR_EW, round(100000 * (before[1] + 5))))
+    talk.run(0.2)
+    assert talk.moving
+    talk.wait_idle()
+    assert pose(talk) == pytest.approx(before + [0, 5, 0, 0, 0, 0], abs=0.01)
 
 
 @pytest.mark.parametrize("name", board_names())

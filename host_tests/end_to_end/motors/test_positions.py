@@ -197,18 +197,20 @@ def test_the_status_command_says_so(monkeypatch, capsys):
 @pytest.mark.needs("inside")
 @pytest.mark.provokes("positions")  # the observers count from 0
 @pytest.mark.each_processor
-def test_positions_of_any_size_outlast_power_cuts():
+@pytest.mark.parametrize("motors", [8, 24])
+def test_positions_of_any_size_outlast_power_cuts(motors):
     """They are saved 2 s after they are set; motor 1, which is never set, stays lost."""
     steps = (2**31 - 1, -(2**31), 5, -5, 2**30, -(2**30), 0)
     flash = HostFlash()
     saved = {}
     for turn in range(3):
-        session = Session(SimulatedBoard({"remember_positions": True}, flash=flash))
+        board = SimulatedBoard({"remember_positions": True}, motors, flash=flash)
+        session = Session(board, motors)
         assert trust(session, 1)[0].state == LOST
         for motor, place in saved.items():
             assert session.position(motor) == place, f"motor {motor} in turn {turn}"
             assert trust(session, motor)[0].state == HELD, f"motor {motor} in turn {turn}"
-        saved = {motor: steps[(motor + turn) % len(steps)] for motor in range(2, 9)}
+        saved = {motor: steps[(motor + turn) % len(steps)] for motor in range(2, motors + 1)}
         session.accept(*(MotorResetPosition(motor, place) for motor, place in saved.items()))
         session.run(2.1)
         if turn == 1:

@@ -260,11 +260,12 @@ def folded(
     engine: str = "pio",
     given: Mapping[str, Mapping[str, int]] = _ON_BOARDS,
     rp2: str = "rp2040",
+    motors: int | None = None,
 ) -> dict[str, bytes]:
     """Return the core's modules and `extra` ones as they are compiled, with constants as numbers.
 
     engine: one of ENGINES; given: as for constants.fold, in addition to the fields of messages;
-    rp2: one of CHIPS.
+    rp2: one of CHIPS; motors: how many the chip can have, if not as many as any board.
     """
     texts = {name: path.read_text() for name, path in sources().items()} | dict(extra)
     texts[_MESSAGES] = declared.messages_module(texts[_MESSAGES])
@@ -278,6 +279,8 @@ def folded(
     others = tuple(chain.from_iterable(_OF_ENGINE[e] for e in _OF_ENGINE.keys() - {engine}))
     texts = {name: text for name, text in texts.items() if not name.startswith(others)}
     given = {"framestep.protocol.messages": declared.fields(), **given}
+    if motors is not None:
+        given["framestep.pulse.engine"] = {"MOTORS": motors}
     lifetimes.check(texts, given)
     texts = fold(texts, hide, given)
     for name in _INLINED:
@@ -291,7 +294,9 @@ def sources_with(module: str, key: str) -> dict[str, bytes]:
     framestep/board.py; key: of its chip."""
     hal, ports = chip(key).hal, chip(key).ports
     rp2 = key if hal == "rp2" else "rp2040"
-    folds = folded({"framestep/board.py": module}, True, chip(key).engine, rp2=rp2)
+    folds = folded(
+        {"framestep/board.py": module}, True, chip(key).engine, rp2=rp2, motors=chip(key).motors
+    )
     others = tuple(chain.from_iterable(_OF_HAL[other] for other in _OF_HAL.keys() - {hal}))
     if ports == 1:
         others += _OF_OWN_PORT

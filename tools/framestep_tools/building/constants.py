@@ -101,7 +101,7 @@ def fold(
     sources: {path: source}; the path of framestep.motors.axes is "framestep/motors/axes.py". hide:
     give constants without an underscore one; else they remain for scripts that import them. given:
     {module: {name: number}} of names that count as constants although the module does not define
-    them so; "MotorJog.speed" is an attribute of a class.
+    them so, or defines another number; "MotorJog.speed" is an attribute of a class.
     """
     modules = _modules_of(sources, given)
     return {m.path: _rewritten(m, modules, hide) for m in modules.values()}
@@ -192,7 +192,7 @@ def _read_constants(module: _Module, modules: Mapping[str, _Module]) -> bool:
                 raise FoldError(
                     f"{module.path}, line {target.lineno}: {name} is a constant already"
                 )
-            known[name] = compute(value)
+            known[name] = module.given[name] if name in module.given else compute(value)
     except LookupError:
         return False
     module.constants = known
@@ -257,6 +257,10 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
     hidden = _hidden(module) if hide else {}
     targets = {id(target) for _, _, target in _definitions(module)}
     attributes = set()  # the X of X.name, where name is a constant
+    for name, value, _ in _definitions(module):
+        if name in module.given:
+            edits.replace(value, _literal(module.given[name]))
+            attributes.update(map(id, ast.walk(value)))
     # A name of a module takes memory on a board, and looking it up takes time. So each mention of a
     # formula's own name becomes its bytes, which are in flash.
     owners = {id(node.value): node for node in module.tree.body if isinstance(node, ast.Assign)}

@@ -45,7 +45,7 @@ def sim(
     board: Board = "pico",
     motors: Annotated[
         int | None,
-        typer.Option(help="number of motors, if it is not the board's", min=1, max=12),
+        typer.Option(help="number of motors, if it is not the board's", min=1, max=24),
     ] = None,
     plain: Annotated[
         bool, typer.Option("--plain", help="no live view, even in a terminal")

@@ -158,19 +158,8 @@ class UsbPort:
         self.struck = False
         self._writer = None
         if chip:
-            # Polling the REPL's port runs MicroPython's USB task, even in a scheduled function.
-            poller = select.poll()
-            poller.register(sys.stdin, 0)
-            self._task = poller.ipoll
-            self._task(0)  # the first one allocates
-
-    def start(self):
-        """Add the port to the built-in one; returns at once.
-
-        The host sees the board disappear and come back with two ports. After a soft reset it sees
-        nothing.
-        """
-        if chip:
+            # Not in start(): by then the module is unloaded, and to load it again would leave a
+            # hole in front of the memory for moves.
             from framestep.hal.rp2.stack import unchecked
 
             port = UsbPort
@@ -184,6 +173,18 @@ class UsbPort:
                 port._control,
                 port._transferred,
             )
+            # Polling the REPL's port runs MicroPython's USB task, even in a scheduled function.
+            poller = select.poll()
+            poller.register(sys.stdin, 0)
+            self._task = poller.ipoll
+            self._task(0)  # the first one allocates
+
+    def start(self):
+        """Add the port to the built-in one; returns at once.
+
+        The host sees the board disappear and come back with two ports. After a soft reset it sees
+        nothing.
+        """
         usb = self._usb
         going_on = chip and chip.enabled(self._state[EP_OUT]) and restore(self._state, id(usb))
         if not going_on:
