@@ -20,7 +20,8 @@ REPLAY = Path(__file__).parents[1] / "runtime" / "stream_replay.py"
 WORDS = 250  # in a tick
 WORD_US = 4
 END_WORDS = 3  # of a motor
-STEPS = (0, 16, 14, 3)  # bits of the motors' steps; the next is the direction's
+# bits of the motors' steps, as in stream_replay.py; the next is the direction's
+STEPS = {"stream": (0, 16, 14, 3), "registers": (0, 30, 14, 3)}
 
 
 @dataclass
@@ -32,6 +33,11 @@ class Painted:
     modes: list[int]
     faults: list[int]
     positions: list[int]
+    engine: str  # a key of STEPS
+
+    def step(self, motor: int) -> int:
+        """Return the bit of a motor's step."""
+        return STEPS[self.engine][motor]
 
     def bit(self, bit: int) -> np.ndarray:
         return (self.words.astype(np.int64) >> bit & 1).astype(int)
@@ -46,33 +52,35 @@ class Painted:
     def ways(self, motor: int) -> np.ndarray:
         """Return +1 or -1 for each step."""
         up = 0 if motor % 2 else 1
-        return np.where(self.bit(STEPS[motor] + 1)[self.rises(STEPS[motor])] == up, 1, -1)
+        bit = self.step(motor)
+        return np.where(self.bit(bit + 1)[self.rises(bit)] == up, 1, -1)
 
 
-def read(data: bytes, motors: int) -> Painted:
+def read(data: bytes, motors: int, engine: str = "stream") -> Painted:
     """Read the output of stream_replay.py."""
     found = np.frombuffer(data, "<i4")
     frames, end = np.split(found, [len(found) - 1 - END_WORDS * motors])
-    # the upper levels leave a word early
-    words = (frames[1:] & 0xFFFF | frames[:-1] & ~0xFFFF) >> 1
+    words = frames[1:]
+    if engine == "stream":  # the upper levels leave a word early
+        words = (frames[1:] & 0xFFFF | frames[:-1] & ~0xFFFF) >> 1
     modes, faults, positions = end[1:].reshape(motors, END_WORDS).T.tolist()
-    return Painted(words, int(end[0]), modes, faults, positions)
+    return Painted(words, int(end[0]), modes, faults, positions, engine)
 
 
 @cache
-def _core() -> Path:
+def _core(engine: str) -> Path:
     """Return the core built for this engine, as Python."""
     tree = Path(tempfile.mkdtemp(prefix="framestep-stream-"))
-    write_tree(tree, folded({}, False, "stream", {}))
+    write_tree(tree, folded({}, False, engine, {}))
     return tree
 
 
-def here(lines: list[str], out: Path) -> bytes:
+def here(lines: list[str], out: Path, engine: str = "stream") -> bytes:
     """Play a session on CPython."""
     subprocess.run(
         [sys.executable, REPLAY, out],
         input="".join(line + "\n" for line in lines).encode(),
-        env={**os.environ, "PYTHONPATH": str(_core())},
+        env={**os.environ, "PYTHONPATH": str(_core(engine))},
         check=True,
     )
     return out.read_bytes()

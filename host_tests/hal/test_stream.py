@@ -7,20 +7,25 @@ import numpy as np
 import pytest
 
 from framestep.pulse import stepper
-from host_tests.hal.streams import STEPS, WORD_US, WORDS, here, on_pio, read
+from host_tests.hal.streams import WORD_US, WORDS, here, on_pio, read
 
 LAG = 1000  # µs: a tick's pulses are in the words of the next tick
 SHOWN = 0.3  # µs by which two engines with different clocks may differ, besides rounding to words
 
 
-@pytest.fixture
-def painted(tmp_path):
-    """painted(lines): a session on the stream engine."""
+@pytest.fixture(params=["stream", "registers"])
+def painted(request, tmp_path):
+    """painted(lines): a session on the stream engine, in each form of its words."""
 
     def play(lines):
-        return read(here([*lines, "end"], tmp_path / "words"), int(lines[0].split()[1]))
+        out = here([*lines, "end"], tmp_path / "words", request.param)
+        return read(out, int(lines[0].split()[1]), request.param)
 
     return play
+
+
+# Outputs are in the words of one form only.
+in_words = pytest.mark.parametrize("painted", ["stream"], indirect=True)
 
 
 def session(rng, motors, count):
@@ -45,7 +50,7 @@ def session(rng, motors, count):
 def check_steps(found, lines):
     """Each step is in the word that is sent when PIO would make it."""
     for motor, (times, ways) in enumerate(on_pio(lines)):
-        rises = found.rises(STEPS[motor])
+        rises = found.rises(found.step(motor))
         assert np.array_equal(found.ways(motor), ways), f"motor {motor}"
         early = times - (rises * WORD_US - LAG)
         if len(rises):
@@ -60,7 +65,7 @@ def check_steps(found, lines):
 def test_the_steps_of_pio_to_a_word(painted, seed):
     lines = list(session(random.Random(seed), 4, 10))
     found = painted(lines)
-    assert sum(len(found.rises(STEPS[motor])) for motor in range(4)) > 500
+    assert sum(len(found.rises(found.step(motor))) for motor in range(4)) > 500
     check_steps(found, lines)
 
 
@@ -79,11 +84,11 @@ def test_pulses_are_as_wide_as_set(painted, width):
     lines += ["batch 20"] * 15 + ["travel 0 -2000", "travel 1 -100"] + ["batch 20"] * 45
     found = painted(lines)
     for motor in range(2):
-        step = found.bit(STEPS[motor])
+        step = found.bit(found.step(motor))
         rises, falls = (np.flatnonzero(np.diff(step, prepend=0) == way) for way in (1, -1))
         assert set(falls - rises) == {width + 1}
         assert (rises[1:] - falls[:-1]).min() >= width + 1
-        for turn in found.changes(STEPS[motor] + 1):
+        for turn in found.changes(found.step(motor) + 1):
             assert not step[turn]
             after = rises[rises >= turn]
             assert not len(after) or after[0] - turn >= 2
@@ -112,6 +117,7 @@ def test_batches_make_no_difference(painted):
         wanted = words
 
 
+@in_words
 def test_outputs_change_with_the_tick_of_their_cue(painted):
     """All words of that tick have it, whether a motor moves or not; a driven level holds from the
     next words on."""

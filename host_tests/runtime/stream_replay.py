@@ -19,7 +19,7 @@ from array import array
 from framestep.hal.stream import Stream
 from framestep.motors.axes import Axes
 from framestep.motors.samples import sample
-from framestep.pulse.engine import CYCLES, WORDS
+from framestep.pulse.engine import CYCLES, EARLY, WORDS
 from framestep.pulse.kernel import StepKernel
 from framestep.pulse.stepper import FAULT, MODE, POSITION
 
@@ -35,7 +35,8 @@ except ImportError:
 SETUP = 640  # cycles: 5 µs
 AHEAD = 20
 LONGEST = 20  # batch, ticks
-STEPS = (0, 16, 14, 3)  # both early, or one of them
+# both early, or one of them; without early levels a word has 32
+STEPS = (0, 16, 14, 3) if EARLY else (0, 30, 14, 3)
 
 
 class Rig:

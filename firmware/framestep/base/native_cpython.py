@@ -64,7 +64,7 @@ def forget():
 
 
 def as_word(address):
-    return address
+    return address - 0x1_0000_0000 if address & 0x8000_0000 else address
 
 
 def _pointer(memory):

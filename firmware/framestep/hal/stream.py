@@ -1,12 +1,14 @@
-"""A pulse engine that is a stream of words in memory, one for each 4 µs, as machine.I2S sends them.
+"""A pulse engine that is a stream of words in memory, one for each 4 µs.
 
-For chips that can send memory to their pins at a fixed rate but cannot interrupt at 1 kHz. The main
-loop calls `fill` for each tick that there is room for. It runs the kernel, whose commands go to a
-ring for each motor, and then paints the engine's edges of that tick into words.
+For motors behind shift registers, to which the chip sends memory at a fixed rate, as an ESP32 does
+by I2S (hal/esp32/chain.py). The sender calls `fill` for each tick that there is room for. That runs
+the kernel, whose commands go to a ring for each motor, and then paints the engine's edges of that
+tick into words.
 
-A word is a frame of two 16-bit samples in Philips format. Its data leaves a clock late, and what is
-behind it latches in the middle of a frame. So level n is bit n + 1, and levels from EARLY on are a
-word earlier than the others. No level above 29 is used.
+The build puts a word's form into the code. That of I2S is a frame of two 16-bit samples in Philips
+format. Its data leaves a clock late, and what is behind it latches in the middle of a frame. So
+level n is bit n + 1, and levels from EARLY on are a word earlier than the others. No level above 29
+is used.
 
 Time runs by the words. The kernel's clock is moved on here, so a tick is never late unless the
 words ran out. `miss` reports that, and the kernel reacts as to any engine that has run dry.
@@ -23,17 +25,19 @@ from framestep.pulse.engine import (  # type: ignore[attr-defined]
     COMMANDS,
     CYCLES,
     DIRECTION,
+    EARLY,
     GAP,
     LEAD,
+    OUTPUTS_IN_WORD,
     PULSES,
+    SHIFT,
     WIDTH,
     WORD_BITS,
     WORDS,
 )
 from framestep.pulse.stepper import BEHIND, TICK_US
 
-EARLY = const(15)  # levels from this one on leave a word early
-_UPPER = const(-0x10000)  # their bits in a word
+_UPPER = const(-0x10000)  # bits of early levels in a word
 _LONG_AGO = const(-0x100000)  # before any edge from which a command may still count
 
 # Words of a motor
@@ -72,8 +76,9 @@ def paint(at: int, step: int, words: ptr32, stream: ptr32):
     clock[0] = (clock[0] + TICK_US) & WIDE_WRAP
     first = at
     end = at + WORDS
-    step = stream[_LEVELS] << 1
-    words[at - 1] = words[at - 1] | (step & _UPPER)
+    step = stream[_LEVELS] << SHIFT
+    if EARLY:
+        words[at - 1] = words[at - 1] | (step & _UPPER)
     while at < end:
         words[at] = step
         words[at + 1] = step
@@ -86,7 +91,8 @@ def paint(at: int, step: int, words: ptr32, stream: ptr32):
         words[at + 8] = step
         words[at + 9] = step
         at += 10
-    words[at - 1] = step & ~_UPPER
+    if EARLY:
+        words[at - 1] = step & ~_UPPER
     motor = 1
     address = stream[_FIRST]
     while address:
@@ -100,7 +106,9 @@ def paint(at: int, step: int, words: ptr32, stream: ptr32):
         period = m[_PERIOD]
         high = m[_HIGH]
         rest = m[_REST]
-        begin = first - m[_BEFORE]
+        begin = first
+        if EARLY:
+            begin -= m[_BEFORE]
         at = begin
         while rest:
             words[at] = words[at] | step
@@ -144,12 +152,13 @@ def paint(at: int, step: int, words: ptr32, stream: ptr32):
                 i = ((at - begin) >> WORD_BITS) + high  # the last pulse has ended
                 if i >= WORDS:
                     break
-                turn = m[_TURN] << 1
+                turn = m[_TURN] << SHIFT
                 i += first
                 till = first + WORDS
-                if turn & _UPPER:
-                    i -= 1
-                    till -= 1
+                if EARLY:
+                    if turn & _UPPER:
+                        i -= 1
+                        till -= 1
                 while i < till:
                     words[i] = words[i] ^ turn
                     i += 1
@@ -203,23 +212,23 @@ class Stream:
     """The engine of some motors. steps, turns: for each of them, its step and its direction pin, a
     bit each.
 
-    Bits are those of the levels, below 2^30. Nothing allocates after construction.
+    Bits are those of the levels. Nothing allocates after construction.
     """
 
     def __init__(self, steps, turns):
         self.motors = len(steps)
         self._clock = array("i", [0])
         self._rings = [array("i", [0] * (COMMANDS + 1)) for _ in steps]
-        self._steps = [bit << 1 for bit in steps]  # as in a word
+        self._steps = [as_word(bit << SHIFT) for bit in steps]  # as in a word
         self._motors = [array("i", [0] * _MOTOR_WORDS) for _ in steps]
         following = 0
         for i in range(self.motors - 1, -1, -1):
             words = self._motors[i]
             words[_NEXT] = following
             words[_STEP] = self._steps[i]
-            words[_TURN] = turns[i]
+            words[_TURN] = as_word(turns[i])
             words[_RING] = as_word(self.fifo(i))
-            words[_BEFORE] = int(steps[i] >> EARLY > 0)
+            words[_BEFORE] = int(EARLY and steps[i] >> EARLY > 0)
             following = as_word(addressof(words))
         self._words = array("i", [0] * _STREAM_WORDS)
         self._words[_FIRST] = following
@@ -239,8 +248,9 @@ class Stream:
         """Run this kernel. ahead: ticks that may wait in memory to be sent, at most; see
         stepper.BEHIND."""
         self._tick = kernel.tick
-        levels = addressof(self._words)
-        kernel.outputs(levels, levels)
+        if OUTPUTS_IN_WORD:
+            levels = addressof(self._words)
+            kernel.outputs(levels, levels)
         kernel.state[BEHIND] = LEAD + ahead
 
     def drive(self, high, low):

@@ -55,11 +55,13 @@ BATCH = const(1)  # most ticks done at a time
 
 MOTORS = const(24)  # at most; the build puts the chip's own number here (boards/chips.json)
 
-# How commands and outputs leave the tick. 0: a command is written to a register of the motor; one
-# register raises the pins of a mask, another lowers them. 1: each motor has a ring of COMMANDS
-# words (a power of 2) in memory, followed by the count of words ever put; outputs are one word of
-# levels, and all pins' bits lie below 2^30.
+# How commands and outputs leave the tick. RING 0: a command is written to a register of the motor.
+# 1: each motor has a ring of COMMANDS words (a power of 2) in memory, followed by the count of
+# words ever put. OUTPUTS_IN_WORD 0: one register raises the pins of a mask, another lowers them. 1:
+# outputs are one word of levels, and all pins' bits lie below 2^30.
 RING = const(0)
+OUTPUTS_IN_WORD = const(0)
+CUE_TICKS = const(0)  # by which outputs wait, since pulses come later than LEAD says
 
 
 @micropython.viper

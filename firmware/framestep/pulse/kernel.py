@@ -72,7 +72,7 @@ class StepKernel:
             return False
         k = (state[sw.CUE_WRITE_INDEX] & (sw.CUE_SLOTS - 1)) * sw.CUE_WORDS
         cues = self.cues
-        cues[k + sw.CUE_TICK] = tick & WRAP
+        cues[k + sw.CUE_TICK] = (tick + engine.CUE_TICKS) & WRAP
         cues[k + sw.CUE_RAISED] = raised
         cues[k + sw.CUE_LOWERED] = lowered
         state[sw.CUE_WRITE_INDEX] = (state[sw.CUE_WRITE_INDEX] + 1) & WRAP

@@ -45,7 +45,7 @@ LATEST = const(12)  # greatest lateness that does no harm, microseconds
 CUES = const(13)  # address of the ring of cues
 CUE_READ_INDEX = const(14)  # cues given, modulo 2^29
 CUE_WRITE_INDEX = const(15)  # cues put, modulo 2^29
-# address of the register that raises a mask of output pins, or of the word of levels (engine.RING)
+# address of the register that raises a mask of output pins, or of the word of levels
 OUT_SET = const(16)
 OUT_CLEAR = const(17)  # address that lowers them
 BEHIND = const(18)  # ticks from kernel to pins: LEAD, or more if ticks are done in batches

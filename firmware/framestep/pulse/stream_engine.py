@@ -1,4 +1,5 @@
-"""Constants of an engine that is a stream of words in memory, see hal/stream.py.
+"""Constants of an engine that is a stream of words in memory, see hal/stream.py; here as an ESP32
+sends them, ticks in batches from the main loop.
 
 For chips with such an engine the build puts this module in the place of pulse/engine.py. Its clock
 has 128 cycles per microsecond. A word lasts 512 of them, 4 µs, so a tick has 250 words. Commands
@@ -41,11 +42,15 @@ BATCH = const(48)
 MOTORS = const(24)
 
 RING = const(1)
+OUTPUTS_IN_WORD = const(1)
+CUE_TICKS = const(0)
 
-# Only for this engine
+# Only for engines that are streams
 CYCLES = const(128000)  # in a tick
 WORD_BITS = const(9)  # log2 of the cycles that a word lasts
 WORDS = const(250)  # in a tick
+SHIFT = const(1)  # level n is bit n + SHIFT of a word
+EARLY = const(15)  # levels from this one on leave a word early; 0: none do
 
 
 @micropython.viper

@@ -110,7 +110,7 @@ class Header(array):
             if elapsed(m[sw.TICKS], q[k + sw.CUE_TICK]) > HALF:
                 break
             fifo = ptr32(m[sw.OUT_SET])
-            if engine.RING:
+            if engine.OUTPUTS_IN_WORD:
                 fifo[0] = (fifo[0] | q[k + sw.CUE_RAISED] | q[k + sw.CUE_LOWERED]) ^ q[
                     k + sw.CUE_LOWERED
                 ]

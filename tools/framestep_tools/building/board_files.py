@@ -51,14 +51,21 @@ _SETTINGS = "framestep/rig/"  # modules with tables of settings
 
 # framestep/pulse/engine.py describes the engine to the tick. For a chip with another engine, this
 # module replaces it. Modules of other engines do not go onto a board.
-ENGINES = {"pio": "framestep/pulse/engine.py", "stream": "framestep/pulse/stream_engine.py"}
+ENGINES = {
+    "pio": "framestep/pulse/engine.py",
+    "stream": "framestep/pulse/stream_engine.py",
+    "registers": "framestep/pulse/register_engine.py",
+}
 _ENGINE = ENGINES["pio"]
 # framestep/hal/rp2/chip.py describes the chip to that HAL, likewise.
 CHIPS = {"rp2040": "framestep/hal/rp2/chip.py", "rp2350": "framestep/hal/rp2/chip_rp2350.py"}
 _CHIP = CHIPS["rp2040"]
 # Beginnings of the names of modules that only boards with this engine, this HAL, or with two ports
 # get
-_OF_ENGINE = {"stream": ("framestep/hal/stream", "framestep/hal/esp32/")}
+_OF_ENGINE = {
+    "stream": ("framestep/hal/stream", "framestep/hal/esp32/"),
+    "registers": ("framestep/hal/stream", "framestep/hal/rp2/registers"),
+}
 _OF_HAL = {
     "rp2": ("framestep/soft_reset", "framestep/hal/rp2/"),
     "esp32": ("framestep/hal/esp32/",),
@@ -276,7 +283,8 @@ def folded(
     texts[_CHIP] = texts[CHIPS[rp2]]
     for name in {*ENGINES.values(), *CHIPS.values()} - {_ENGINE, _CHIP}:
         del texts[name]
-    others = tuple(chain.from_iterable(_OF_ENGINE[e] for e in _OF_ENGINE.keys() - {engine}))
+    own = _OF_ENGINE.get(engine, ())
+    others = tuple(set(chain.from_iterable(_OF_ENGINE.values())) - {*own})
     texts = {name: text for name, text in texts.items() if not name.startswith(others)}
     given = {"framestep.protocol.messages": declared.fields(), **given}
     if motors is not None:
