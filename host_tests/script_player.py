@@ -12,6 +12,7 @@ from framestep_tools.building.board_files import board_data
 from framestep_tools.simulator import driver_chips
 from framestep_tools.simulator.driver_chips import Chips
 
+from .observers import Tolerances
 from .script import Script, parse
 
 _MS = 1_000_000
@@ -25,8 +26,8 @@ class Player:
 
     links = True  # the port may close at any time, and the link may have faults
     pauses = True  # the main loop may be away
-    lag_ms = 0  # from a tick to its edges, at most
-    report_s = 0.0025  # age of the positions in a report, at most
+    within = Tolerances()
+    ticks = None
 
     def __init__(self, script: Script, on_edge: Callable[[int, str, int], None] | None = None):
         self.script = script
@@ -43,6 +44,11 @@ class Player:
         port = board.hal.port
         self._send = port.send
         port.send = self._offer
+
+    @property
+    def heard_ms(self) -> float:
+        """By when the host has heard what was sent in the last millisecond."""
+        return self.ms
 
     @staticmethod
     def _make(script: Script) -> HostBoard:

@@ -83,7 +83,10 @@ def test_each_fault_of_time_has_its_place():
 
 
 @pytest.mark.parametrize(
-    "name", sweep([*timing_faults.FAULTS], "interrupts_off_for_400_us", "command_lost_in_a_FIFO")
+    "name",
+    sweep(
+        [*timing_faults.FAULTS], "pass_of_3_ms", "rest_said_a_tick_early", "command_lost_in_a_FIFO"
+    ),
 )
 def test_a_fault_of_time_in_the_image_is_found(name):
     fault = timing_faults.FAULTS[name]

@@ -20,7 +20,15 @@ from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.modules import ident_of, on_board
 from host_tests.fuzz import chip_player
 from host_tests.fuzz.findings import Finding
-from host_tests.fuzz.sessions import Host, jogs_beside, moves, run, two_moves
+from host_tests.fuzz.sessions import (
+    Host,
+    asked_often,
+    asked_while_coming_to_rest,
+    jogs_beside,
+    moves,
+    run,
+    two_moves,
+)
 from host_tests.observers import timing
 
 TARGET = "rp2040"
@@ -85,11 +93,17 @@ _PUT_MOST = """\
                         if back:
 """
 
+
+def _sessions(host: Host) -> None:
+    for session in (run, asked_often, asked_while_coming_to_rest):
+        session(host)
+
+
 FAULTS = {
-    "none": _in_pass("now < 0", "pass", kinds="", session=run),
-    "pass_of_3_ms": _in_pass("now & 63 == 7", "sleep_us(3000)", kinds="", session=run),
-    "pass_of_90_ms": _in_pass(_MOVES, "sleep_us(90000)", kinds="", session=run),
-    "pass_of_900_ms": _in_pass(_MOVES, "sleep_us(900000)", kinds="fault|unanswered|pins"),
+    "none": _in_pass("now < 0", "pass", kinds="", session=_sessions),
+    "pass_of_3_ms": _in_pass("now & 63 == 7", "sleep_us(3000)", kinds="passes", session=run),
+    "pass_of_90_ms": _in_pass(_MOVES, "sleep_us(90000)", kinds="passes", session=run),
+    "pass_of_900_ms": _in_pass(_MOVES, "sleep_us(900000)", kinds="passes|fault|unanswered|pins"),
     "interrupts_off_for_180_us": _masked(180, "masked|late"),
     "interrupts_off_for_400_us": _masked(400, "masked|late"),
     "interrupts_off_for_1_3_ms": _masked(650, "masked|late", 2),
@@ -144,7 +158,8 @@ FAULTS = {
         _TICK,
         "                        m[sw.WAIT] = h[sw.BEHIND]\n",
         "                        m[sw.WAIT] = 1\n",
-        "",
+        "quiet",
+        asked_while_coming_to_rest,
     ),
     "positions_sampled_every_32_ms": Fault(
         "controller",
@@ -169,7 +184,8 @@ FAULTS = {
         "controller",
         "        taken = port.poll(reader)\n",
         "        taken = self.now & 127 > 30 and port.poll(reader)\n",
-        "",
+        "slow",
+        asked_often,
     ),
     "end_of_jogs_looked_for_every_16_s": Fault(
         "controller",

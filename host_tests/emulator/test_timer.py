@@ -48,3 +48,24 @@ def test_how_long_interrupts_are_off(emulator):
     emu.cycles(clear=True)
     repl.exec("open('x', 'w').write(5000 * 'x')")
     assert emu.cycles()["masked"]["us"] < 50
+
+
+def test_a_word_of_memory_is_watched(emulator):
+    """It is seen to grow when it does; less than `least` does not count, nor does a decrease."""
+    emu = emulator()
+    repl = emu.repl()
+    repl.exec("import array, time, uctypes\nwords = array.array('i', [0, 7])")
+    address = repl.eval("uctypes.addressof(words) + 4")
+    emu.cmd("growth", address=address, least=10)
+    begun = emu.ns
+    repl.exec(
+        "for more in (9, 50, -100, 10):\n"
+        "    time.sleep_ms(20)\n"
+        "    words[0] += 1000\n"
+        "    words[1] += more\n"
+    )
+    (first, by), (last, at_last) = emu.cmd("growth")["growths"]
+    assert (by, at_last) == (50, 10)
+    assert begun < first < emu.ns
+    assert abs(last - first - 40_000_000) < 1_000_000
+    assert emu.cmd("growth")["growths"] == []

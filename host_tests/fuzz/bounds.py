@@ -35,8 +35,8 @@ class Motor:
         self.soft: tuple | None = (None, None)
         self.fresh = True  # it was at rest before these edges
         self.sent = 0  # the places it was sent to since its last rest
-        self.quiet: int | None = 0  # since when it may not move, ms
-        self.quiets: list[tuple[int, int]] = []
+        self.quiet: float | None = 0  # a millisecond after this it may not move any more
+        self.quiets: list[tuple[float, int]] = []
         self.rest_by: int | None = None  # the end of a stop that was for it alone, ms
         self.let_go_by: int | None = None  # the end of a jog that was not repeated, ms
         self.home = settings["home"]  # None: it cannot be homed

@@ -47,11 +47,12 @@ class Edges(Part):
         if quiets:
             self.looks.add("quiet")
         for since, until in quiets:
-            late = cycles[(cycles > (since + 1) * MS) & (cycles < until * MS)]
+            rests = since + 1
+            late = cycles[(cycles > rests * MS) & (cycles < until * MS)]
             if len(late):
                 self.fail(
                     "quiet",
-                    f"{name} makes a step at {late[0] / MS:.2f} ms, but stands since {since} ms",
+                    f"{name} makes a step at {late[0] / MS:.2f} ms, but rests since {rests:.2f} ms",
                 )
         places = motor.at + np.cumsum(signs)
         self._where(motor, name, places, cycles)

@@ -10,6 +10,7 @@ from .bounds import STEEPEST
 from .findings import Part
 
 LATE_MS = 1500  # for delayed passes
+DAMAGE_MS = 2500  # after damage, which may look like the beginning of long frames
 OPERATIONS = (m.MSG_RT_RUN_MOVE, m.MSG_RT_SHOOT_FRAME, m.MSG_RT_SHOOT_FRAME2)
 QUESTIONS = frozenset(
     kind for kind, cls in REQUESTS.items() if cls.REPLY is not Ack and not cls.MOVES
@@ -64,6 +65,7 @@ class Replies(Part):
                 "answers", f"an answer to nothing: id {number}, type {kind:#06x}, {payload.hex()}"
             )
         self.looks.add("answers")
+        self._in_time(request)
         request.copies -= 1
         if not request.copies:
             del self.open[number]
@@ -87,6 +89,19 @@ class Replies(Part):
                 self.fail(
                     "estop", f"a request of type {plain:#06x} is taken while the E-stop is held"
                 )
+
+    def _in_time(self, request):
+        """Judge how long a request that moves nothing has waited, since the answer before it."""
+        trial = self.trial
+        waited = self.ms - max(request.sent, trial.answered)
+        trial.answered = self.ms
+        if request.kind not in QUESTIONS:
+            trial.busy.append(self.ms)
+        most = self.player.within.answer_ms
+        if request.moves or trial.late or trial.passes - trial.garbage < DAMAGE_MS:
+            return
+        if most and waited > most:
+            self.fail("slow", f"a request of type {request.kind:#06x} has waited {waited} ms")
 
     def _form(self, kind, payload):
         if len(payload) not in [least + entry * self.count for least, entry in FORMS.get(kind, ())]:
@@ -147,6 +162,7 @@ class Replies(Part):
                 continue
             if motor.coupled:
                 self.trial.edges.together(motor, pair)
+            motor.rest(self.player.heard_ms - 1)
             if motor.edges or motor.quiets:
                 self.trial.edges.judge(motor)
             if motor.homing:
@@ -161,7 +177,6 @@ class Replies(Part):
                     )
             motor.goals = ()
             motor.at_rest(ms)
-            motor.rest(ms)
 
     def _overdue(self, bits, ms):
         """Motors that were stopped, or whose jogs were not repeated, must rest in time."""
@@ -217,7 +232,7 @@ class Replies(Part):
         if self.trial.late:
             return
         limit = (self.hal.cycle() << 1) + 1
-        age = self.player.report_s
+        age = self.player.within.report_s
         if self.ms <= self.trial.skipped_to + 1:  # a single tick: more make it `late`
             age += 0.001
         for motor in self.motors:

@@ -220,7 +220,7 @@ class Runs(Part):
         for motor in moving:
             if motor.backlash and len(motor.edges) > 20_000:
                 return
-        offsets = np.arange(-8 - self.player.report_s * 1000, 2.01, 0.125)
+        offsets = np.arange(-8 - self.player.within.report_s * 1000, 2.01, 0.125)
         worst = np.zeros(len(offsets))
         for motor in moving:
             edges = np.array(motor.edges)

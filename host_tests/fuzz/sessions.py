@@ -27,10 +27,10 @@ class Host:
         for _ in range(ms):
             self.trial.step()
 
-    def send(self, kind, form="", *values):
+    def send(self, kind, form="", *values, ms=2):
         self.number += 1
         self.trial.do("rx", frame(kind, struct.pack("<" + form, *values), self.number))
-        self.wait(2)
+        self.wait(ms)
 
     def rest(self, ms=3000):
         """Wait until MOTOR_STATUS is 0, then a little longer."""
@@ -81,6 +81,25 @@ def two_moves(host):
     moves(host)
     host.move(to=-200)
     host.rest()
+
+
+def asked_often(host):
+    """A request each 4 ms."""
+    for _ in range(100):
+        host.speed()
+        host.wait(2)
+
+
+def asked_while_coming_to_rest(host):
+    """Each millisecond, whenever the tick is due, of a motor that stops at once."""
+    host.speed(1, 1900, 2_000_000)
+    for moment in range(10):
+        host.trial.player.shift(100_000)
+        host.move(to=20_000)
+        host.wait(50 + moment)
+        host.send(m.MSG_MOTOR_STOP, "B", 1)
+        for _ in range(20):
+            host.send(m.MSG_MOTOR_STATUS, ms=1)
 
 
 def stopped(host):

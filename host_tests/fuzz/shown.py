@@ -14,12 +14,14 @@ class Shown:
     a trial looks at."""
 
     recorder = None
+    ticks = None  # of an emulated chip, if a trial is to judge them as it goes
     full = False
     links = pauses = False
     now_ns = 0
 
     def __init__(self, rig, motors: int, levels=0, is_open=False):
         self.ms = 0
+        self.heard_ms = 0.0  # when the last of `sent` came
         self.sent: list[tuple[int, bytes]] = []
         self._held = self._off = 0
         self._levels = levels

@@ -74,7 +74,7 @@ class Stops(Part):
         """Return how long outputs may take to get to their safe levels: a pulse first stops a video
         camera."""
         video = self.trial.runs.run and self.trial.runs.run.get("flags", 0) & m.RUN_VIDEO
-        return (400 if video else 12) + self.player.lag_ms
+        return (400 if video else 12) + self.player.within.lag_ms
 
     def hard(self):
         """Allow motors to slow down as steeply as a hard stop from now on."""
@@ -97,7 +97,7 @@ class Stops(Part):
                 t += 2 * max(slow, motor.acceleration) / motor.jerk
             longest = max(longest, t)
         bound = 1.3 * longest * 1000 + 600 + max(motor.backlash for motor in self.motors) * 2
-        bound += self.trial.runs.jogs_all + self.player.lag_ms
+        bound += self.trial.runs.jogs_all + self.player.within.lag_ms
         if self.trial.virtual:
             bound = 3 * bound + 3000
         return round(bound)

@@ -8,6 +8,7 @@ These are the rules:
 
 * every valid request gets one answer, in time and in its form; nothing else gets an answer, and
   only frames are sent
+* on an emulated chip ticks come in time, interrupts are on, and passes are short between requests
 * each motor keeps within its velocity, its acceleration (in a hard stop: times the factor) and, in
   its own moves, its jerk, and stays between where it was, its targets, and its soft limits; coupled
   motors go together
@@ -34,6 +35,7 @@ from typing import Any
 from framestep.io.watchdog import HOST_UNREAD_MS
 from framestep.motors.backlash import LOAD
 from framestep.protocol import messages as m
+from host_tests.observers import timing
 from host_tests.script import Script
 from host_tests.script_player import Player
 
@@ -42,12 +44,12 @@ from .chip_player import ChipPlayer
 from .edges import Edges
 from .findings import Finding
 from .link import Link, Request
-from .replies import QUESTIONS, Replies
+from .replies import DAMAGE_MS, QUESTIONS, Replies
 from .runs import Runs
 from .stops import Stops
 
 ANSWER_MS = 300  # passes within which a request gets its answer, if the host takes the answers
-DAMAGE_MS = 2500  # the same after damage, which may look like the beginning of long frames
+TIMING_MS = 500  # from one look at an emulated chip's ticks to the next
 FLUSH_EDGES = 150_000
 # what leaves motors on their way, besides what concerns neither motors nor virtual axes
 KEEPS_GOALS = QUESTIONS | {m.MSG_MOTOR_SET_SPEED, m.MSG_DMX, m.MSG_GIO_OUT, m.MSG_GIO_CAM}
@@ -77,6 +79,9 @@ class Trial:
         # of this millisecond, for those who ask
         self.answers: list[tuple[Request | None, int, bytes]] = []
         self.passes = 0
+        self.answered = 0  # the last answer, ms
+        # when anything but a question came or was answered, a port or a pin changed, ms
+        self.busy = [0]
         self.garbage = -(10**9)  # the last that was no frame, in passes
         self.virtual = False
         self.lines: set[int] = set()  # motors of the virtual rig
@@ -129,6 +134,8 @@ class Trial:
     def do(self, verb, argument=None):
         """Do an event of a script, now."""
         self.script.events.append((self.ms, verb, argument))
+        if verb != "rx":
+            self.busy.append(self.ms)
         try:
             self.player.happen(verb, argument)
         except Exception as error:  # from an interrupt handler
@@ -143,6 +150,7 @@ class Trial:
         elif verb == "open":
             self.open.clear()
             self.link.opened()
+            self.answered = self.ms + self.player.within.settled_ms  # it may still be starting
         elif verb == "pin":
             self.anything_may_stop()
             self.stops.pin(*argument)
@@ -227,6 +235,8 @@ class Trial:
         self.open[request.number] = request
         request.order = self.counts["requests"]
         kind = request.kind
+        if kind not in QUESTIONS:
+            self.busy.append(self.ms)
         if kind == m.MSG_MOTOR_MOVE and 0 <= request.motor < self.count:
             self.motors[request.motor].goals = ()
         elif kind not in KEEPS_GOALS:
@@ -299,6 +309,8 @@ class Trial:
                     self.open[first.number] = first
                 elif self.passes > first.deadline:
                     self._unanswered(first)
+        if player.ticks and self.ms % TIMING_MS == 0:
+            timing.judge(player.ticks, self)
         if self.stops.rest_by is not None and self.ms >= self.stops.rest_by:
             self.stops.rest_by = None
             self.stops.stood_by = self.ms

@@ -3,8 +3,8 @@
 The rules are the fuzzer's (fuzz/trial.py): answers and their form, edges within what the requests
 allow, positions that match the edges, frames met, outputs safe, no HARD_STOP without a reason. Here
 they judge a session that somebody else conducts. `watch(board)` notes what passes a board's port
-and pins; `Watch.settle` judges it. timing.py has what only the emulated chip shows: late ticks and
-the time with interrupts off.
+and pins; `Watch.settle` judges it. timing.py has what only the emulated chip shows: late ticks, the
+time with interrupts off, and long passes of the main loop.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,17 @@ class Tolerances:
     # the latest that a tick may come while a motor moves; from 1813 µs on pulses would break off
     late_us: int = 200
     masked_us: int = 140  # the longest time with interrupts off, except for writing to flash
+    # until a request that moves nothing is answered, from when it or the answer before it was sent
+    answer_ms: int | None = None
+    # passes of the main loop, more than `settled_ms` after a request: the longest, and how many of
+    # `long_pass_ms` may end within a second
+    settled_ms: int = 200
+    longest_pass_ms: float = 8.0
+    long_pass_ms: float = 2.8
+    long_passes: int = 6
 
+
+CHIP = Tolerances(lag_ms=5, report_s=0.005, answer_ms=15)  # an emulated RP2040 or RP2350
 
 OBSERVERS = {
     "answers": "each request gets one answer, in time and in its form",
@@ -39,11 +49,12 @@ OBSERVERS = {
     "HARD_STOP": "it has a reason",
     "late": "ticks come in time (emulated chips)",
     "masked": "interrupts are on (emulated chips)",
+    "passes": "passes of the main loop are short (emulated chips)",
     "replay": "32-bit MicroPython with a locked heap does the same (host)",
 }
-ON_PINS = set(OBSERVERS) - {"late", "masked", "replay"}  # what a board's port and pins show
-ON_CHIPS = ON_PINS | {"late", "masked"}
-FED_BY_EACH = {"answers", "late", "masked"}  # by any share of ten scenarios
+IN_CHIPS = {"late", "masked", "passes"}  # what only an emulated chip shows
+ON_PINS = set(OBSERVERS) - IN_CHIPS - {"replay"}  # what a board's port and pins show
+FED_BY_EACH = {"answers", *IN_CHIPS}  # by any share of ten scenarios
 
 watches: list | None = None  # of the boards of a module's sessions, if they are observed
 

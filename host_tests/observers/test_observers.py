@@ -1,6 +1,7 @@
 """The observers find faults in sessions that somebody else conducts, and it is counted what they
 watch."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -15,6 +16,7 @@ from host_tests.fuzz.findings import Finding
 from host_tests.fuzz.link import frame
 from host_tests.fuzz.sessions import SESSIONS, Host
 from host_tests.fuzz.test_trial import RULES, conduct
+from host_tests.observers import timing
 from host_tests.observers.table import SCENARIOS, Table
 from host_tests.targets import device, rp2040
 
@@ -120,13 +122,34 @@ def test_ticks_of_an_emulated_chip(moves, us, kind):
     session = Session(rp2040.Target())
     watch = session.board.watch
     if moves:
-        watch._within = replace(watch._within, masked_us=1_000_000)
+        player = watch.trial.player
+        player.within = replace(player.within, masked_us=1_000_000)
         session.accept(MotorMove(1, 5000))
         session.run(0.3)
     repl = session.board.emulator.repl()
     repl.exec(OFF % (us // 2))
     found = watch.settle()
     assert (found and found.kind) == kind
+
+
+@pytest.mark.parametrize(
+    "busy, passes, found",
+    [
+        ([0], [(500, 7)], False),
+        ([0], [(500, 9)], True),
+        ([0, 320], [(500, 9)], False),  # still begun by a request
+        ([0, 310], [(520, 9)], True),
+        ([0, 600], [(500, 9)], True),  # the request came later
+        ([0], [(500 + 100 * k, 3) for k in range(6)], False),
+        ([0], [(500 + 100 * k, 3) for k in range(7)], True),
+        ([0], [(500 + 200 * k, 3) for k in range(30)], False),
+    ],
+)
+def test_passes_are_short_between_requests(busy, passes, found):
+    ticks = SimpleNamespace(worst_late=lambda: 0, masked=lambda: 0, passes=lambda: passes, long=[])
+    trial = SimpleNamespace(busy=busy, player=SimpleNamespace(within=observers.CHIP))
+    with pytest.raises(Finding, match="passes") if found else nullcontext():
+        timing.judge(ticks, trial)
 
 
 def run_of(table, subject, scenarios, *observers):

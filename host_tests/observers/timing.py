@@ -1,8 +1,10 @@
-"""How late ticks come on the emulated board, and for how long interrupts are off."""
+"""How late ticks come on the emulated board, for how long interrupts are off, and how long passes
+of the main loop are."""
 
 import base64
 import contextlib
 import struct
+from bisect import bisect
 
 from framestep.pulse import stepper
 from framestep_tools.payloads import HardStop
@@ -13,10 +15,13 @@ LATE_US, MASKED_US = Tolerances.late_us, Tolerances.masked_us
 
 
 class Ticks:
-    """The tick of an emulated board, from outside. address: of its state, if that is known."""
+    """The tick of an emulated board, from outside. address: of its state, if that is known.
+    begun_ns: when its trial began."""
 
-    def __init__(self, emulator, repl=None, address=None):
+    def __init__(self, emulator, repl=None, address=None, begun_ns=0):
         self.emulator = emulator
+        self.begun_ns = begun_ns
+        self.long: list[float] = []  # when long passes ended within the last second, ms
         if address is None:
             self.repl = repl or emulator.repl()
             self.repl.exec("import uctypes, framestep.boot")
@@ -35,26 +40,48 @@ class Ticks:
         """Return the longest time with interrupts off since it was cleared, microseconds."""
         return self.emulator.cycles()["masked"]["us"]
 
+    def passes(self):
+        """Return [(when it ended in ms, its length in ms without ticks)] of each pass of a
+        millisecond or more since the last call."""
+        return [
+            ((ns - self.begun_ns) * 1e-6, us * 1e-3)
+            for ns, us in self.emulator.cmd("growth")["growths"]
+        ]
+
 
 # by board and rig file: it boots in the same way each time, as long as its modules are the same
 addresses: dict[str, int] = {}
 
 
-def watched(emulator, boot):
+def watched(emulator, boot, begun_ns=0):
     """Return the Ticks of a board that has just booted; `boot` says which board and rig file."""
-    ticks = Ticks(emulator, address=addresses.get(boot))
+    ticks = Ticks(emulator, None, addresses.get(boot), begun_ns)
     addresses[boot] = ticks.address
     emulator.cycles(clear=True)
+    emulator.cmd("growth", address=ticks.address + 4 * stepper.PASSES, least=1000)
     return ticks
 
 
-def finding(ticks, within):
-    """Return what is too late, or None."""
+def judge(ticks, trial):
+    """Raise Finding for what was too late, or took too long, since the last call."""
+    within = trial.player.within
     if (late := ticks.worst_late()) > within.late_us:
-        return Finding("late", f"a tick in motion came {late} µs late")
+        raise Finding("late", f"a tick in motion came {late} µs late")
     if (masked := ticks.masked()) > within.masked_us:
-        return Finding("masked", f"interrupts were off for {masked:.0f} µs")
-    return None
+        raise Finding("masked", f"interrupts were off for {masked:.0f} µs")
+    for end, took in ticks.passes():
+        busy = trial.busy[bisect(trial.busy, end) - 1]
+        if end - took - busy < within.settled_ms:
+            continue
+        text = f"a pass took {took:.2f} ms, {end - busy:.0f} ms after the last request"
+        if took > within.longest_pass_ms:
+            raise Finding("passes", f"at {end:.0f} ms, {text}")
+        if took > within.long_pass_ms:
+            ticks.long = [ms for ms in ticks.long if ms > end - 1000] + [end]
+            if len(ticks.long) > within.long_passes:
+                raise Finding(
+                    "passes", f"at {end:.0f} ms, {text}: number {len(ticks.long)} within a second"
+                )
 
 
 class Timing(Ticks):

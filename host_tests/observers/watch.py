@@ -5,7 +5,7 @@ from operator import itemgetter
 from host_tests.fuzz.findings import Finding
 from host_tests.fuzz.shown import CYCLE_NS, MS_NS, Shown
 from host_tests.fuzz.trial import Trial
-from host_tests.observers import Tolerances, timing
+from host_tests.observers import IN_CHIPS, Tolerances, timing
 from host_tests.observers.timing import Ticks
 from host_tests.script import Script
 
@@ -15,7 +15,7 @@ class _Shown(Shown):
 
     def __init__(self, rig, motors, levels, within: Tolerances):
         super().__init__(rig, motors, levels, is_open=True)
-        self.lag_ms, self.report_s = within.lag_ms, within.report_s
+        self.within = within
         self.arrived = b""  # in the present millisecond
 
     def happen(self, verb, argument=None):
@@ -60,7 +60,6 @@ class Watch:
         self.board = board
         self.found: Finding | None = None
         self.ticks: Ticks | None = None  # of an emulated chip
-        self._within = within
         self._earlier_ns = within.earlier_ns
         on_host = hasattr(board, "host_board")
         motors = board.host_board.hal.motors if on_host else len(rig.board["step"])
@@ -134,12 +133,11 @@ class Watch:
             self.follow()
             for motor in self.trial.motors:
                 self.trial.judge(motor)
+            if self.ticks:
+                self.trial.looks |= IN_CHIPS
+                timing.judge(self.ticks, self.trial)
         except Finding as finding:
             self.found = finding
-        else:
-            if self.ticks:
-                self.trial.looks |= {"late", "masked"}
-                self.found = timing.finding(self.ticks, self._within)
         return self.found
 
     def looks(self) -> set[str]:
@@ -155,6 +153,7 @@ class Watch:
         self._seen.sort(key=itemgetter(0), reverse=True)
         for ns, verb, argument in noted:
             self._until(ns)
+            self._shown.heard_ms = ns / MS_NS
             if verb == "tx" and self._shown.ms > ns // MS_NS:  # a second answer in a millisecond
                 self.trial.moving = 0
                 self.trial.link.heard(argument)
@@ -165,7 +164,7 @@ class Watch:
                 self.trial.stale = self.trial.ms + 3
             else:
                 self.trial.do(verb, argument)
-                if verb == "open" and self._within.keeps_unread:
+                if verb == "open" and self._shown.within.keeps_unread:
                     self.trial.stale = self.trial.ms + 100
         self._until(self.board.now_ns)
 

@@ -11,14 +11,14 @@ from framestep.rig import Rig
 from framestep_tools.building.board_files import board_data
 from framestep_tools.judge.trace import Edge
 from framestep_tools.simulator.boards import EmulatedBoard
-from host_tests.observers import ON_CHIPS, Tolerances
+from host_tests.observers import CHIP, IN_CHIPS, ON_PINS
 from host_tests.targets import FirstLevels
 
 NAME = "pico"
 # DMX is not decoded from its pin (host_tests/board/test_io.py), the memory for uploads is the
 # board's, and a request takes effect some ticks later than on the host simulation.
 LACKS = {"inside", "boards", "lights", "little memory", "prompt", "150 frames/s"}
-FEEDS = ON_CHIPS
+FEEDS = ON_PINS | IN_CHIPS
 
 
 FAULT = "FRAMESTEP_TIMING_FAULT"  # the environment variable that names one for all boards
@@ -59,7 +59,7 @@ class Inside:
 class Target(EmulatedBoard):
     """In the place of boards.SimulatedBoard."""
 
-    shows = Tolerances(lag_ms=5, report_s=0.005)
+    shows = CHIP
 
     def __init__(
         self, rig: Mapping[str, Any] | None = None, motors: int | None = None, board: str = NAME
