@@ -147,7 +147,11 @@ def test_ticks_of_an_emulated_chip(moves, us, kind):
 )
 def test_passes_are_short_between_requests(busy, passes, found):
     ticks = SimpleNamespace(worst_late=lambda: 0, masked=lambda: 0, passes=lambda: passes, long=[])
-    trial = SimpleNamespace(busy=busy, player=SimpleNamespace(within=observers.CHIP))
+    trial = SimpleNamespace(
+        busy=busy,
+        player=SimpleNamespace(within=observers.CHIP),
+        rig=SimpleNamespace(remember_positions=False),
+    )
     with pytest.raises(Finding, match="passes") if found else nullcontext():
         timing.judge(ticks, trial)
 
