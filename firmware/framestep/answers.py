@@ -1,6 +1,6 @@
 """Answers to questions for status, positions and HI as soon as they have come, between two passes
-and between the pieces of one; the first part of a STOP and a STOP_ALL; and sections of an uploaded
-move, stored between two passes.
+and between the pieces of one; the first part of a STOP and a STOP_ALL; a GO; and sections of an
+uploaded move, stored between two passes.
 
 The port calls answer() also from within MicroPython's USB task. So this is a kernel: nothing can
 end it, and it allocates nothing. It is one piece, because each call and each name takes as long as
@@ -9,26 +9,34 @@ answers (host_tests/end_to_end/hosts/test_at_once.py). What it could not answer 
 that state, and whatever comes after a request that waits, is left to the next pass. So are sections
 that are refused, or that come while an operation goes on. A section that waits for a pass takes
 three times as long, most of it in bytecode that leads to the kernels that store it.
+
+A GO starts the motors at once if the plan of their start is complete and nothing has happened since
+that a pass would have to look at. The next pass then goes on with the operation
+(OperationRunner.adopt).
 """
 
 from array import array
 
+from framestep.base.clock import after
 from framestep.base.native import addressof, as_word, const, micropython, ptr8, ptr32
 from framestep.base.results import OK
 from framestep.hal import QUESTION
 from framestep.io.lights import RAMPING
+from framestep.io.safety import ACTIVE, CAUGHT
 from framestep.motors.feeder import coupled
 from framestep.motors.samples import choose
 from framestep.moves.operation_runner import (
     ENDING,
     IDLE,
     LEAVING,
+    PLANNED,
     POSITIONING,
+    READY,
     RUNNING,
     fetch_positions,
 )
 from framestep.protocol import messages as m
-from framestep.protocol.checksum import fletcher16
+from framestep.protocol.checksum import check_bytes, fletcher16
 from framestep.protocol.frames import END, FILL, NEXT, TAKE
 from framestep.pulse import stepper
 from framestep.pulse.engine import MOTORS
@@ -42,7 +50,8 @@ _HI = const(5)
 _SMOOTH = const(5 + 16)  # motors with a jerk limit, a bit each
 _WORDS = const(5 + 16 + 1)
 _LOW = const(m.MSG_RT_UPLOAD_MOVE_AXIS & 0xFF)
-_HIGH = const(m.MSG_RT_UPLOAD_MOVE_AXIS >> 8)
+_HIGH = const(m.MSG_RT_UPLOAD_MOVE_AXIS >> 8)  # of MSG_RT_GO, too
+_GO = const(m.MSG_RT_GO & 0xFF)
 _ACK = const(m.MSG_FLAG_ACK >> 8)
 # Passes left out after one of them if sections are stored meanwhile, since a pass takes as long as
 # storing one. Passes that store sections themselves take no less than three milliseconds.
@@ -110,22 +119,12 @@ def _slow_down(controller, bits: int):
 
 
 @micropython.viper
-def store_section(controller, frames, at: int, place) -> int:
-    """Store the section at frames[at], and write its acknowledgement. Return the size of that in
-    bytes, or 0 if nothing has changed.
-
-    controller: the Controller. frames[at:] has as many bytes as a frame of its length.
-    """
-    f = ptr8(frames)
-    size = f[at + 8] | (f[at + 9] << 8)
-    if f[at + 0] != 0x44 or f[at + 1] != 0x46 or f[at + 6] != _LOW or f[at + 7] != _HIGH:
-        return 0
-    if size > m.LARGEST_PAYLOAD or size < m.RtUploadMoveAxis.positions:
-        return 0
+def _may_acknowledge(controller) -> int:
+    """Return whether an acknowledgement may go out now: nothing comes before it, and no bytes wait
+    that came before its request."""
     operations = controller.operations
     if (
-        int(operations.state) != IDLE
-        or operations.starts_by_itself
+        operations.starts_by_itself
         or operations.rt_end_due  # it goes out first
         or int(controller.openings) != int(controller.port.openings)
     ):
@@ -134,7 +133,92 @@ def store_section(controller, frames, at: int, place) -> int:
     if state[NEXT] != state[FILL]:
         return 0
     state = ptr32(controller.writer._state)
-    if state[TAKE] != state[END]:
+    return 1 if state[TAKE] == state[END] else 0
+
+
+@micropython.viper
+def _acknowledge(controller, frames, at: int, place) -> int:
+    """Write the acknowledgement OK of the request at frames[at], whose type has the high byte
+    _HIGH. Return its size in bytes."""
+    f = ptr8(frames)
+    to = ptr8(place)
+    i = 0
+    while i < 8:
+        to[i + 0] = f[at + i]
+        i += 1
+    to[7] = _HIGH | _ACK
+    size = 4 if controller.rig.dword_acks else 2
+    to[8] = size
+    to[9] = 0
+    to[10] = OK
+    to[11] = 0
+    to[12] = 0
+    to[13] = 0
+    size += m.HEADER_BYTES
+    sums = int(check_bytes(int(fletcher16(place, 0, size))))
+    to[size + 0] = sums & 0xFF
+    to[size + 1] = sums >> 8
+    return size + 2
+
+
+@micropython.viper
+def _go(controller, frames, at: int, place) -> int:
+    """Carry out the GO at frames[at] and write its acknowledgement, as _carry_out() does.
+
+    What Moves._may_go() checks was found OK before the plan was made, and a request that could have
+    changed it since has discarded the plan. So only what changes without a request is looked at.
+    """
+    operations = controller.operations
+    if int(operations.early_plan) != PLANNED or int(operations.gone_at) >= 0:
+        return 0
+    if int(operations.state) != READY:
+        return 0
+    # So that it takes as long from each GO to the motion. Before all else, which then takes no time
+    # of its own.
+    hal = controller.hal
+    header = controller.header
+    state = ptr32(header)
+    if state[stepper.RUNNING] | state[stepper.CUE_READ_INDEX] - state[stepper.CUE_WRITE_INDEX] == 0:
+        hal.align()
+    words = ptr32(controller.safety.words)
+    if words[ACTIVE] | words[CAUGHT] or state[stepper.AWAKE_AT] >= 0:
+        return 0
+    if int(controller.interlock.homing) or int(_may_acknowledge(controller)) == 0:
+        return 0
+    drivers = controller.drivers
+    if drivers and int(drivers.ready) + 1 != 1 << int(controller.axes.count):
+        return 0
+    if int(fletcher16(frames, at, QUESTION)):
+        return 0
+    stepper.restore_planned(header, int(operations.hidden))
+    block = controller.safety.block
+    bits = int(coupled(block, int(operations.operation.bits)))
+    irq = hal.irq_off()
+    stepper.release(block, bits)
+    tick = after(state[stepper.TICKS], 1)
+    hal.irq_on(irq)
+    operations.gone_at = tick
+    return int(_acknowledge(controller, frames, at, place))
+
+
+@micropython.viper
+def _carry_out(controller, frames, at: int, place) -> int:
+    """Store the section, or carry out the GO, at frames[at], and write its acknowledgement. Return
+    the size of that in bytes, or 0 if nothing has changed.
+
+    controller: the Controller. frames[at:] has as many bytes as a frame of its length.
+    """
+    f = ptr8(frames)
+    size = f[at + 8] | (f[at + 9] << 8)
+    if f[at + 0] != 0x44 or f[at + 1] != 0x46 or f[at + 7] != _HIGH:
+        return 0
+    if f[at + 6] == _GO and size == 0:
+        return int(_go(controller, frames, at, place))
+    if f[at + 6] != _LOW:
+        return 0
+    if size > m.LARGEST_PAYLOAD or size < m.RtUploadMoveAxis.positions:
+        return 0
+    if int(controller.operations.state) != IDLE or int(_may_acknowledge(controller)) == 0:
         return 0
     if int(fletcher16(frames, at, size + QUESTION)):
         return 0
@@ -152,31 +236,7 @@ def store_section(controller, frames, at: int, place) -> int:
     state = ptr32(ptr32(controller.answers)[_HEADER])
     if state[stepper.SKIP] == 0:
         state[stepper.SKIP] = _SKIPPED + 1
-    to = ptr8(place)
-    i = 0
-    while i < 8:
-        to[i + 0] = f[at + i]
-        i += 1
-    to[7] = _HIGH | _ACK
-    size = 4 if controller.rig.dword_acks else 2
-    to[8] = size
-    to[9] = 0
-    to[10] = OK
-    to[11] = 0
-    to[12] = 0
-    to[13] = 0
-    size += m.HEADER_BYTES
-    first = 0
-    second = 0
-    i = 0
-    while i < size:
-        first += to[i + 0]
-        second += first
-        i += 1
-    second = 255 - (first + second) % 255
-    to[size + 0] = second
-    to[size + 1] = 255 - (first + second) % 255
-    return size + 2
+    return int(_acknowledge(controller, frames, at, place))
 
 
 @micropython.viper
@@ -188,7 +248,7 @@ def answer(controller, questions, at: int, place) -> int:
     """
     f = ptr8(questions)
     if f[at + 7]:
-        return int(store_section(controller, questions, at, place))
+        return int(_carry_out(controller, questions, at, place))
     to = ptr8(place)
     if f[at + 0] != 0x44 or f[at + 1] != 0x46 or f[at + 9]:
         return 0
@@ -232,6 +292,7 @@ def answer(controller, questions, at: int, place) -> int:
         state == POSITIONING
         or state == ENDING
         or operations.rt_end_due  # it goes out first
+        or int(operations.gone_at) >= 0
         or int(controller.openings) != int(controller.port.openings)
     ):
         return 0

@@ -176,6 +176,10 @@ class Controller:
         """Do one pass. now: milliseconds modulo 2^29 or more. Return whether a request came."""
         now &= WRAP
         self.now = self.reader.now = now
+        if self.operations.gone_at >= 0:
+            self.operations.adopt()
+            self.planning = True
+            self.active_passes = _ACTIVE_PASSES
         alarm = sample(self.header, self.axes.samples)
         if self.axes.pending:
             self.axes.apply_pending()

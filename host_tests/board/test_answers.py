@@ -15,7 +15,7 @@ from host_tests.covering import sweep
 WORST_MS = 4
 WORST_VIRTUAL_MS = 4
 AT_REST_MS = 1.2  # a pass is due each millisecond, but questions do not wait for it
-EDGE_MS = 10  # from GO to the first edge, 3 of them until the ramp's first step
+EDGE_MS = 7  # from GO to the first edge, 3 of them until the ramp's first step
 APART_NS = 1000  # between the motors' first edges
 
 

@@ -279,6 +279,9 @@ class Hal:
         self.notes.texts[self.notes.text_count] = text
         self.notes.text_count += 1
 
+    def align(self):
+        pass
+
     def take_lost_commands(self):
         if self.lost_at == len(self.lost):
             return 0

@@ -85,6 +85,11 @@ class Hal:
         for each input."""
         raise NotImplementedError
 
+    def align(self):
+        """Let the next tick come 1 ms from now, and a pass just after it, if the engine's ticks can
+        be moved. The port calls it, by answer(), while nothing moves and no cue waits."""
+        raise NotImplementedError
+
     def take_lost_commands(self):
         """Return the motors, one bit each, that have lost commands since the last call.
 

@@ -313,6 +313,9 @@ class HostHal:
     def start(self):
         pass
 
+    def align(self):
+        pass
+
     def flash(self):
         if self._flash is False:
             raise OSError("no flash")

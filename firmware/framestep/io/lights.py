@@ -6,14 +6,15 @@ construction.
 
 from array import array
 
-from framestep.base.clock import elapsed
 from framestep.base.copying import copy_bytes
-from framestep.base.native import addressof, as_word, const, micropython, ptr8, ptr32
+from framestep.base.native import addressof, as_word, const, micropython, ptr8, ptr16, ptr32
 from framestep.hal import CHANGED, CHANNELS
 
 MARK = const(2)  # bit of a channel's byte in put_marked()
 # channels updated in a pass: each channel gets its turn before a frame is sent
 _PER_PASS = const(64)
+
+_WRAP = const(0xFFFF)  # of the beginnings of ramps, ms; a ramp takes at most 60000
 
 # Words of Lights.words, in addition to CHANGED
 RAMPING = const(1)  # number of channels that ramp
@@ -70,7 +71,8 @@ def _ramp(ramp: ptr32, words: ptr32, first: int, source: ptr8, at: int, count: i
     levels = ptr8(ramp[0])
     targets = ptr8(ramp[1])
     origins = ptr8(ramp[2])
-    begins = ptr32(ramp[3])
+    begins = ptr16(ramp[3])
+    now = ramp[4] & _WRAP
     last = first + count
     c = first
     while c < last:
@@ -82,7 +84,7 @@ def _ramp(ramp: ptr32, words: ptr32, first: int, source: ptr8, at: int, count: i
         if old ^ level:
             words[RAMPING] = words[RAMPING] + 1
             origins[c + 0] = old
-            begins[c + 0] = ramp[4]
+            begins[c + 0] = now
         at += 1
         c += 1
 
@@ -102,8 +104,8 @@ def _advance(ramp: ptr32, words: ptr32, now: int):
             c = 1
         target = targets[c + 0]
         if levels[c + 0] ^ target:
-            begins = ptr32(ramp[3])
-            passed = elapsed(now, begins[c + 0])
+            begins = ptr16(ramp[3])
+            passed = now - begins[c + 0] & _WRAP
             level = target
             if passed < length:
                 origins = ptr8(ramp[2])
@@ -131,8 +133,9 @@ class Lights:
         self.levels = bytearray(CHANNELS + 1)
         self.words = array("i", (0, 0, ramp_ms, 0))
         self._targets = bytearray(CHANNELS + 1)
-        self._origins = bytearray(CHANNELS + 1)
-        self._begins = array("i", [0] * (CHANNELS + 1))
+        ramping = CHANNELS + 1 if count and ramp_ms else 0
+        self._origins = bytearray(ramping)
+        self._begins = array("H", [0] * ramping)
         self._ramp = array("i", [0] * 5)
         for i, memory in enumerate((self.levels, self._targets, self._origins, self._begins)):
             self._ramp[i] = as_word(addressof(memory))

@@ -54,7 +54,7 @@ STARTING = const(6)  # the first phases are planned, one motor after the other
 # State of the early plan, in READY
 _NOT_YET = const(0)  # make it once nothing moves
 _BEGUN = const(1)
-_DONE = const(2)
+PLANNED = const(2)
 _IDLE = const(3)  # it is not made: the motors are not where the operation begins
 
 # ticks after the last change of a setting before a prepared operation is checked again
@@ -95,6 +95,8 @@ class OperationRunner:
         self.remaining = 0  # bits of motors yet to be sent there, or to get first phases
         self.early_plan = _NOT_YET
         self.hidden = 0  # bits of motors that need more queued than the early plan has
+        # the tick in which answers.py has started the motors, modulo 2^29; -1: see adopt()
+        self.gone_at = -1
         # a setting that concerns the operation has changed: see settings_changed()
         self.changed = False
         self.changed_at = 0  # tick of that
@@ -268,10 +270,10 @@ class OperationRunner:
     def start(self):
         """Start the waiting operation, after may_go() has returned OK."""
         self.starts_by_itself = False
-        if self.state == READY and (self.early_plan == _BEGUN or self.early_plan == _DONE):
+        if self.state == READY and (self.early_plan == _BEGUN or self.early_plan == PLANNED):
             stepper.restore_planned(self.axes.kernel.state, self.hidden)
             self.state = STARTING
-            if self.early_plan == _DONE and not stepper.waking(self.axes.kernel.state):
+            if self.early_plan == PLANNED and not stepper.waking(self.axes.kernel.state):
                 self._release()  # what else is due in this pass could make it a tick later
         else:
             self._start_from_here(self.operation)
@@ -299,8 +301,18 @@ class OperationRunner:
 
     def _release(self):
         """Release all motors, so that they start in the same tick."""
+        self.gone_at = self.axes.release(self.operation.bits)
+        self.adopt()
+
+    def adopt(self):
+        """Go on with the operation whose motors start, or have started, in the tick `gone_at`.
+
+        To be called in the next pass after answers.py has released them, before anything else.
+        """
+        tick = self.gone_at
+        self.gone_at = -1
+        self.starts_by_itself = False
         self.state = RUNNING
-        tick = self.axes.release(self.operation.bits)
         # the pulses come LEAD ticks after the tick that queues them
         self.operation.started(after(tick, self.axes.kernel.state[stepper.LEAD]))
 
@@ -318,6 +330,8 @@ class OperationRunner:
         (In a run they do not: the path has no jerk limit, and it may end at a soft limit.) spared:
         bits of motors that a virtual motion took while the operation waited, and that it will stop.
         """
+        if self.gone_at >= 0:
+            self.adopt()
         if self.state == LEAVING:
             self.remaining = 0
             self.state = IDLE  # the motors that have started are stopped like any others
@@ -348,7 +362,7 @@ class OperationRunner:
 
     def discard_early_plan(self):
         """In READY: discard the early plan, as it may no longer be right."""
-        if self.early_plan == _BEGUN or self.early_plan == _DONE:
+        if self.early_plan == _BEGUN or self.early_plan == PLANNED:
             self.axes.discard(self.operation.bits)
             self.remaining = self.hidden = 0
         self.early_plan = _NOT_YET
@@ -448,7 +462,7 @@ class OperationRunner:
         if self.remaining:
             self._next_motor()
         elif not self.operation.feed() and not axes.feed():
-            self.early_plan = _DONE
+            self.early_plan = PLANNED
         self.hidden = stepper.hide_planned(axes.kernel.state)
         return self.early_plan == _BEGUN
 

@@ -3,23 +3,32 @@
 import numpy as np
 import pytest
 
-from framestep.protocol.messages import MSG_FLAG_ACK, VIRT_MOTOR_EW
+from framestep.moves.operation_runner import IDLE, PLANNED, READY, RUNNING
+from framestep.protocol.messages import ERR_MOVING, MSG_FLAG_ACK, VIRT_MOTOR_EW
 from framestep.pulse import stepper
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.payloads import (
+    BlurMotor,
+    GioOut,
     Hi,
     MotorConfigure,
     MotorGetPosition,
     MotorJog,
     MotorMove,
+    MotorSetLimits,
+    MotorSetSpeed,
     MotorStatus,
     MotorStop,
     MotorStopAll,
+    Positions,
+    RtEnd,
     RtGo,
     RtJogAll,
+    RtShootFrame,
     VirtMove,
 )
-from host_tests.end_to_end.session import run_request, simulated
+from host_tests.end_to_end.realtime import STILLS, VIDEO, loaded
+from host_tests.end_to_end.session import SWITCHES, calm, run_request, set_input, simulated
 from host_tests.end_to_end.virtual_axes.judging import BOOM_NODAL, configured
 
 pytestmark = pytest.mark.inside
@@ -64,16 +73,179 @@ def test_everything_else_waits_and_the_order_stays(rig):
     assert sent(rig) == [MotorJog.TYPE | MSG_FLAG_ACK, MotorStatus.TYPE, MotorStatus.TYPE]
 
 
-def test_a_go_waits_for_its_pass(rig):
-    """Passes begin at a fixed time after a tick, and the one that reads a GO releases the motors at
-    a fixed time after that."""
-    rig.client.upload_move(1, 4, {1: np.arange(4) * 100})
-    rig.accept(run_request(end=4))
-    rig.client.wait_idle()
-    rig.run(0.5)
-    assert between(rig, frame(RtGo())) == []
-    a_pass(rig)
-    assert RtGo.TYPE | MSG_FLAG_ACK in sent(rig)
+GO_OK = RtGo.TYPE | MSG_FLAG_ACK
+WAITS = {"pre": 200, "post": 200, "end": 20}
+OPERATIONS = {
+    "run": run_request(**WAITS),
+    "video": run_request(**WAITS, flags=VIDEO),
+    "stills": run_request(**WAITS, flags=STILLS, open_angle=90, close_angle=270),
+    "lights": run_request(**WAITS, sync_dmx=1),
+    "no pre-roll": run_request(end=20, pre=0, post=0),
+    "go-motion": RtShootFrame(3, 1, 500, 500, (BlurMotor(1, 100, 300), BlurMotor(2, -50, 50))),
+}
+
+
+def planned(operation="run", **settings):
+    """Return a session whose operation waits for GO, its start planned."""
+    session = loaded(**settings)
+    session.ready(OPERATIONS[operation])
+    session.run(0.3)
+    operations = session.board._board.controller.operations
+    assert (operations.state, operations.early_plan) == (READY, PLANNED)
+    session.forget()
+    return session
+
+
+def moves_in_next_tick(session):
+    """Return whether all motors of the operation start in the next tick."""
+    controller = session.board._board.controller
+    bits = controller.operations.bits
+    return bits and controller.axes.moving_bits() & bits == bits
+
+
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_a_go_begins_before_its_pass(operation):
+    session = planned(operation)
+    assert between(session, frame(RtGo())) == [GO_OK]
+    assert moves_in_next_tick(session)
+    assert between(session, frame(MotorStatus())) == []
+    a_pass(session)
+    assert session.board._board.controller.operations.state == RUNNING
+    assert sent(session) == [MotorStatus.TYPE]
+
+
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_what_a_go_before_its_pass_begins_is_the_same(operation):
+    """All edges, levels and messages, but for up to two milliseconds by which it begins later."""
+    seen = []
+    for ask in (False, True):
+        session = planned(operation)
+        board = session.board._board
+        board.receive(frame(RtGo()))
+        if ask:
+            board.hal.port.ask()
+        session.run(3)
+        edges = session.board.edges()
+        begun = min(ns for ns, *_ in edges)
+        kinds = [type(event.message) for event in session.client.events]
+        assert RtEnd in kinds
+        seen.append(
+            (
+                sorted((ns - begun, *rest) for ns, *rest in edges),
+                [kind for kind in kinds if kind is not Positions],
+                bytes(board.controller.io.lights.levels),
+            )
+        )
+    assert len(seen[0][0]) > 50
+    assert seen[0] == seen[1]
+
+
+def at_a_switch(session):
+    calm(session)
+    session.accept(MotorSetLimits(1, 0, 0, 0, 0, 1))
+    session.run(0.5)
+    set_input(session, 26, 1)
+    session.run(0.02)
+
+
+def held(session):
+    set_input(session, "estop", 0)
+
+
+def of_another_speed(session):
+    session.accept(MotorSetSpeed(1, 10_000, 60_000))
+
+
+def beside_a_motor(session):
+    session.accept(MotorMove(3, 20_000))
+    session.run(0.3)
+
+
+def not_planned(session):
+    session.accept(MotorSetSpeed(1, 10_000, 60_000))
+    session.run(0.102)  # it is being planned again
+
+
+def before_a_driver_is_awake(session):
+    session.board._board.controller.axes.wake(50)
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        at_a_switch,
+        held,
+        of_another_speed,
+        beside_a_motor,
+        not_planned,
+        before_a_driver_is_awake,
+    ],
+)
+def test_a_go_is_left_to_its_pass(state):
+    """Wherever a pass has to look at something, or to refuse."""
+    session = planned(**({**SWITCHES, "outputs": []} if state is at_a_switch else {"estop": "no"}))
+    state(session)
+    operations = session.board._board.controller.operations
+    before = session.board._board.controller.axes.moving_bits() & operations.bits
+    assert between(session, frame(RtGo())) == []
+    assert session.board._board.controller.axes.moving_bits() & operations.bits == before
+    a_pass(session)
+    assert GO_OK in sent(session)
+
+
+def test_no_other_go_begins_before_its_pass():
+    """Behind another request, damaged, of a wrong length, twice, without an operation."""
+    session = planned()
+    go = frame(RtGo())
+    wrong = [go[:i] + bytes([go[i] ^ 1]) + go[i + 1 :] for i in range(len(go))]
+    wrong += [encode(RtGo.TYPE, b"\0", 9), frame(GioOut(0)) + go, go[:-1]]
+    for each in wrong:
+        between(session, each)
+        assert not moves_in_next_tick(session)
+        session.board._board.hal.port.incoming.clear()
+    assert between(session, go + go) == [GO_OK]
+    a_pass(session)
+    (second,) = FrameDecoder().feed(session.board._board.transmit())
+    assert second.payload[0] == ERR_MOVING
+    session.client.wait_event(RtEnd, 10)
+    session.wait_idle()
+    assert between(session, go) == []
+
+
+def stop_all(session):
+    session.board._board.receive(frame(MotorStopAll()))
+
+
+def leave(session):
+    session.leave()
+
+
+def fault(session):
+    session.board._board.controller.stops.fault_stop()
+
+
+@pytest.mark.parametrize("end", [stop_all, held, leave, fault])
+@pytest.mark.parametrize("ticks", [0, 1, 3])
+def test_what_stops_a_run_before_its_first_pass(end, ticks):
+    """The motors ramp down and come to rest, and the run is over, as if a pass had seen its GO."""
+    session = planned("stills", estop="no")
+    board = session.board._board
+    controller = board.controller
+    stood = [block[stepper.POSITION] for block in board.hal.kernel.blocks]
+    assert between(session, frame(RtGo())) == [GO_OK]
+    poll = controller.poll
+    controller.poll = lambda now: False
+    board.run_until(board.now_ns + ticks * 1_000_000)
+    controller.poll = poll
+    end(session)
+    board.run_until(board.now_ns + 1_000_000_000)
+    assert not controller.axes.moving
+    assert controller.operations.state == IDLE
+    assert controller.operations.gone_at == -1
+    made = {motor: session.made(motor) for motor in (1, 2)}
+    assert max(abs(steps) for steps in made.values()) < 60
+    for motor, steps in made.items():
+        assert controller.axes[motor - 1].block[stepper.POSITION] - steps == stood[motor - 1]
 
 
 def test_a_damaged_question_and_a_partial_one_wait(rig):

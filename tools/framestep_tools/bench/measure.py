@@ -51,6 +51,17 @@ PLAYS = 4  # of the mixed move, because one has too few replies for a median
 TRIGGERS_AT_ONCE = 100
 PULSE_US = 0.5
 AT_ONCE = 40  # requests without pauses, right after GO
+# moves that are played for GO: motors, frames per second, pre-roll in ms, steps/s
+GO_MOVES = (
+    (1, 100, 20, 10_000),
+    (8, 100, 20, 10_000),
+    (4, 25, 100, 5_000),
+    (8, 60, 50, 12_000),
+    (2, 24, 40, 2_400),
+    (6, 30, 200, 15_000),
+)
+READY_S = 0.15  # from rest to GO; eight motors are planned in 0.1 s
+APART_MS = 0.05
 # the rig of the virtual motions: steps per degree or millimetre, and the host's pose
 ARM = Rig(
     1,
@@ -107,32 +118,41 @@ def upload_rate(
 
 
 def go_times(session: Session, runs: int = 100) -> list[float]:
-    """Return the times from writing GO to the start of motion, in ms, for some runs of motor 1.
+    """Return the times from writing GO to the start of motion, in ms, for runs of GO_MOVES in turn.
 
     The pre-roll is a ramp from rest: its n-th edge comes √(2·T·n/v) after its start.
     """
     client, board = session.client, session.board
     random = np.random.default_rng(1)
-    fps, frames, roll_ms = 100, 3, 20
-    rate = 10_000  # steps/s
-    stands = session.positions[1]
-    client.request(MotorSetSpeed(1, 2 * rate, STEEPEST))
-    client.upload_move(1, frames, {1: stands + rate // fps * np.arange(frames)})
-    edges = np.arange(1, 41)
-    behind_ms = np.sqrt(2 * roll_ms * edges / (rate / 1000))
     found = []
-    for _ in range(runs):
-        client.request(RtRunMove(1000 * fps, 1, frames, roll_ms, roll_ms))
-        client.wait_idle()
-        client.pump(0.05 + random.uniform(0, 0.005))
-        board.emulator.trace_start([board.pins.step[0]])
-        begun_ns = board.now_ns
-        client.request(RtGo())
-        client.wait_event(RtEnd, 10)
-        records = board.emulator.trace_stop()
-        client.wait_idle()  # on the end frame again
-        rising = records["t"][records["level"] == 1][: len(edges)].astype(float)
-        found.append(float(np.median((rising - begun_ns) / 1e6 - behind_ms)))
+    for index, (motors, fps, roll_ms, rate) in enumerate(GO_MOVES):
+        stands = session.positions
+        frames = 3
+        steps = rate // fps * np.arange(frames)
+        for motor in range(1, motors + 1):
+            client.request(MotorSetSpeed(motor, 2 * rate, STEEPEST))
+        client.upload_move(1, frames, {m: stands[m] + steps for m in range(1, motors + 1)})
+        edges = np.arange(1, 21)
+        behind_ms = np.sqrt(2 * roll_ms * edges / (rate / 1000))
+        pins = board.pins.step[:motors]
+        for _ in range(len(range(index, runs, len(GO_MOVES)))):
+            client.request(RtRunMove(1000 * fps, 1, frames, roll_ms, roll_ms))
+            client.wait_idle()
+            client.pump(READY_S + random.uniform(0, 0.005))
+            board.emulator.trace_start(pins)
+            begun_ns = board.now_ns
+            client.request(RtGo())
+            client.wait_event(RtEnd, 10)
+            records = board.emulator.trace_stop()
+            client.wait_idle()  # on the end frame again
+            starts = []
+            for pin in pins:
+                rising = records["t"][(records["pin"] == pin) & (records["level"] == 1)]
+                ms = (rising[: len(edges)].astype(float) - begun_ns) / 1e6
+                starts.append(float(np.median(ms - behind_ms)))
+            if max(starts) - min(starts) > APART_MS:
+                raise ToolError(f"motors of one GO start {max(starts) - min(starts)} ms apart")
+            found.append(float(np.median(starts)))
     return found
 
 

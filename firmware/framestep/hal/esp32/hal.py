@@ -315,6 +315,9 @@ class Esp32Hal:
             self._cut = False
             self._drive_enables(self._enabled)
 
+    def align(self):
+        pass  # the chain's clock makes the ticks
+
     def take_lost_commands(self):
         return self.chain.take_lost()
 

@@ -3,9 +3,10 @@
 
 usb_transfers.py explains how bytes come in and go out, and how the port survives a soft reset.
 
-Callbacks come from MicroPython's scheduler and are viper functions: they run to their end (neither
-a Ctrl-C nor a lack of stack can end them) and allocate nothing. Callbacks own what the driver does;
-`poll()` and `send()` own what the main loop has taken and given.
+Callbacks come from MicroPython's scheduler, or within a pass from glance(). They are viper
+functions: they run to their end (neither a Ctrl-C nor a lack of stack can end them) and allocate
+nothing. Callbacks own what the driver does; `poll()` and `send()` own what the main loop has taken
+and given.
 """
 
 import select
@@ -89,12 +90,13 @@ _SET_CONTROL_LINE_STATE = const(0x22)
 _SEND_BREAK = const(0x23)
 _STAGE_SETUP = const(1)
 
-# Types of questions, and of stops, which begin at once (protocol.messages)
+# Types of questions, and of stops and GO, which begin at once (protocol.messages)
 _HI = const(0x01)
 _STATUS = const(0x30)
 _STOP = const(0x32)  # STOP_ALL is between this and _GET_POSITION
 _GET_POSITION = const(0x34)
 _SECTION = const(0x101)  # of an uploaded move
+_GO = const(0x113)
 
 # bytes that come this long after DTR was cleared come from a host that does not use it
 _QUIET_MS = const(100)
@@ -111,8 +113,8 @@ class UsbPort:
     after.
 
     `answer`: answer(buffer, at, to) -> size, a kernel that answers a question for status, positions
-    or HI as soon as it has come, if nothing else is to be sent, and begins a stop. False by
-    default.
+    or HI as soon as it has come, if nothing else is to be sent, stores a section, starts a motion
+    at a GO, and begins a stop. False by default.
 
     `struck`: a Ctrl-C for the REPL has come during glance(). Whoever makes the passes clears this,
     and passes it on.
@@ -335,24 +337,25 @@ class UsbPort:
                 send_packet(self)
             else:
                 s[SENDING] = 0
-        if s[LEFT] == 0:
-            now = 0 if s[SENDING] else s[HELD]
-            if s[TAKE] != s[FILL]:
-                place = s[TAKE] & 1
-                at = s[AT]
-                if at == s[END + place]:  # perhaps it was answered by glance()
+        now = 0 if s[LEFT] | s[SENDING] else s[HELD]
+        if s[TAKE] != s[FILL]:
+            place = s[TAKE] & 1
+            at = s[AT]
+            if at == s[END + place]:  # perhaps it was answered by glance()
+                now = 1
+            else:
+                frame = ptr8(s[RX] + place * PLACE + at)
+                kind = frame[6] | (frame[7] << 8)
+                if kind == _SECTION:
+                    now = 1 - s[INSIDE]
+                elif kind == _GO or kind >= _STOP and kind < _GET_POSITION:
                     now = 1
-                else:
-                    frame = ptr8(s[RX] + place * PLACE + at)
-                    kind = frame[6] | (frame[7] << 8)
-                    if kind == _SECTION:
-                        now = 1 - s[INSIDE]
-                    elif s[SENDING]:
-                        pass
-                    elif kind == _STATUS or kind >= _STOP and kind <= _GET_POSITION or kind == _HI:
-                        now = 1
-            if now and self.answer:
-                _at_once(self)
+                elif s[SENDING]:
+                    pass
+                elif kind == _STATUS or kind == _GET_POSITION or kind == _HI:
+                    now = 1
+        if now and self.answer:
+            _at_once(self)
         if s[LIVE] and not s[ARMED] and (s[FILL] - s[TAKE]) & 3 < 2:
             arm(self)
         return True
@@ -442,9 +445,10 @@ class UsbPort:
 
     @micropython.viper
     def glance(self):
-        """Answer a question that has come since the pass began; or if the last answer has gone, let
-        MicroPython's USB task run, whose callbacks send the rest of it, answer a further question,
-        and let the next one come. Called where the pass has nothing half done.
+        """Answer a question, carry out a GO, or begin a stop that has come since the pass began. Or
+        if the last answer has gone, let MicroPython's USB task run, whose callbacks send the rest
+        of it, answer a further question, and let the next one come. Called where the pass has
+        nothing half done.
 
         Otherwise the task would wait for the end of the pass, as it comes from the scheduler. A
         first question does not need it: the packet is there, and its length is known to the chip.
@@ -453,17 +457,20 @@ class UsbPort:
         if not chip:
             return
         s = ptr32(self._state)
-        if s[SENDING]:
-            if not chip.in_flight(s[EP_OUT], 0):
-                s[INSIDE] = 1
-                self._run_task()
-                s[INSIDE] = 0
+        if s[SENDING] and not chip.in_flight(s[EP_OUT], 0):
+            s[INSIDE] = 1
+            self._run_task()
+            s[INSIDE] = 0
         elif s[ARMED] and s[TAKE] == s[FILL] and s[AT] | s[STALE] == 0:
             at = (s[FILL] & 1) * PLACE
             frame = ptr8(s[RX] + at)
-            if ptr32(frame)[0] != MARK_0 and frame[7] == 0 and self.answer and self.open:
-                if int(chip.arrived(s[EP_OUT])) == QUESTION + frame[8]:
-                    _reply(self, at)
+            if ptr32(frame)[0] != MARK_0 and self.answer and self.open:
+                kind = frame[6] | (frame[7] << 8)
+                if s[SENDING] and (kind < _STOP or kind >= _GET_POSITION):
+                    pass
+                elif frame[7] == 0 or kind == _GO:
+                    if int(chip.arrived(s[EP_OUT])) == QUESTION + frame[8]:
+                        _reply(self, at)
 
     def _run_task(self):
         """Run MicroPython's USB task. It keeps a Ctrl-C that has come on the REPL's port for the
@@ -529,7 +536,8 @@ class UsbPort:
 
 @micropython.viper
 def _at_once(port):
-    """Send what could not be sent before. Answer the question, or store the section, that has come.
+    """Send what could not be sent before. Answer the question, store the section, or carry out the
+    GO, that has come.
 
     A program on the REPL may have taken so much of the stack that there is no room for that; then
     the next pass sees to it, as it does to everything else.
@@ -540,7 +548,7 @@ def _at_once(port):
     if s[HELD] and s[SENDING] == 0:
         s[HELD] = 0
         port.send(port._writer)
-    if s[LEFT] or s[TAKE] == s[FILL] or not port.open:
+    if s[TAKE] == s[FILL] or not port.open:
         return
     place = s[TAKE] & 1
     at = s[AT]
@@ -549,8 +557,11 @@ def _at_once(port):
         if left < QUESTION:
             return
         frame = ptr8(s[RX] + place * PLACE + at)
-        if left < QUESTION + frame[8] + (frame[9] << 8) or s[SENDING] and frame[7] == 0:
+        if left < QUESTION + frame[8] + (frame[9] << 8):
             return
+        if s[LEFT] or s[SENDING] and frame[7] == 0:
+            if frame[7] or frame[6] < _STOP or frame[6] >= _GET_POSITION:
+                return  # all else has an answer
         if int(_reply(port, place * PLACE + at)) == 0:
             return
         at = s[AT]

@@ -7,7 +7,8 @@ import machine
 from machine import Pin, Timer, mem32
 from micropython import alloc_emergency_exception_buf
 
-from framestep.base.native import addressof, const, micropython
+from framestep.base.clock import WIDE_WRAP
+from framestep.base.native import addressof, const, micropython, ptr32
 from framestep.hal import PASS, REPL_STACK
 from framestep.hal.rp2 import chip
 from framestep.hal.rp2.pin_guard import Claim, held_pin, mend, wrong
@@ -17,7 +18,7 @@ from framestep.hal.rp2.stack import NOWHERE, WholeStack, set_limit, unchecked
 from framestep.hal.rp2.usb import addressed
 from framestep.pulse.engine import FASTEST_HZ
 from framestep.pulse.kernel import StepKernel
-from framestep.pulse.stepper import halt
+from framestep.pulse.stepper import CLOCK, DUE, TICK_US, halt
 
 _LEAST = const(512)
 _CLOSE = const(32)
@@ -136,6 +137,17 @@ class Rp2Hal:
             self.watchdog.guard(self.kernel.state)
         self.port.start()
 
+    # Timer.init() moves the timer's grid and takes nothing from the heap. In a viper function no
+    # Ctrl-C can come between its two halves.
+    @micropython.viper
+    def align(self):
+        kernel = self.kernel
+        header = kernel.state
+        state = ptr32(header)
+        self.ticker.init(period=1, callback=kernel.tick, hard=True)
+        state[DUE] = ptr32(state[CLOCK])[0] + TICK_US & WIDE_WRAP
+        self.passes.init(period=1, callback=self._pass)
+
     irq_off = staticmethod(machine.disable_irq)
     irq_on = staticmethod(machine.enable_irq)
     idle = staticmethod(machine.idle)
@@ -172,7 +184,8 @@ class Rp2Hal:
 
     def pass_callback(self, work):
         header = addressof(self.kernel.state)
-        return WholeStack(self._stack, work, self.inside, header).callback
+        self._pass = WholeStack(self._stack, work, self.inside, header).callback
+        return self._pass
 
     def watch(self, bits, handler):
         handler = WholeStack(self._stack, handler, NOWHERE).callback
