@@ -4,7 +4,7 @@ the flash cache."""
 import numpy as np
 import pytest
 
-from framestep_tools.bench.measure import AT_ONCE, Asker, virtual_replies
+from framestep_tools.bench.measure import AT_ONCE, GO_MOVES, Asker, go_times, virtual_replies
 from framestep_tools.bench.moves import STEADY_RATES, STEEPEST, mixed_move
 from framestep_tools.bench.session import Session
 from framestep_tools.judge.trace import Trace
@@ -17,6 +17,8 @@ WORST_VIRTUAL_MS = 4
 AT_REST_MS = 1.2  # a pass is due each millisecond, but questions do not wait for it
 EDGE_MS = 7  # from GO to the first edge, 3 of them until the ramp's first step
 APART_NS = 1000  # between the motors' first edges
+GO_MS = 4  # from GO to the motion
+GO_SPREAD_MS = 0.8
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +81,13 @@ def test_from_go_to_the_first_edge(session, again):
     first = [int(trace.steps(motor)[0][0]) for motor in range(1, 9)]
     assert max(first) - min(first) < APART_NS
     assert begun < acknowledged < min(first) < begun + EDGE_MS * 1_000_000
+
+
+def test_it_takes_equally_long_from_each_go_to_the_motion(session):
+    """Of one to eight motors, wherever between two ticks and two passes it comes."""
+    times = go_times(session, 2 * len(GO_MOVES))
+    assert max(times) < GO_MS
+    assert max(times) - min(times) < GO_SPREAD_MS
 
 
 @pytest.mark.repeats
