@@ -27,6 +27,7 @@ from framestep.motors.feeder import coupled
 from framestep.motors.samples import choose
 from framestep.moves.operation_runner import (
     ENDING,
+    GONE,
     IDLE,
     LEAVING,
     PLANNED,
@@ -48,7 +49,8 @@ _LIGHTS = const(3)
 HI_SIZE = const(4)  # bytes of the answer to HI that follows, without checksum; 0: not known yet
 _HI = const(5)
 _SMOOTH = const(5 + 16)  # motors with a jerk limit, a bit each
-_WORDS = const(5 + 16 + 1)
+TRACED = const(5 + 16 + 1)  # 1: passes carry out sections and GO, so that repl/tracer.py sees them
+_WORDS = const(5 + 16 + 2)
 _LOW = const(m.MSG_RT_UPLOAD_MOVE_AXIS & 0xFF)
 _HIGH = const(m.MSG_RT_UPLOAD_MOVE_AXIS >> 8)  # of MSG_RT_GO, too
 _GO = const(m.MSG_RT_GO & 0xFF)
@@ -101,7 +103,7 @@ def _slow_down(controller, bits: int):
     operations = controller.operations
     operation = operations.operation
     state = int(operations.state)
-    virtual = int(controller.virtuals.owned)
+    virtual = int(controller.virtuals.move.owned)
     spared = int(coupled(block, ptr32(words)[_SMOOTH]))
     bits = int(coupled(block, bits))
     if state > LEAVING:  # before, a STOP concerns one motor
@@ -122,12 +124,9 @@ def _slow_down(controller, bits: int):
 def _may_acknowledge(controller) -> int:
     """Return whether an acknowledgement may go out now: nothing comes before it, and no bytes wait
     that came before its request."""
-    operations = controller.operations
-    if (
-        operations.starts_by_itself
-        or operations.rt_end_due  # it goes out first
-        or int(controller.openings) != int(controller.port.openings)
-    ):
+    if controller.operations.rt_end_due:  # it goes out first
+        return 0
+    if int(controller.openings) != int(controller.port.openings):
         return 0
     state = ptr32(controller.reader._state)
     if state[NEXT] != state[FILL]:
@@ -169,9 +168,7 @@ def _go(controller, frames, at: int, place) -> int:
     changed it since has discarded the plan. So only what changes without a request is looked at.
     """
     operations = controller.operations
-    if int(operations.early_plan) != PLANNED or int(operations.gone_at) >= 0:
-        return 0
-    if int(operations.state) != READY:
+    if int(operations.state) != READY or int(operations.early_plan) != PLANNED:
         return 0
     # So that it takes as long from each GO to the motion. Before all else, which then takes no time
     # of its own.
@@ -198,6 +195,7 @@ def _go(controller, frames, at: int, place) -> int:
     tick = after(state[stepper.TICKS], 1)
     hal.irq_on(irq)
     operations.gone_at = tick
+    operations.state = GONE
     return int(_acknowledge(controller, frames, at, place))
 
 
@@ -211,6 +209,8 @@ def _carry_out(controller, frames, at: int, place) -> int:
     f = ptr8(frames)
     size = f[at + 8] | (f[at + 9] << 8)
     if f[at + 0] != 0x44 or f[at + 1] != 0x46 or f[at + 7] != _HIGH:
+        return 0
+    if ptr32(controller.answers)[TRACED]:
         return 0
     if f[at + 6] == _GO and size == 0:
         return int(_go(controller, frames, at, place))
@@ -288,13 +288,11 @@ def answer(controller, questions, at: int, place) -> int:
         return 0
     operations = controller.operations
     state = int(operations.state)
-    if (
-        state == POSITIONING
-        or state == ENDING
-        or operations.rt_end_due  # it goes out first
-        or int(operations.gone_at) >= 0
-        or int(controller.openings) != int(controller.port.openings)
-    ):
+    if state == POSITIONING or state == ENDING or state == GONE:
+        return 0
+    if state < READY and operations.rt_end_due:  # it goes out first
+        return 0
+    if int(controller.openings) != int(controller.port.openings):
         return 0
     moving = 0
     bit = 1
@@ -306,8 +304,8 @@ def answer(controller, questions, at: int, place) -> int:
             moving |= bit
         bit <<= 1
     if kind == m.MSG_MOTOR_STATUS:
-        moving |= int(controller.interlock.homing) | int(controller.virtuals.owned)
-        if state >= RUNNING or state == LEAVING or operations.starts_by_itself:
+        moving |= int(controller.interlock.homing) | int(controller.virtuals.move.owned)
+        if state >= RUNNING or state == LEAVING:
             moving |= int(operations.operation.bits)
         x = ptr32(w[_LIGHTS])
         to[10] = moving & 0xFF
@@ -319,22 +317,24 @@ def answer(controller, questions, at: int, place) -> int:
         to[14] = 1 if x[RAMPING] else 0
         size = 15
     elif kind == m.MSG_MOTOR_GET_POSITION:
-        sent = int(operations.sent)
-        if state != RUNNING and sent and moving & sent == 0:
-            return 0  # they have come to rest on a frame
-        operation = operations.operation
-        if state == RUNNING and not operation.at_once:
-            return 0
         axes = controller.axes
         reported = axes.reported
-        tick = int(choose(axes.kernel.state, axes.samples, reported))
-        time = int(operations.move_time)
         if state == RUNNING:
+            operation = operations.operation
+            if not operation.at_once:
+                return 0
+            tick = int(choose(controller.header, axes.samples, reported))
             operations.reported_frame = -1
             time = int(operation.play_head(tick, 0))
             index = int(operations.reported_frame)
             if index >= 0:
                 fetch_positions(operations.store, int(operation.bits), index, reported)
+        else:
+            sent = int(operations.sent)
+            if sent and moving & sent == 0:
+                return 0  # they have come to rest on a frame
+            choose(controller.header, axes.samples, reported)
+            time = int(operations.move_time)
         out = ptr32(reported)
         to[10] = time & 0xFF
         to[11] = (time >> 8) & 0xFF

@@ -16,6 +16,7 @@ from framestep.motors.requests import Motors
 from framestep.motors.samples import sample
 from framestep.moves.operation_runner import (
     ENDING,
+    GONE,
     LEAVING,
     POSITIONING,
     READY,
@@ -176,7 +177,7 @@ class Controller:
         """Do one pass. now: milliseconds modulo 2^29 or more. Return whether a request came."""
         now &= WRAP
         self.now = self.reader.now = now
-        if self.operations.gone_at >= 0:
+        if self.operations.state == GONE:
             self.operations.adopt()
             self.planning = True
             self.active_passes = _ACTIVE_PASSES

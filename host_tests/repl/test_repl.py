@@ -16,6 +16,7 @@ from framestep.repl.figures import live
 from framestep.rig import Rig
 from framestep_tools.client.wire import encode
 from framestep_tools.payloads import (
+    LAST_SECTION,
     REQUESTS,
     Ack,
     GetLoad,
@@ -30,6 +31,7 @@ from framestep_tools.payloads import (
     RtRunMove,
     RtUploadMoveAxis,
     RtUploadMoveBegin,
+    RtUploadMoveEnd,
 )
 from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.realtime import MOVE, loaded
@@ -368,16 +370,32 @@ def test_trace(tracing):
     assert traced(says(repl.trace, 3)) == lines[-3:]
 
 
-def test_trace_shows_questions_that_are_else_answered_at_once(tracing):
+def test_trace_shows_what_is_else_carried_out_at_once(tracing):
+    """A question, a section of a move, and a GO."""
     session, says = tracing
     board = session.board._board
-    board.receive(encode(Hi.TYPE, b"", 7))
-    board.hal.port.ask()
-    session.run(0.1)
-    assert [text.split(" ")[0] for _, text in traced(says(repl.trace))] == ["HI", "HI"]
+
+    def send(request):
+        board.receive(encode(request.TYPE, request.pack(), 7))
+        board.hal.port.ask()
+
+    def seen():
+        session.run(0.1)
+        return [text.split(" ")[0].rstrip(":") for _, text in traced(says(repl.trace))]
+
+    send(Hi())
+    assert seen() == ["HI", "HI"]
+    session.accept(RtUploadMoveBegin(1, 5))
+    send(RtUploadMoveAxis(1, LAST_SECTION, range(5)))
+    assert seen()[-2:] == ["RT_UPLOAD_MOVE_AXIS"] * 2
+    session.accept(RtUploadMoveEnd(), RtRunMove(24_000, 1, 5))
+    session.wait_idle()
+    session.run(0.3)
+    send(RtGo())
+    assert seen()[-2:] == ["RT_GO"] * 2
     repl.trace(0)
-    board.receive(encode(Hi.TYPE, b"", 8))
-    board.hal.port.ask()
+    session.wait_idle()
+    send(Hi())
     assert board.pending == 0
 
 

@@ -50,6 +50,7 @@ READY = const(3)
 RUNNING = const(4)
 ENDING = const(5)  # ramping down
 STARTING = const(6)  # the first phases are planned, one motor after the other
+GONE = const(7)  # answers.py has started the motors: see adopt()
 
 # State of the early plan, in READY
 _NOT_YET = const(0)  # make it once nothing moves
@@ -95,8 +96,7 @@ class OperationRunner:
         self.remaining = 0  # bits of motors yet to be sent there, or to get first phases
         self.early_plan = _NOT_YET
         self.hidden = 0  # bits of motors that need more queued than the early plan has
-        # the tick in which answers.py has started the motors, modulo 2^29; -1: see adopt()
-        self.gone_at = -1
+        self.gone_at = 0  # in GONE: the tick in which the motors start, modulo 2^29
         # a setting that concerns the operation has changed: see settings_changed()
         self.changed = False
         self.changed_at = 0  # tick of that
@@ -305,16 +305,11 @@ class OperationRunner:
         self.adopt()
 
     def adopt(self):
-        """Go on with the operation whose motors start, or have started, in the tick `gone_at`.
-
-        To be called in the next pass after answers.py has released them, before anything else.
-        """
-        tick = self.gone_at
-        self.gone_at = -1
-        self.starts_by_itself = False
+        """In GONE, in the next pass: go on with the operation whose motors start, or have started,
+        in the tick `gone_at`."""
         self.state = RUNNING
         # the pulses come LEAD ticks after the tick that queues them
-        self.operation.started(after(tick, self.axes.kernel.state[stepper.LEAD]))
+        self.operation.started(after(self.gone_at, self.axes.kernel.state[stepper.LEAD]))
 
     @property
     def stopping_on_frame(self):
@@ -330,7 +325,7 @@ class OperationRunner:
         (In a run they do not: the path has no jerk limit, and it may end at a soft limit.) spared:
         bits of motors that a virtual motion took while the operation waited, and that it will stop.
         """
-        if self.gone_at >= 0:
+        if self.state == GONE:
             self.adopt()
         if self.state == LEAVING:
             self.remaining = 0
@@ -393,6 +388,9 @@ class OperationRunner:
             return False
         if state == READY:
             return self._plan_early()
+        if state == GONE:
+            self.adopt()
+            return True
         if state == RUNNING:
             operation = self.operation
             if operation.feed():

@@ -2,12 +2,12 @@
 
 A Tracer puts itself between the controller and its reader and writer, so a board without one spends
 nothing on tracing. It makes all that it needs at once: in a pass it allocates nothing. While it is
-on, passes answer HI, so that it sees that as well.
+on, passes answer HI, store sections and carry out GO, so that it sees these as well.
 """
 
 from array import array
 
-from framestep.answers import HI_SIZE
+from framestep.answers import HI_SIZE, TRACED
 from framestep.base.copying import copy_bytes
 from framestep.base.native import const
 from framestep.protocol import messages as m
@@ -31,6 +31,7 @@ class Tracer:
         self._answers = controller.answers
         self._hi_size = self._answers[HI_SIZE]
         self._answers[HI_SIZE] = 0
+        self._answers[TRACED] = 1
         self._reader = reader = controller.reader
         self._writer = writer = controller.writer
         self._poll = reader.poll
@@ -43,6 +44,7 @@ class Tracer:
     def remove(self):
         """End tracing."""
         self._answers[HI_SIZE] = self._hi_size
+        self._answers[TRACED] = 0
         reader = self._reader
         writer = self._writer
         reader.poll = writer.end = writer.ack = None  # a deleted entry would keep its value alive

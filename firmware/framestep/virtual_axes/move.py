@@ -80,6 +80,7 @@ class LinearMove:
         self.rows = line.rows
         self.ahead = None  # of a jog: the LookAhead that surveys its line
         self.state = IDLE
+        self.owned = 0  # bits of the motors in the motion, from its acknowledgement to its end
         self.speeds = array("i", [0] * (ROW * _KNOTS))  # reals: velocities of the motors at knots
         # reals: s and velocity of the point at each knot
         self.marks = array("i", [0] * (4 * _KNOTS))
@@ -93,12 +94,6 @@ class LinearMove:
         self.closed = True  # no further knots follow
         self.stopping = 0  # or one of the two below
 
-    @property
-    @micropython.viper
-    def owned(self) -> int:
-        """Bits of the motors in a virtual motion, from its acknowledgement to its end."""
-        return int(self.line.bits) if int(self.state) else 0
-
     # ---------------------------------------------------------------- start and end
 
     def begin(self, ahead=None):
@@ -107,6 +102,7 @@ class LinearMove:
         line.forget_end()
         self.ahead = ahead
         self.state = TAKING_UP
+        self.owned = line.bits
         directions = self.survey.directions
         for i in range(registers.AXES):
             motor = self.motor[i] - 1
@@ -241,6 +237,7 @@ class LinearMove:
             if state != HALTED:
                 self.line.remember_end()
             self.state = IDLE
+            self.owned = 0
         return False
 
     def _ticks_to(self, knot):

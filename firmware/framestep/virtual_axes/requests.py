@@ -157,10 +157,9 @@ class VirtualAxes:
         return self.line.rig is not None
 
     @property
-    @micropython.viper
-    def owned(self) -> int:
+    def owned(self):
         """Bits of the motors in a virtual motion, from its acknowledgement to its end."""
-        return int(self.move.owned)
+        return self.move.owned
 
     def poll(self, now):
         """Do one pass of the main loop. now: ms, as in clock.py. Return whether there may be more

@@ -241,7 +241,6 @@ def test_what_stops_a_run_before_its_first_pass(end, ticks):
     board.run_until(board.now_ns + 1_000_000_000)
     assert not controller.axes.moving
     assert controller.operations.state == IDLE
-    assert controller.operations.gone_at == -1
     made = {motor: session.made(motor) for motor in (1, 2)}
     assert max(abs(steps) for steps in made.values()) < 60
     for motor, steps in made.items():
