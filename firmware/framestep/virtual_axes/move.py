@@ -13,7 +13,7 @@ Time in ticks, positions of motors in steps. Nothing allocates after constructio
 from array import array
 
 from framestep.base.clock import HALF, WRAP, after, elapsed
-from framestep.base.native import const, micropython
+from framestep.base.native import const
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula

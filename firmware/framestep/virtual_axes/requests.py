@@ -7,7 +7,7 @@ or 0 if it has answered itself. Nothing allocates after construction.
 
 from array import array
 
-from framestep.base.native import const, micropython
+from framestep.base.native import const
 from framestep.motion import reals
 from framestep.protocol import messages as m
 from framestep.virtual_axes.jogs import Jogs
