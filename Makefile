@@ -33,7 +33,7 @@ unexport ARGS LAYER BOARD TARGET PORT SECONDS SEED MICROPYTHON
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help help-all setup node chromium micropython runtimes images demo try site sim emu check test test-all test-sessions console-pictures fuzz strain lint types format \
+.PHONY: help help-all setup node chromium micropython runtimes images demo try site sim emu check test test-all test-sessions console-pictures fuzz lint types format \
 	plots bench profile flash image install release emulator-measure conform prove clean
 
 help: ## show this list
@@ -113,9 +113,6 @@ fuzz: setup ## random sessions, checked for what must never happen: SECONDS=60, 
 	$(if $(filter esp32,$(TARGET)),@tools/micropython/build.sh esp32)
 	$(if $(filter rp2%,$(TARGET)),@tools/setup.sh node && tools/micropython/build.sh rp2)
 	@"$(PYTHON_VENV)" -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(if $(TARGET),--target $(TARGET)) $(ARGS)
-
-strain: setup node micropython ### any requests on an emulated board while somebody works on its REPL: BOARD=pico2, SEED=7, ARGS="--requests 20000"
-	@"$(PYTHON_VENV)" -m host_tests.board.strain $(if $(SEED),--seed $(SEED)) $(if $(BOARD),--board $(BOARD)) $(ARGS)
 
 lint: setup ### style (ruff, oxlint, shellcheck), spelling (codespell), and subjects of commits
 	@"$(PYTHON_VENV)" -m ruff check --show-files | grep -q '[.]py$$' || { echo "ruff finds no Python file to check"; exit 1; }

@@ -17,6 +17,8 @@ MicroPython read.
                                   no passes either
     12 prompt                     questions that have come are answered before the pass
     12 full                       the host takes no more bytes, until drain
+    12 repl gc.collect()          a line for the REPL of an emulated chip, if there was a `repl` in
+                                  millisecond 0; without a line: Ctrl-C
     500 end
 
 Times are whole milliseconds of the board's clock, ascending. In a millisecond its events come
@@ -28,7 +30,7 @@ Nothing here needs CPython, and it imports nothing of this package.
 
 import json
 
-VERBS = ("open", "close", "rx", "pin", "hold", "skip", "full", "drain", "prompt")
+VERBS = ("open", "close", "rx", "pin", "hold", "skip", "full", "drain", "prompt", "repl")
 _NUMBERS = ("hold", "skip")
 
 
@@ -38,9 +40,9 @@ class ScriptError(ValueError):
 
 class Script:
     """A script in parts. rig: a dictionary, or None if the file cannot be read. events: [(ms, verb,
-    argument)]; argument: bytes for rx, (name, level) for pin, milliseconds for hold and skip, else
-    None. memory: bytes or None; flash: {block: bytes}, or None without a flash. says: the comment
-    lines at the top."""
+    argument)]; argument: bytes for rx, (name, level) for pin, milliseconds for hold and skip, text
+    for repl, else None. memory: bytes or None; flash: {block: bytes}, or None without a flash.
+    says: the comment lines at the top."""
 
     def __init__(self, board="host", rig=None):
         self.says = []
@@ -91,6 +93,8 @@ def event(line):
             argument = bytes.fromhex(parts[2])
         elif verb == "pin":
             argument = (int(parts[2]) if parts[2].isdigit() else parts[2], int(parts[3]))
+        elif verb == "repl":
+            argument = line.split(None, 2)[2].strip() if len(parts) > 2 else ""
         elif verb in _NUMBERS:
             argument = int(parts[2])
         elif verb != "end" and verb not in VERBS:

@@ -28,6 +28,7 @@ class Player:
     pauses = True  # the main loop may be away
     within = Tolerances()
     ticks = None
+    repl = working = False
 
     def __init__(self, script: Script, on_edge: Callable[[int, str, int], None] | None = None):
         self.script = script

@@ -1,18 +1,26 @@
 """The fuzzer and its judge with an emulated board (fuzz/chip_player.py): nothing is found in the
 firmware, and faults are. `make fuzz TARGET=rp2350` plays other sessions."""
 
+import functools
+
 import pytest
 
+from framestep.protocol import messages as m
 from framestep_emulator import Emulator
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board import timing_faults
 from host_tests.board.chips import PICO
+from host_tests.board.modules import edited, ident_of, on_board
 from host_tests.covering import sweep
-from host_tests.fuzz import fuzz
+from host_tests.fuzz import chip_player, fuzz
 from host_tests.fuzz.findings import Finding
+from host_tests.fuzz.replies import Replies
 from host_tests.fuzz.sessions import Host, moves, outputs_on, pressed, run
+from host_tests.observers import timing
 
-SEED = "1/3"
+SEED = "1/5"
+REPL_SEED = "1/19"  # its first draws let somebody work on the REPL
+PICO_PLAYER = chip_player.CHIPS["rp2040"]
 REQUESTS = 60
 
 
@@ -25,6 +33,30 @@ def test_random_requests(chip):
     assert finding is None
     assert trial.counts["requests"] >= REQUESTS
     assert trial.counts["edges"] > 100
+
+
+def test_random_requests_beside_work_on_the_repl(monkeypatch):
+    """The tick and the planning of motion are compiled on the board's heap, not frozen."""
+    modules = [f"framestep/{name}.mpy" for name in ("pulse/tick", "motors/axis", "controller")]
+    files = on_board(ident_of("pico"), {name: edited(name) for name in modules})
+    changed = PICO_PLAYER._replace(make=functools.partial(EmulatedBoard, files=files))
+    monkeypatch.setitem(chip_player.CHIPS, "rp2040", changed)
+    monkeypatch.setattr(timing, "addresses", {})
+    conditions = []
+    form = Replies._form
+
+    def noted(replies, kind, payload):
+        if kind == m.MSG_CONDITION:
+            conditions.append(int.from_bytes(payload[:4], "little"))
+        form(replies, kind, payload)
+
+    monkeypatch.setattr(Replies, "_form", noted)
+    trial, finding = fuzz.session(REPL_SEED, REQUESTS, target="rp2040")
+    assert finding is None
+    assert trial.counts["REPL"] > 5
+    assert trial.counts["edges"] > 100
+    assert conditions
+    assert all(bits & m.CONDITION_OVERLAY for bits in conditions)
 
 
 @pytest.fixture

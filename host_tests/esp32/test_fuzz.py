@@ -9,7 +9,7 @@ from host_tests.fuzz import fuzz
 from host_tests.fuzz.findings import Finding
 from host_tests.fuzz.sessions import Host, coupled, limited, moves, outputs_on, run
 
-SEED = "chip/58"
+SEED = "chip/72"
 RIG = {"motor_count": 2, "motors": [{"jerk": 200, "invert": True}]}
 
 

@@ -16,6 +16,8 @@ from host_tests.fuzz.shown import CYCLE_NS, MS_NS, Shown
 from host_tests.observers import CHIP, Tolerances, timing
 from host_tests.script import Script
 
+from .repl_work import ReplWork
+
 
 class Chip(NamedTuple):
     """A target of the fuzzer: a board, and what plays it."""
@@ -52,6 +54,8 @@ class ChipPlayer(Shown):
         self.ticks = emulator and timing.watched(emulator, f"{board} {script.rig}", self._begun_ns)
         super().__init__(rig, count)
         self.pauses = hasattr(self.chip, "pause")
+        self.repl = emulator is not None and self.chip.repl is not None
+        self._work: ReplWork | None = None
         self._read_edges()  # the levels at first, of those boards that show them
 
     @property
@@ -79,6 +83,13 @@ class ChipPlayer(Shown):
         elif verb in ("hold", "skip") and self.pauses:
             self._held = min(argument, LONGEST_MS)
             self.chip.pause(self._held)
+        elif verb == "repl":
+            if self._work:
+                self._work.do(argument)
+                self.working = self._work.look()
+            elif self.ms == 0:
+                self._work = ReplWork(self.chip.emulator)
+                self._begun_ns = self.ticks.begun_ns = self.chip.emulator.ns
         elif verb != "prompt":
             raise ValueError(f"this board cannot {verb}")
 
@@ -108,6 +119,9 @@ class ChipPlayer(Shown):
         if data or self.ms % _READ_MS == 0:
             self._read_edges()
         self.ms += 1
+        if self.working:
+            self.working = self._work.look()
+            self._held = 1
 
     def _read_edges(self) -> None:
         for time, signal, value in self.chip.edges():

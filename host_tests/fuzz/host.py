@@ -7,6 +7,7 @@ from random import Random
 from framestep.protocol import messages as m
 
 from .link import frame
+from .repl_work import WORK
 from .trial import Trial
 
 ODD = (
@@ -52,11 +53,19 @@ class Host:
     """A host with its port and a clock. requests, ms: the most of each. links: with faults of the
     link.
 
-    talks: it asks many questions, which leaves fewer requests for motion.
+    talks: it asks many questions, which leaves fewer requests for motion. works: somebody works on
+    the REPL.
     """
 
     def __init__(
-        self, dice: Random, trial: Trial, requests: int, ms: int, links: bool, talks: bool
+        self,
+        dice: Random,
+        trial: Trial,
+        requests: int,
+        ms: int,
+        links: bool,
+        talks: bool,
+        works: bool,
     ):
         self.dice = dice
         self.trial = trial
@@ -64,6 +73,7 @@ class Host:
         self.end = ms
         self.links = links
         self.talks = talks
+        self.works = works
         self.number = 0
         self.motors = trial.count
         self.speeds = [5000] * self.motors  # as set by this host
@@ -72,9 +82,19 @@ class Host:
     def tick(self, ms=1):
         trial = self.trial
         for _ in range(ms):
+            if self.works:
+                self.work()
             trial.step()
         if trial.ms >= self.end:
             raise Over
+
+    def work(self):
+        """Begin something on the REPL, now and then, or press Ctrl-C."""
+        trial = self.trial
+        if self.dice.random() < (0.003 if trial.player.working else 0.05):
+            key = "Ctrl-C" if trial.player.working else "REPL"
+            trial.counts[key] += 1
+            trial.do("repl", "" if trial.player.working else self.dice.choice(WORK))
 
     def pause(self, most=300):
         """Let some time pass, mostly little."""
@@ -168,11 +188,13 @@ class Host:
         trial = self.trial
         self.end = 10**9
         self.requests = 10**9
-        self.links = False
+        self.links = self.works = False
         if trial.player.full:
             trial.do("drain")
         if not trial.hal.port.open:
             trial.do("open")
+        if trial.player.working:
+            trial.do("repl", "")
         for _ in range(60):
             trial.step()
         self.send(m.MSG_MOTOR_STOP_ALL)

@@ -60,11 +60,11 @@ def draw_rig(dice: Random, board: str) -> dict:
     ):
         if some() < chance:
             rig[name] = dice.choice(values)
-    if "chain" in data:  # an E-stop loses all positions there: host_tests/esp32/strain.py
+    if "estop" in data and some() < 0.5:
+        rig["estop"] = dice.choice(("nc", "no"))
+    if "chain" in data:
         pins, outputs = list(data["inputs"]), data["outputs"]
     else:
-        if "estop" in data and some() < 0.5:
-            rig["estop"] = dice.choice(("nc", "no"))
         pins = outputs = data.get("stops", []) + [22, 26, 27, 28]
     if some() < 0.4:
         dice.shuffle(pins)

@@ -17,6 +17,8 @@ class Shown:
     ticks = None  # of an emulated chip, if a trial is to judge them as it goes
     full = False
     links = pauses = False
+    repl = False  # whether somebody may work on its REPL
+    working = False  # whether somebody does, so that passes may be late
     now_ns = 0
 
     def __init__(self, rig, motors: int, levels=0, is_open=False):

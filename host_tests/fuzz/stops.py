@@ -3,7 +3,7 @@ HARD_STOP may come."""
 
 from framestep.protocol import messages as m
 
-from .bounds import STEEPEST
+from .bounds import FREE, STEEPEST
 from .findings import Part
 
 LONG_AGO = -(10**9)
@@ -59,6 +59,10 @@ class Stops(Part):
             if self.ms - self.let_go < 40:
                 return  # a bounce: for the firmware it was not released
             self.hard()
+            if "chain" in self.rig.board:  # the pulses end at once
+                for motor in self.motors:
+                    motor.allow(self.ms, 0, FREE)
+                    motor.renumbered = motor.jerky = motor.free = True
             self.begin()
             self.safe_at = self.ms + self.safe_ms()
         elif self.held_since is not None:

@@ -49,6 +49,7 @@ from .runs import Runs
 from .stops import Stops
 
 ANSWER_MS = 300  # passes within which a request gets its answer, if the host takes the answers
+WORKING_MS = 3000  # the same while somebody works on the REPL
 TIMING_MS = 500  # from one look at an emulated chip's ticks to the next
 FLUSH_EDGES = 150_000
 # what leaves motors on their way, besides what concerns neither motors nor virtual axes
@@ -278,6 +279,9 @@ class Trial:
     def step(self):
         """Play a millisecond."""
         player = self.player
+        if player.working:  # passes may be late, and queues run dry
+            self.stale = self.ms + 100
+            self.stops.reason = self.ms + 1500
         passing = not player._off and not player._held
         if (player._held or player.full) and self.runs.going:
             self.runs.going["held"] = True  # more than a frame may pass until the next report
@@ -300,6 +304,10 @@ class Trial:
                 self.moving = 0  # since then a tick may have brought it to rest
                 self.link.heard(data[self.before_pass :])
         self.before_pass = 0
+        if player.working and self.open:
+            first = min(self.open.values(), key=lambda request: request.sent)
+            if self.ms - first.sent > WORKING_MS:
+                self._unanswered(first)
         if passing and not player.full:
             self.passes += 1
             if self.open:

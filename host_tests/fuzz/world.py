@@ -32,7 +32,8 @@ class World:
         links = dice.random() < 0.2 and trial.player.links
         late = dice.random() < 0.15 and trial.player.pauses
         switches = dice.random() < 0.6
-        self.host = Host(dice, trial, requests, ms, links, dice.random() < 0.4)
+        works = trial.player.repl and dice.random() < 0.4
+        self.host = Host(dice, trial, requests, ms, links, dice.random() < 0.4, works)
         self.singles = Singles(self)
         self.uploads = Uploads(self)
         self.operations = Operations(self)
@@ -61,6 +62,8 @@ class World:
     def run(self):
         dice, trial = self.dice, self.trial
         self.surroundings.release()
+        if self.host.works:
+            trial.do("repl", "")
         trial.do("open")
         self.host.tick(dice.choice((1, 3, 30)))
         try:
