@@ -18,6 +18,7 @@ RAM_FUNCTIONS = (
     ("framestep/hal/ports/usb_transfers.py", "", "arrived"),
     ("framestep/hal/ports/usb_port.py", "UsbPort", "_transferred"),
     ("framestep/hal/ports/usb_port.py", "UsbPort", "send"),
+    ("framestep/hal/ports/usb_port.py", "UsbPort", "glance"),
     ("framestep/pulse/tick.py", "Header", "tick"),
     ("framestep/pulse/stepper.py", "", "poll_flags"),
     ("framestep/pulse/stepper.py", "", "moving"),
