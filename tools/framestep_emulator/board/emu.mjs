@@ -29,6 +29,7 @@ const USAGE = `usage: emu.mjs --firmware fw.bin [options]
   --program-ms N      flash page program time (default 0.4)
   --seed N            seed of the random numbers (default 1)
   --chip NAME         RP2350, or the RP2040's stepping: B1 has erratum RP2040-E5, B2 has not (default: what the image is for)
+  --registers D,C,L,E,N  four 74HC595 at these pins (data, clock, latch, enable); a trace has their outputs as pins N to N + 31
   --exit-with-stdin   end when standard input is closed
   --verbose           log events and accesses to registers that are not emulated`;
 
@@ -50,6 +51,7 @@ function options() {
       'program-ms': { type: 'string', default: '0.4' },
       seed: { type: 'string', default: '1' },
       chip: { type: 'string' },
+      registers: { type: 'string' },
       'exit-with-stdin': { type: 'boolean', default: false },
       verbose: { type: 'boolean', default: false },
       help: { type: 'boolean', default: false },
@@ -83,6 +85,15 @@ function kindOf(chip) {
   return { Kind: Board, revision };
 }
 
+/** The pins of "2,3,4,5,64". */
+function registersAt(text) {
+  const [data, clock, latch, enable, first] = text.split(',').map(Number);
+  if (![data, clock, latch, enable].every((pin) => pin >= 0 && pin < 30) || !(first >= 30 && first + 32 <= 256)) {
+    throw new Error(`--registers ${text}: expected four pins of the chip and a number from 30 to 224`);
+  }
+  return { data, clock, latch, enable, first };
+}
+
 function makeBoard(args) {
   const flashFile = args.flash && fs.existsSync(args.flash) ? fs.readFileSync(args.flash) : null;
   const firmware = fs.readFileSync(args.firmware);
@@ -93,6 +104,7 @@ function makeBoard(args) {
     timing: { eraseMs: Number(args['erase-ms']), programMs: Number(args['program-ms']) },
     seed: Number(args.seed),
     revision,
+    registers: args.registers ? registersAt(args.registers) : null,
     verbose: args.verbose,
     onEvent: (event) => {
       if (args.verbose || event.type === 'halt' || event.type === 'core1') console.error('emu:', JSON.stringify(event));

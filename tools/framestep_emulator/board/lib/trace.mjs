@@ -10,7 +10,8 @@ const CHUNK = 65536 * RECORD;
 export class Trace {
   constructor(pins) {
     this.pins = pins;
-    this.mask = pins.reduce((bits, pin) => bits | (1 << pin), 0);
+    this.wanted = new Uint8Array(256);
+    for (const pin of pins) this.wanted[pin] = 1;
     this.full = [];
     this.buffer = new Uint8Array(CHUNK);
     this.view = new DataView(this.buffer.buffer);
@@ -19,7 +20,7 @@ export class Trace {
   }
 
   add(nanos, pin, level) {
-    if (!((this.mask >>> pin) & 1)) return;
+    if (!this.wanted[pin]) return;
     const time = Math.round(nanos);
     const { buffer, view, used } = this;
     view.setUint32(used, time % 0x100000000, true);
