@@ -21,5 +21,6 @@ if _magic != b"framestp":
 if _size > 2028 or crc32(memoryview(_head)[12 : 20 + _size]) != _sum:
     raise ValueError("the board's data in the image are damaged" + _MEND)
 FOLDER, BOARD = json.loads(memoryview(_head)[20 : 20 + _size])  # type: ignore[arg-type]  # any buffer will do
-if BOARD["chip"].upper() not in _machine:
-    raise ValueError("the board's data in the image are those of a board with another chip")
+_ENGINE = ""  # the build puts the image's engine here, if it is not that of the chip
+if BOARD["chip"].upper() not in _machine or BOARD.get("engine", "") != _ENGINE:
+    raise ValueError("the board's data in the image are those of another chip or engine")

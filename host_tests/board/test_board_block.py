@@ -51,6 +51,11 @@ def with_size(content, size):
         pytest.param(
             lambda c: changed(c, block_of(b'["x", {"chip": "rp2350"}]')), "another chip", id="chip"
         ),
+        pytest.param(
+            lambda c: changed(c, block_of(b'["x", {"chip": "rp2040", "engine": "registers"}]')),
+            "another chip or engine",
+            id="engine",
+        ),
     ],
 )
 def test_wrong_data_are_told_and_no_pin_is_touched(tmp_path, change, said):

@@ -343,6 +343,43 @@ def test_outputs_and_inputs_of_a_board_with_sockets():
     assert rig.inputs[0]["pin"] == 25
 
 
+REGISTERS = board_data("pico2_595")
+
+
+@pytest.mark.parametrize(
+    ("settings", "text"),
+    [
+        (
+            {"motors": [{}, {"servo": {}}]},
+            "motors[2].servo: found an object, but shift registers make only steps",
+        ),
+        (
+            {"motors": [{"driver": {"run_ma": 500, "both_edges": True}}]},
+            "motors[1].driver.both_edges: found true, allowed is false",
+        ),
+        ({"motor_count": 17}, "motor_count: found 17, this board has 16 motors"),
+        ({"motors": [{}] * 17}, "motors: found 17, allowed is a list of at most 16 here"),
+        ({"outputs": [{"pin": 64}]}, "outputs[1].pin: found 64, allowed is a pin from 0 to 29"),
+        (
+            {"inputs": [{"pin": 4}]},
+            "inputs[1].pin: found 4, which is the board's shift registers' latch already",
+        ),
+    ],
+)
+def test_mistakes_on_a_board_with_shift_registers(settings, text):
+    with pytest.raises(RigError) as error:
+        Rig(settings, REGISTERS)
+    assert text in str(error.value)
+
+
+def test_sixteen_motors_and_their_limits():
+    limits = [{"pin": pin} for pin in (6, 7, *range(10, 18))]
+    rig = Rig({"motors": [{}] * 16, "limits": limits}, REGISTERS)
+    assert rig.board["motors"] == 16
+    assert [limit["high"] for limit in rig.limits] == [6, 7, *range(10, 18)]
+    assert Rig({"motor_count": 3}, REGISTERS).board["step"] == [64, 66, 68]
+
+
 def test_fewer_motors_leave_pins_for_other_things():
     rig = Rig({"motor_count": 7, "outputs": [{"pin": 16}], "inputs": [{"pin": 17}]}, BOARD)
     assert rig.board["step"] == BOARD["step"][:7]

@@ -41,7 +41,7 @@ _UPPER = const(-0x10000)  # bits of early levels in a word
 _LONG_AGO = const(-0x100000)  # before any edge from which a command may still count
 
 # Words of a motor
-_NEXT = const(0)  # address of the next motor's words, or 0
+NEXT = const(0)  # address of the next motor's words, or 0
 _STEP = const(1)  # its step pin's bit in a word
 _TURN = const(2)  # the level of its direction pin
 _RING = const(3)  # address of its commands
@@ -51,14 +51,14 @@ _LEFT = const(6)  # pulses left of the present command
 _PERIOD = const(7)
 _HIGH = const(8)  # words of a pulse
 _TURNS = const(9)  # the present command has yet to change the direction
-_REST = const(10)  # words of a pulse that extend into those to be painted
+REST = const(10)  # words of a pulse that extend into those to be painted
 _BEFORE = const(11)  # words by which its step leaves early
 _MOTOR_WORDS = const(12)
 
 # Words of the stream itself
-_LEVELS = const(0)  # of all pins; steps are 0
-_FIRST = const(1)  # address of the first motor's words
-_CLOCK = const(2)  # address of the kernel's clock
+LEVELS = const(0)  # of all pins; steps are 0
+FIRST = const(1)  # address of the first motor's words
+CLOCK = const(2)  # address of the kernel's clock
 _LOST = const(3)  # motors that have lost a command, a bit each
 _STREAM_WORDS = const(4)
 
@@ -72,11 +72,11 @@ def paint(at: int, step: int, words: ptr32, stream: ptr32):
     """
     # The compiler keeps the first two variables in registers, so these are the ones that the loops
     # over words and pulses use most.
-    clock = ptr32(stream[_CLOCK])
+    clock = ptr32(stream[CLOCK])
     clock[0] = (clock[0] + TICK_US) & WIDE_WRAP
     first = at
     end = at + WORDS
-    step = stream[_LEVELS] << SHIFT
+    step = stream[LEVELS] << SHIFT
     if EARLY:
         words[at - 1] = words[at - 1] | (step & _UPPER)
     while at < end:
@@ -94,10 +94,10 @@ def paint(at: int, step: int, words: ptr32, stream: ptr32):
     if EARLY:
         words[at - 1] = step & ~_UPPER
     motor = 1
-    address = stream[_FIRST]
+    address = stream[FIRST]
     while address:
         m = ptr32(address)
-        address = m[_NEXT]
+        address = m[NEXT]
         step = m[_STEP]
         ring = ptr32(m[_RING])
         put = ring[COMMANDS]
@@ -105,7 +105,7 @@ def paint(at: int, step: int, words: ptr32, stream: ptr32):
         left = m[_LEFT]
         period = m[_PERIOD]
         high = m[_HIGH]
-        rest = m[_REST]
+        rest = m[REST]
         begin = first
         if EARLY:
             begin -= m[_BEFORE]
@@ -143,7 +143,7 @@ def paint(at: int, step: int, words: ptr32, stream: ptr32):
                     continue
                 period += wider
                 m[_TURNS] = 0
-                if stream[_LEVELS] & m[_TURN]:
+                if stream[LEVELS] & m[_TURN]:
                     if command & DIRECTION == 0:
                         m[_TURNS] = 1
                 elif command & DIRECTION:
@@ -162,7 +162,7 @@ def paint(at: int, step: int, words: ptr32, stream: ptr32):
                 while i < till:
                     words[i] = words[i] ^ turn
                     i += 1
-                stream[_LEVELS] = stream[_LEVELS] ^ m[_TURN]
+                stream[LEVELS] = stream[LEVELS] ^ m[_TURN]
                 m[_TURNS] = 0
             if at + period >= end:
                 break
@@ -205,7 +205,7 @@ def paint(at: int, step: int, words: ptr32, stream: ptr32):
         m[_LEFT] = left
         m[_PERIOD] = period
         m[_HIGH] = high
-        m[_REST] = rest
+        m[REST] = rest
 
 
 class Stream:
@@ -224,15 +224,15 @@ class Stream:
         following = 0
         for i in range(self.motors - 1, -1, -1):
             words = self._motors[i]
-            words[_NEXT] = following
+            words[NEXT] = following
             words[_STEP] = self._steps[i]
             words[_TURN] = as_word(turns[i])
             words[_RING] = as_word(self.fifo(i))
             words[_BEFORE] = int(EARLY and steps[i] >> EARLY > 0)
             following = as_word(addressof(words))
         self._words = array("i", [0] * _STREAM_WORDS)
-        self._words[_FIRST] = following
-        self._words[_CLOCK] = as_word(addressof(self._clock))
+        self._words[FIRST] = following
+        self._words[CLOCK] = as_word(addressof(self._clock))
         self._tick = None
 
     @property
@@ -255,7 +255,7 @@ class Stream:
 
     def drive(self, high, low):
         """Raise and lower the pins of these bits, from the words painted next on."""
-        self._words[_LEVELS] = (self._words[_LEVELS] | high | low) ^ low
+        self._words[LEVELS] = (self._words[LEVELS] | high | low) ^ low
 
     def mute(self, on):
         """Leave the pulses out of the words painted next, or no longer."""

@@ -121,8 +121,14 @@ class Rig:
 
     def _read_servos(self):
         """Return a list of (motor from 0, pin) of the motors that are servos."""
-        if not [motor for motor in self.motors if motor["servo"] is not None]:
+        with_servo = [i for i, motor in enumerate(self.motors) if motor["servo"] is not None]
+        if not with_servo:
             return []
+        if "registers" in self.board:
+            raise RigError(
+                "motors[%d].servo: found an object, but shift registers make only steps"
+                % (with_servo[0] + 1)
+            )
         from framestep.rig import servos
 
         return servos.read_servos(self)
@@ -146,7 +152,7 @@ class Rig:
                     % (where, there)
                 )
             self.motors[i]["driver"] = given = read(DRIVER_SETTINGS, given, where + ".")
-            if given["both_edges"] and "chain" in self.board:
+            if given["both_edges"] and ("chain" in self.board or "registers" in self.board):
                 raise RigError(
                     "%s.both_edges: found true, allowed is false: this board makes only pulses"
                     % where

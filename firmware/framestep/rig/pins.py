@@ -62,9 +62,15 @@ def _board_pins(board, dmx):
             taken[pin] = "the board's %s" % key + (
                 " %d" % (i + 1) if isinstance(pins, list) else ""
             )
-    for line, what in (("dmx", "DMX"), ("drivers", "driver UART's"), ("chain", "shift registers'")):
+    lines = (
+        ("dmx", "DMX"),
+        ("drivers", "driver UART's"),
+        ("chain", "shift registers'"),
+        ("registers", "shift registers'"),
+    )
+    for line, what in lines:
         if line in board and (dmx or line != "dmx"):
-            for key in ("tx", "rx", "sck", "ws", "sd"):
+            for key in ("tx", "rx", "sck", "ws", "sd", "data", "clock", "latch", "enable"):
                 if key in board[line]:
                     taken[board[line][key]] = "the board's %s %s" % (what, key)
     return taken

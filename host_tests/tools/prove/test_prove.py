@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from framestep_tools.building import board_files
-from framestep_tools.building.board_files import ROOT, board_data, emulated_boards
+from framestep_tools.building.board_files import ROOT, board_data, boards_that_see_steps
 from framestep_tools.cli import app
 from framestep_tools.client import port_finder
 from framestep_tools.client.client import BrokenOff, Client
@@ -128,7 +128,7 @@ def test_every_figure_is_known_of_the_emulated_boards_and_explained():
     """Except for DMX on a board without it."""
     boards = report.emulated_boards()
     assert not report.outdated(), 'run make prove ARGS="--board NAME --renew"'
-    for name in emulated_boards():
+    for name in boards_that_see_steps():
         dmx = "dmx" in board_data(name)
         figures = {f.key for f in FIGURES if dmx or not f.key.startswith("dmx")}
         assert set(boards[name].figures) == figures
@@ -203,9 +203,9 @@ def test_figures_of_a_new_version_and_of_the_boards_that_there_are(figures, monk
     figures.write_text(text.replace('"skr_pico"', '"gone"'))
     assert report.outdated() == ["skr_pico"]
     report.renew("skr_pico", 4, {})
-    assert sorted(report.emulated_boards()) == emulated_boards()
+    assert sorted(report.emulated_boards()) == boards_that_see_steps()
     monkeypatch.setattr(report, "version", lambda: "9.9.9")
-    assert report.outdated() == emulated_boards()
+    assert report.outdated() == boards_that_see_steps()
     report.renew("pico", 8, {})
     assert list(report.emulated_boards()) == ["pico"]
 

@@ -30,6 +30,8 @@ _TICK_S = 0.001
 class Session:
     """A board with a client on its protocol port."""
 
+    fps = FPS  # of the prepared move
+
     def __init__(self, board: EmulatedBoard):
         self.board = board
         self.client = Client(LockstepPort(board))
@@ -50,6 +52,7 @@ class Session:
         """Upload a move that begins at the motors' positions, and bring them to its start. Return
         the uploaded positions."""
         client = self.client
+        self.fps = fps
         stands = self.positions
         moved = {motor: steps + stands[motor] for motor, steps in positions.items()}
         for motor in moved:
@@ -85,11 +88,11 @@ class Session:
         reports = sum(isinstance(event.message, Positions) for event in client.events)
         faults = [event.message for event in client.events if isinstance(event.message, HardStop)]
         trace = Trace.from_records(records, board.pins)
-        path = Reference(positions, FPS * 1000, ROLL_MS, ROLL_MS)
+        path = Reference(positions, self.fps * 1000, ROLL_MS, ROLL_MS)
         verdict = judge(
             trace,
             positions,
-            FPS * 1000,
+            self.fps * 1000,
             start,
             self.positions,
             path,

@@ -64,8 +64,12 @@ _CHIP = CHIPS["rp2040"]
 # get
 _OF_ENGINE = {
     "stream": ("framestep/hal/stream", "framestep/hal/esp32/"),
-    "registers": ("framestep/hal/stream", "framestep/hal/rp2/registers"),
+    "registers": ("framestep/hal/stream", "framestep/hal/rp2/register_"),
+    "pio": ("framestep/hal/rp2/edges", "framestep/hal/servos"),
 }
+# framestep/hal/rp2/pulses.py is an engine of that HAL; those of others replace it, likewise.
+_PULSES = "framestep/hal/rp2/pulses.py"
+_REGISTERS = "framestep/hal/rp2/registers.py"
 _OF_HAL = {
     "rp2": ("framestep/soft_reset", "framestep/hal/rp2/"),
     "esp32": ("framestep/hal/esp32/",),
@@ -196,6 +200,11 @@ def emulated_boards() -> list[str]:
     return [name for name in board_names() if board_data(name)["chip"] in _EMULATED]
 
 
+def boards_that_see_steps() -> list[str]:
+    """List the emulated boards whose chip sees its motors' pins, as `framestep lab prove` needs."""
+    return [name for name in emulated_boards() if "registers" not in board_data(name)]
+
+
 def files_boards() -> list[str]:
     """List the boards that have framestep in their file system."""
     return [name for name in board_names() if not board_chip(name).uf2_family]
@@ -209,6 +218,18 @@ def board_data(board: str) -> dict[str, Any]:
     data = json.loads((paths.BOARDS / board / "board.json").read_text())
     found = chip(data["chip"])
     return data | {key: getattr(found, key) for key in ("hal", "ports", "pins", "clocks")}
+
+
+def board_engine(board: str) -> str:
+    """Return what makes a board's pulses, a key of ENGINES: its own choice, or the chip's."""
+    return str(board_data(board).get("engine", board_chip(board).engine))
+
+
+def image_key(board: str) -> str:
+    """Return a name for the build of a board's image, which all boards with its chip and its engine
+    share."""
+    data = board_data(board)
+    return "-".join(data[key] for key in ("chip", "engine") if key in data)
 
 
 def board_chip(board: str) -> Chip:
@@ -226,7 +247,8 @@ def board_module(board: str) -> str:
     elsewhere it has them itself."""
     data = board_data(board)
     if board_chip(board).uf2_family:
-        return (FIRMWARE / "image_board.py").read_text()
+        text = (FIRMWARE / "image_board.py").read_text()
+        return text.replace('_ENGINE = ""', f"_ENGINE = {data.get('engine', '')!r}")
     return data_module(data_on_board(data))
 
 
@@ -281,10 +303,11 @@ def folded(
             texts[name] = without_meanings(texts[name])
     texts[_ENGINE] = texts[ENGINES[engine]]
     texts[_CHIP] = texts[CHIPS[rp2]]
-    for name in {*ENGINES.values(), *CHIPS.values()} - {_ENGINE, _CHIP}:
+    if engine == "registers":
+        texts[_PULSES] = texts[_REGISTERS]
+    for name in {*ENGINES.values(), *CHIPS.values(), _REGISTERS} - {_ENGINE, _CHIP}:
         del texts[name]
-    own = _OF_ENGINE.get(engine, ())
-    others = tuple(set(chain.from_iterable(_OF_ENGINE.values())) - {*own})
+    others = tuple(set(chain.from_iterable(_OF_ENGINE.values())) - {*_OF_ENGINE[engine]})
     texts = {name: text for name, text in texts.items() if not name.startswith(others)}
     given = {"framestep.protocol.messages": declared.fields(), **given}
     if motors is not None:
@@ -297,14 +320,13 @@ def folded(
 
 
 @_remembered
-def sources_with(module: str, key: str) -> dict[str, bytes]:
+def sources_with(module: str, key: str, engine: str) -> dict[str, bytes]:
     """Return {"framestep/motors/axes.mpy": source} of the modules for a board. module: source of
-    framestep/board.py; key: of its chip."""
+    framestep/board.py; key: of its chip; engine: one of ENGINES."""
     hal, ports = chip(key).hal, chip(key).ports
     rp2 = key if hal == "rp2" else "rp2040"
-    folds = folded(
-        {"framestep/board.py": module}, True, chip(key).engine, rp2=rp2, motors=chip(key).motors
-    )
+    motors = chip(key).motors if engine == chip(key).engine else None  # another one says it itself
+    folds = folded({"framestep/board.py": module}, True, engine, rp2=rp2, motors=motors)
     others = tuple(chain.from_iterable(_OF_HAL[other] for other in _OF_HAL.keys() - {hal}))
     if ports == 1:
         others += _OF_OWN_PORT
@@ -339,7 +361,7 @@ def _is_folded_away(name: str, source: bytes) -> bool:
 
 def board_sources(board: str) -> dict[str, bytes]:
     """Return {"framestep/motors/axes.mpy": source} of a board's modules."""
-    return sources_with(board_module(board), board_data(board)["chip"])
+    return sources_with(board_module(board), board_data(board)["chip"], board_engine(board))
 
 
 def compiled_modules(found: Mapping[str, bytes], march: str) -> dict[str, bytes]:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from flash_images.uf2 import FLASH, RP2040, from_flash
-from framestep_tools.building import board_block
+from framestep_tools.building import board_block, machine_code
 from framestep_tools.building.board_files import (
     CACHE,
     FIRMWARE,
@@ -25,8 +25,9 @@ from framestep_tools.building.board_files import (
     board_sources,
     compiled,
     image_boards,
+    image_key,
 )
-from framestep_tools.building.ram_functions import symbols
+from framestep_tools.building.ram_functions import symbol, symbols
 from framestep_tools.errors import ToolError
 
 _PRODUCTS = {
@@ -119,6 +120,8 @@ def image_files(board: str) -> dict[str, bytes]:
     chip."""
     processor = board_chip(board).processor
     files = board_modules(processor, board)
+    for name, source in machine_code.modules(board).items():
+        files[name.removesuffix(".py") + ".mpy"] = compiled(name, source.encode(), processor)
     image = compiled("framestep_image.py", image_module(files).encode(), processor)
     return files | beginnings() | {"framestep_image.mpy": image}
 
@@ -159,17 +162,22 @@ def _digest(board: str, files: dict[str, bytes]) -> str:
     definition = {
         str(path.relative_to(ROOT)): path.read_bytes() for path in (*own, *common, *recipe)
     }
-    in_ram = symbols(board_sources(board))
+    in_ram = _in_ram(board)
     return hashlib.sha256(
         repr((sorted(files.items()), sorted(definition.items()), in_ram)).encode()
     ).hexdigest()
+
+
+def _in_ram(board: str) -> list[str]:
+    """Return the symbols of the functions that a board's image runs from RAM."""
+    return [*symbols(board_sources(board)), *map(symbol, machine_code.modules(board))]
 
 
 def images_ready() -> dict[str, Path]:
     """Return {board: UF2 image} of images built from the present sources. Build nothing."""
     found = {}
     for board in image_boards():
-        build = CACHE / "build" / f"image-{board_data(board)['chip']}"
+        build = CACHE / "build" / f"image-{image_key(board)}"
         stamp, product = build / "stamp", build / "firmware.bin"
         if not stamp.exists() or not product.exists():
             continue
@@ -214,12 +222,9 @@ def frozen(board: str = "pico", checkout: str | None = None, show: bool = False)
     files = image_files(board)
     folder = _definition(board)
     digest = _digest(board, files)
-    chip = folder.name
-    name = (
-        chip
-        if checkout is None
-        else f"{chip}-{hashlib.sha256(os.path.realpath(checkout).encode()).hexdigest()[:8]}"
-    )
+    name = image_key(board)
+    if checkout is not None:
+        name += f"-{hashlib.sha256(os.path.realpath(checkout).encode()).hexdigest()[:8]}"
     build, modules = CACHE / "build" / f"image-{name}", CACHE / "frozen" / name
     product, stamp = build / "firmware.bin", build / "stamp"
     with _locked(CACHE / "frozen" / f"{name}.lock"):
@@ -234,7 +239,7 @@ def frozen(board: str = "pico", checkout: str | None = None, show: bool = False)
             BOARD_DIR=str(folder),
             FRAMESTEP=str(modules),
             IMAGE=str(build),
-            IN_RAM=" ".join(symbols(board_sources(board))),
+            IN_RAM=" ".join(_in_ram(board)),
             MICROPYTHON=os.path.abspath(checkout) if checkout else "",
         )
         flash_left(product.read_bytes())

@@ -25,10 +25,31 @@ RAM_FUNCTIONS = (
     ("framestep/pulse/stepper.py", "", "halt"),
     ("framestep/motors/feeder.py", "", "emptiest_queue"),
 )
+# If the engine is a stream of words, all kernels of these modules run from RAM: that engine leaves
+# less time for planning, and its chip has the memory.
+STREAM_MODULES = (
+    "framestep/base/",
+    "framestep/hal/",
+    "framestep/motion/",
+    "framestep/motors/",
+    "framestep/moves/path/",
+    "framestep/moves/run",
+    "framestep/moves/upload/chunks",
+    "framestep/moves/upload/store",
+    "framestep/pulse/",
+)
+
+
+def symbol(source: str, owner: str = "") -> str:
+    """Return how MicroPython's freezing names the first machine code of a module or of a class.
+    source: "framestep/pulse/tick.py"."""
+    plain = source.removesuffix(".py").replace("/", "_")
+    file = source.replace("/", "_slash_").replace(".", "_dot_")
+    return f"{plain}_{owner}_{file}" if owner else f"{plain}_{file}"
 
 
 def symbols(modules: Mapping[str, bytes]) -> list[str]:
-    """Name RAM_FUNCTIONS as MicroPython's freezing does: "framestep_hal_ports_usb_port_UsbPort_
+    """Name the functions as MicroPython's freezing does: "framestep_hal_ports_usb_port_UsbPort_
     framestep_slash_...", numbered within their class.
 
     modules: {"framestep/hal/ports/usb_port.mpy": source}.
@@ -37,15 +58,15 @@ def symbols(modules: Mapping[str, bytes]) -> list[str]:
     """
     found = {}
     named = {source for source, _, _ in RAM_FUNCTIONS}
+    streams = STREAM_MODULES if "framestep/hal/stream.mpy" in modules else ()
     for module, text in modules.items():
         source = module.removesuffix(".mpy").removesuffix(".py") + ".py"
-        if source not in named:
+        if source not in named and not source.startswith(streams):
             continue
-        plain = source.removesuffix(".py").replace("/", "_")
-        file = source.replace("/", "_slash_").replace(".", "_dot_")
         numbers: dict[str, int] = {}
         for owner, kernel in kernels(ast.parse(text)):
             number = numbers[owner] = numbers.get(owner, 0) + 1
-            within = f"{plain}_{owner}_" if owner else f"{plain}_"
-            found[source, owner, kernel.name] = within + file + (str(number) if number > 1 else "")
-    return [found[wanted] for wanted in RAM_FUNCTIONS]
+            name = symbol(source, owner)
+            found[source, owner, kernel.name] = name + (str(number) if number > 1 else "")
+    wanted = [*RAM_FUNCTIONS, *(key for key in found if key[0].startswith(streams))]
+    return list(dict.fromkeys(found[key] for key in wanted))

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from framestep.rig.pins import fitted
 
 from .. import paths
-from ..building.board_files import board_chip, board_data, board_names
+from ..building.board_files import ENGINES, board_chip, board_data, board_names
 from ..chips import chips
 from ..errors import Command, ToolError
 from ..prove import measurement, report
@@ -57,6 +57,7 @@ _KEYS = {
         "flash_mhz",
     ),
     *("chain", "buffers", "button", "uart", "usb", "flash"),
+    *("engine", "registers"),
     *("hal", "ports", "pins", "clocks"),  # not in the file: board_files.board_data adds them
 }
 # Keys of `page`, and which of them every board has
@@ -68,12 +69,17 @@ _PAGE_NEEDS = {
 
 
 _CHAIN = 64  # pin of the first output of a chain of shift registers
-_OUTPUTS = 30  # that framestep uses of four registers
-_LINES = (
-    ("sck", "shift clock", "SRCLK (11) of every 74HC595"),
-    ("ws", "shift latch", "RCLK (12) of every 74HC595"),
-    ("sd", "shift data", "SER (14) of 74HC595 no. 1"),
+_OUTPUTS = {"chain": 30, "registers": 32}  # that framestep uses of four registers
+_CLOCK, _LATCH, _DATA = (
+    ("shift clock", "SRCLK (11) of every 74HC595"),
+    ("shift latch", "RCLK (12) of every 74HC595"),
+    ("shift data", "SER (14) of 74HC595 no. 1"),
 )
+_OE = ("shift OE", "OE (13) of every 74HC595, 10 kΩ to 3V3")
+_LINES = {
+    "chain": {"sck": _CLOCK, "ws": _LATCH, "sd": _DATA},
+    "registers": {"data": _DATA, "clock": _CLOCK, "latch": _LATCH, "enable": _OE},
+}
 
 
 class Use(NamedTuple):
@@ -102,9 +108,10 @@ def uses(board: Mapping[str, Any]) -> list[Use]:
         for i, pin in enumerate(board.get("stops", []), 1)
     ]
     found += [
-        Use(board["chain"][key], "serial", what, "on the board" if _on_board(board) else wire)
-        for key, what, wire in _LINES
-        if "chain" in board
+        Use(board[kind][key], "serial", what, "on the board" if _on_board(board) else wire)
+        for kind, lines in _LINES.items()
+        if kind in board
+        for key, (what, wire) in lines.items()
     ]
     line = board.get("dmx")
     if line:
@@ -235,7 +242,15 @@ def complaints(board: Mapping[str, Any]) -> list[str]:
         ]
     if board["clock_mhz"] not in chip.clocks:
         found.append(f"clock_mhz: {board['clock_mhz']}, but the chip runs at {chip.clocks}")
-    if board["motors"] > chip.motors:
+    if board.get("engine", chip.engine) not in ENGINES:
+        found.append(f"engine: {board['engine']} is none of {', '.join(ENGINES)}")
+    if "registers" in board:
+        wires = board["registers"]
+        if board.get("engine") != "registers" or wires["latch"] != wires["clock"] + 1:
+            found.append(
+                'registers: need "engine": "registers", and the latch at the pin after the clock'
+            )
+    elif board["motors"] > chip.motors:
         found.append(f"motors: {board['motors']}, but the chip has {chip.motors} state machines")
     for state, data in fits(board):
         counts = Counter(use.pin for use in uses(data))
@@ -244,13 +259,16 @@ def complaints(board: Mapping[str, Any]) -> list[str]:
             f"{state}: there is no pin {pin}"
             for pin in counts
             if pin not in range(chip.pins)
-            and not ("chain" in data and pin in range(_CHAIN, _CHAIN + _OUTPUTS))
+            and not any(
+                kind in data and pin in range(_CHAIN, _CHAIN + count)
+                for kind, count in _OUTPUTS.items()
+            )
         ]
         lines = [data[key] for key in ("dmx", "drivers") if "uart" in data.get(key, {})]
         wires = data.get("drivers", {}).get("pins", [])
         if wires and len(wires) != board["motors"]:
             found.append(f"drivers: {len(wires)} pins for {board['motors']} motors")
-        if state_machines(data) > chip.motors:
+        if "registers" not in data and state_machines(data) > chip.motors:
             extra = [f"{len(wires)} driver UARTs"] * bool(wires) + ["the RGB LED"] * ("rgb" in data)
             found.append(f"{state}: not enough state machines for {' and '.join(extra)}")
         for line in lines:
@@ -303,7 +321,7 @@ def supplies(board: Mapping[str, Any]) -> list[str]:
         ]
     chain = [
         "| 3V3 | supply of the shift registers | VCC (16) and SRCLR (10) of every 74HC595 |",
-        "| GND | | GND (8) and OE (13) of every 74HC595 |",
+        f"| GND | | GND (8){' and OE (13)' * ('chain' in board)} of every 74HC595 |",
         "| – | from register to register | QH' (9) to SER (14) of the next, no. 1 to no. 4 |",
         "| – | capacitor at each register | 100 nF between VCC and GND |",
     ]
@@ -312,7 +330,7 @@ def supplies(board: Mapping[str, Any]) -> list[str]:
         "| 10 kΩ from EN to 3V3 (`enable_high`: 4.7 kΩ to GND), which keeps drivers off at first |"
     )
     return [
-        *(chain if "chain" in board else []),
+        *(chain if "chain" in board or "registers" in board else []),
         "| 3V3 | supply of the drivers' logic | VIO (VDD) of every driver; never VMOT |",
         (
             "| GND | common ground "
@@ -385,7 +403,7 @@ def _columns(board: Mapping[str, Any], found: list[Use]) -> tuple[list[_Row], li
     everything = [_Row(labels.get(str(use.pin), ""), pin_name(use.pin), use) for use in found]
 
     def on_the_left(use: Use) -> bool:
-        return use.pin >= _CHAIN if "chain" in board else use.kind == "motor"
+        return use.pin >= _CHAIN if board.keys() & _LINES.keys() else use.kind == "motor"
 
     return (
         [row for row in everything if row.use and on_the_left(row.use)],

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ..building.board_files import ROOT, board_data, emulated_boards
+from ..building.board_files import ROOT, board_data, boards_that_see_steps
 from ..errors import Command, ToolError
 from . import measurement, report
 from .board import emulated
@@ -30,10 +30,13 @@ def main(
     / "prove",
 ) -> None:
     """Measure an emulated board as `framestep lab prove` measures a real one."""
-    for each in emulated_boards() if board == "all" else [board]:
+    for each in boards_that_see_steps() if board == "all" else [board]:
         data = board_data(each)
-        if each not in emulated_boards():
-            raise ToolError(f"{data['name']} is not emulated: its chip is {data['chip']}")
+        if each not in boards_that_see_steps():
+            raise ToolError(
+                f"{data['name']} is not emulated (its chip is {data['chip']}), or its chip does "
+                "not see its motors' steps"
+            )
         if renew:
             measurement.renew(each, print)
         else:

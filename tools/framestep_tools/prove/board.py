@@ -60,6 +60,11 @@ class Board:
                 f"{self.data['name']} cannot measure itself: that takes one of the chips "
                 f"{' and '.join(CHIPS)}, whose state machines can watch its pins"
             )
+        if "registers" in self.data:
+            raise ToolError(
+                f"{self.data['name']} cannot measure itself: its motors are behind shift "
+                "registers, and the chip sees only its own pins"
+            )
         self._chip = chip
         self.overlay = self.client.request(GetCondition()).bits & CONDITION_OVERLAY
         self.clock_hz = int(self.run("import machine\nprint(machine.freq())"))

@@ -178,7 +178,8 @@ def outdated() -> list[str]:
     """List the emulated boards without figures of this version and of their board.json."""
     found = json.loads(EMULATED.read_text(encoding="utf-8"))
     known = emulated_boards() if found["framestep"] == version() else {}
-    wanted = {name: board_files.board_data(name) for name in board_files.emulated_boards()}
+    names = board_files.boards_that_see_steps()
+    wanted = {name: board_files.board_data(name) for name in names}
     return [
         name
         for name, data in wanted.items()

@@ -201,6 +201,15 @@ class _EmulatedPort:
         return self._queued
 
 
+def registers_of(data: Mapping[str, Any]) -> list[str]:
+    """Return options of the emulator for a board's shift registers, if it has some."""
+    if "registers" not in data:
+        return []
+    wires = data["registers"]
+    pins = [wires[key] for key in ("data", "clock", "latch", "enable")]
+    return ["--registers", ",".join(map(str, [*pins, min(data["step"])]))]
+
+
 class BoardHalted(ToolError):
     """The emulated processor has stopped. The text says why."""
 
@@ -234,6 +243,8 @@ class EmulatedBoard:
         if rig:
             files["/rig.json"] = json.dumps(rig).encode()
         single = rig.get("ports") == 1
+        data = board_data(board)
+        args = [*args, *registers_of(data)]
         self.emulator = Emulator(images.frozen(board), files=files, flash=flash, args=args).start()
         try:
             self.pins = load_board(board, rig)
@@ -248,7 +259,7 @@ class EmulatedBoard:
         except BaseException:
             self.emulator.close()
             raise
-        self._rig, self._data = rig, board_data(board)
+        self._rig, self._data = rig, data
         self.protocol: Channel = _EmulatedPort(self.emulator, 0 if single else 1)
         self.repl: Channel | None = None if single else _EmulatedPort(self.emulator, 0)
 

@@ -10,14 +10,12 @@ from micropython import alloc_emergency_exception_buf
 from framestep.base.clock import WIDE_WRAP
 from framestep.base.native import addressof, const, micropython, ptr32
 from framestep.hal import PASS, REPL_STACK
-from framestep.hal.rp2 import chip
 from framestep.hal.rp2.pin_guard import Claim, held_pin, mend, wrong
 from framestep.hal.rp2.pins import drive, drivers_off, enable_pins, levels
-from framestep.hal.rp2.pulses import PulseEngine, lost_commands
+from framestep.hal.rp2.pulses import lost_commands
 from framestep.hal.rp2.stack import NOWHERE, WholeStack, set_limit, unchecked
 from framestep.hal.rp2.usb import addressed
-from framestep.pulse.engine import FASTEST_HZ
-from framestep.pulse.kernel import StepKernel
+from framestep.pulse.engine import RING
 from framestep.pulse.stepper import CLOCK, DUE, TICK_US, halt
 
 _LEAST = const(512)
@@ -45,26 +43,18 @@ class Rp2Hal:
         import rp2
 
         from framestep.hal.rp2 import peripherals
-        from framestep.pulse.shape import pulse_shape
 
         self.board = board
         self._raw_repl = getattr(rp2, "raw_repl", bool)  # an older image below an overlay has none
         self._stack = set_limit(REPL_STACK)
         self.motors = len(board["step"])
-        hz = self._hz = machine.freq()
-        while hz > FASTEST_HZ:
-            hz //= 2
-        cycles_per_us = hz // 1000000
-        motors = range(self.motors)
-        shapes = [pulse_shape(rig.motor(i), cycles_per_us) for i in motors]
-        self.engine = PulseEngine(board["step"], board["dir"], hz, shapes)
-        self.kernel = StepKernel(self.motors, cycles_per_us * 1000, chip.MICROSECONDS)
-        self.kernel.outputs(chip.OUT_SET, chip.OUT_CLEAR)
-        for i in motors:
-            self.kernel.configure(i, self.engine.fifo(i), *shapes[i])
-        self._servos = peripherals.servos(self, rig, cycles_per_us) if rig.servos else None
+        self._hz = machine.freq()
+        self.engine, self.kernel = peripherals.engine(board, rig)
+        if RING:  # pins of the shift registers
+            self._lines = sum(1 << pin for pin in board["registers"].values())
+        self._servos = peripherals.servos(self, rig) if rig.servos else None
         # Drivers stay off until a motor has to move.
-        self._on_level = [1 if rig.motor(i)["enable_high"] else 0 for i in motors]
+        self._on_level = [1 if rig.motor(i)["enable_high"] else 0 for i in range(self.motors)]
         self._enabled = 0
         self._shared = not isinstance(board["enable"], list)
         with Claim(*enable_pins(board)):
@@ -120,7 +110,12 @@ class Rp2Hal:
             called.append(type(self._servos).pulse)
         self._kinds = unchecked(*called)
         alloc_emergency_exception_buf(_TRACEBACK_BYTES)
-        self.ticker = Timer(-1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True)
+        if RING:
+            self.ticker = self.engine.start()
+        else:
+            self.ticker = Timer(
+                -1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True
+            )
         if self._servos:
             self._pulses = Timer(
                 -1, period=1, mode=Timer.PERIODIC, callback=self._servos.pulse, hard=True
@@ -141,6 +136,8 @@ class Rp2Hal:
     # Ctrl-C can come between its two halves.
     @micropython.viper
     def align(self):
+        if RING:  # ticks come with the words that are sent
+            return
         kernel = self.kernel
         header = kernel.state
         state = ptr32(header)
@@ -202,6 +199,8 @@ class Rp2Hal:
         """Return the motors that use one of these pins (step, direction, driver), a bit each."""
         board = self.board
         enable = board["enable"]
+        if RING and bits & self._lines:
+            return self._everyone
         motors = 0
         for i in range(self.motors):
             if ((bits >> board["step"][i]) | (bits >> board["dir"][i])) & 1:

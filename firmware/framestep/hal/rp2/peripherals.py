@@ -4,18 +4,44 @@ import machine
 from machine import Pin
 
 from framestep.hal.rp2.pin_guard import Claim
+from framestep.pulse.engine import FASTEST_HZ, RING
 
 
-def servos(hal, rig, cycles_per_us):
+def engine(board, rig):
+    """Return the PulseEngine and the StepKernel of a rig's motors."""
+    if RING:
+        from framestep.hal.rp2.pulses import made  # type: ignore[attr-defined]  # of registers.py
+
+        return made(board, rig)
+    from framestep.hal.rp2 import chip
+    from framestep.hal.rp2.pulses import PulseEngine
+    from framestep.pulse.kernel import StepKernel
+    from framestep.pulse.shape import pulse_shape
+
+    hz = machine.freq()
+    while hz > FASTEST_HZ:
+        hz //= 2
+    cycles_per_us = hz // 1000000
+    shapes = [pulse_shape(rig.motor(i), cycles_per_us) for i in range(len(board["step"]))]
+    found = PulseEngine(board["step"], board["dir"], hz, shapes)
+    kernel = StepKernel(len(shapes), cycles_per_us * 1000, chip.MICROSECONDS)
+    kernel.outputs(chip.OUT_SET, chip.OUT_CLEAR)
+    for i, shape in enumerate(shapes):
+        kernel.configure(i, found.fifo(i), *shape)
+    return found, kernel
+
+
+def servos(hal, rig):
     """Return the Servos of a rig that has some."""
     from framestep.hal.servos import make_servos
+    from framestep.pulse.stepper import CYCLES_PER_US
 
     motors = range(hal.motors)
     return make_servos(
         hal.kernel,
         [rig.motor(i) for i in motors],
         [hal.engine.fifo(i) for i in motors],
-        cycles_per_us,
+        hal.kernel.state[CYCLES_PER_US],
     )
 
 

@@ -4,7 +4,7 @@ import rp2
 from machine import Pin
 
 from framestep.hal import STACK
-from framestep.hal.rp2.pins import drivers_off  # noqa: F401 -- part of the contract
+from framestep.hal.rp2 import pins
 from framestep.soft_reset import stop_dma as clear  # noqa: F401
 
 SPARE = 10 * 1024
@@ -15,6 +15,7 @@ SPENT = (
     "framestep.hal.rp2.stack",
     "framestep.hal.ports.usb_descriptor",
     "framestep.hal.rp2.start",
+    "framestep.hal.rp2.register_start",
     "framestep.pulse.shape",
 )
 
@@ -24,6 +25,14 @@ def held(board):
     if jumper is not None and not Pin(jumper, Pin.IN, Pin.PULL_UP).value():
         return "the jumper is set"
     return "BOOTSEL is held" if rp2.bootsel_button() else None
+
+
+def drivers_off(board, rig):
+    pins.drivers_off(board, rig)
+    if "registers" in board:
+        from framestep.hal.rp2.register_start import clear
+
+        clear(board["registers"])
 
 
 def prepare(board):
