@@ -166,6 +166,7 @@ FAULTS = {
         "        alarm = sample(self.header, self.axes.samples)\n",
         "        alarm = now & 31 == 0 and sample(self.header, self.axes.samples)\n",
         "pins",
+        two_moves,
     ),
     "queues_filled_every_128_ms": Fault(
         "controller",
