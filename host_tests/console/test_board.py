@@ -200,7 +200,7 @@ def test_rig_file_and_load_without_a_server(stage, device, tmp_path):
     for wrong, said in (
         ("{", "rig.json: not valid JSON"),
         ("[1]", "rig.json: expected an object"),
-        ('{"motor_count": 99}', "rig.json: motor_count: found 99, allowed is 0 to 12"),
+        ('{"motor_count": 99}', "rig.json: motor_count: found 99, allowed is 0 to 24"),
         ('{"motor_count": 9}', "rig.json: motor_count: found 9, this board has 8 motors"),
     ):
         text.fill(wrong)

@@ -239,7 +239,7 @@ def set_up(page):
     name.fill("after")
     count = page.get_by_label("motor_count", exact=True)
     count.fill("99")
-    wrong = "motor_count: found 99, allowed is 0 to 12"
+    wrong = "motor_count: found 99, allowed is 0 to 24"
     expect(page.locator(".setting", has=count).get_by_role("status")).to_have_text(wrong)
     press(page, "Check, and show the differences")
     expect(said).to_have_text(f"rig.json: {wrong}")

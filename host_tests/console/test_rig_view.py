@@ -18,14 +18,14 @@ COMMENTED = [
 ]
 MISTAKES = [
     ({"nme": "x"}, "nme: no such setting; there are name, dialect"),
-    ({"motor_count": 99}, "motor_count: found 99, allowed is 0 to 12"),
-    ({"motor_count": "2"}, 'motor_count: found "2", allowed is 0 to 12'),
+    ({"motor_count": 99}, "motor_count: found 99, allowed is 0 to 24"),
+    ({"motor_count": "2"}, 'motor_count: found "2", allowed is 0 to 24'),
     ({"motor_count": 1.5}, "motor_count: found 1.5"),
     ({"dmx": 1}, "dmx: found 1, allowed is true, false"),
     ({"dialect": "dmc"}, 'dialect: found "dmc", allowed is "spec", "dmc-lite"'),
     ({"name": "ü" * 17}, "allowed is 1 to 32 bytes of text"),
     ({"name": None}, "name: found null"),
-    ({"motors": [{}] * 13}, "motors: found 13, allowed is a list of at most 12"),
+    ({"motors": [{}] * 25}, "motors: found 25, allowed is a list of at most 24"),
     ({"motors": [{}, {"jerk": -1}]}, "motors[2].jerk: found -1"),
     ({"motors": [{"pulse_us": 50.5}]}, "motors[1].pulse_us: found 50.5, allowed is 0.25 to 50"),
     ({"motors": [{"home": {"limit": 1}}]}, "motors[1].home.travel: is missing"),

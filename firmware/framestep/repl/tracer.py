@@ -50,9 +50,13 @@ class Tracer:
         reader.poll = writer.end = writer.ack = None  # a deleted entry would keep its value alive
         del reader.poll, writer.end, writer.ack
 
-    def copy(self):
-        """Return copies of times and frames, and the number of frames so far."""
-        return self.times[:], self.frames[:], self.count
+    def copy(self, number):
+        """Return the time and the bytes of a frame, counted from 0; None if a later one has taken
+        its place."""
+        if self.count - number > ENTRIES:
+            return None
+        place = number % ENTRIES
+        return self.times[place], self.frames[place * BYTES : place * BYTES + BYTES]
 
     def _received(self):
         found = self._poll()

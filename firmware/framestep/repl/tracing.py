@@ -55,10 +55,11 @@ def trace(count):
         if not CPYTHON:
             boot.forget("framestep.repl.tracer")
     elif tracing:
-        times, frames, total = between(tracing.copy)
+        total = tracing.count
         for i in range(max(0, total - min(count, ENTRIES)), total):
-            place = i % ENTRIES
-            print(_line(times[place], frames[place * BYTES : place * BYTES + BYTES]).rstrip())
+            entry = between(tracing.copy, i)
+            if entry:
+                print(_line(*entry).rstrip())
     else:
         tracer.active = between(tracer.Tracer, boot.controller)
         print("tracing begins now: trace() prints the last requests and answers, trace(0) ends it")

@@ -140,7 +140,7 @@ def test_a_figure_that_becomes_worse_ends_the_bench():
 
 
 def test_the_page_for_a_pull_request_begins_with_what_has_changed():
-    kept = recorded()
+    kept = {key: value for key, value in recorded().items() if key != "stop_ms_worst"}
     values = kept | {
         "upload_frames_8": kept["upload_frames_8"] * 0.9,
         "tick_us_8": kept["tick_us_8"] * 0.9,
