@@ -3,6 +3,8 @@ emulated device behind it."""
 
 import asyncio
 import contextlib
+import functools
+import http.server
 import shutil
 import threading
 import time
@@ -32,14 +34,9 @@ _BROWSERS = (
 _SELDOM_DRAWN = """const drawn = window.requestAnimationFrame;
     window.requestAnimationFrame = (draw) => setTimeout(() => drawn(draw), 80);"""
 FLAGS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+)  # fmt: skip
 
 
 def browser_program() -> str:
@@ -225,3 +222,24 @@ def shared_stage(browser):
     started = Stage(browser)
     yield started
     started.close()
+
+
+class _Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
+
+
+class FileServer:
+    """Serves a folder and nothing more; `url` is its address."""
+
+    def __init__(self, folder):
+        handler = functools.partial(_Quiet, directory=folder)
+        self._server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
+        self.url = f"http://127.0.0.1:{self._server.server_port}/"
+        self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
+        self._thread.start()
+
+    def close(self):
+        self._server.shutdown()
+        self._thread.join()
+        self._server.server_close()

@@ -21,6 +21,9 @@ HIDE = """hidden => {
     document.dispatchEvent(new Event('visibilitychange'));
 }"""
 
+# What a key or an answer has changed is drawn with the next picture
+DRAWN = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+
 expect.set_options(timeout=PATIENCE_MS)
 
 
@@ -40,6 +43,10 @@ def steps(page, motor=1):
 def wait_far(page, motor, begin, distance):
     """Wait until a motor is farther than that from its start."""
     page.wait_for_function(FAR, arg=[_position_label(motor), begin, distance], polling=LOOK_MS)
+
+
+def wait_drawn(page):
+    page.evaluate(DRAWN)
 
 
 def wait_moving(page):
@@ -63,14 +70,9 @@ def log(page):
 
 # Where the console has what: a drawer, or a part of Set up
 DRAWERS = {
-    "Move": "move",
-    "Options": "options",
-    "Lights": "lights",
-    "XYZ jog": "camera",
-    "Log": "log",
-    "Keys": "keys",
-    "Positions": "positions",
-}
+    "Move": "move", "Options": "options", "Lights": "lights", "XYZ jog": "camera", "Log": "log",
+    "Keys": "keys", "Positions": "positions",
+}  # fmt: skip
 SET_UP = ["Names and units", "Virtual axes", "Rig file, load, terminal", "This page"]
 
 

@@ -10,8 +10,8 @@ import sys
 from playwright.sync_api import expect, sync_playwright
 
 from framestep_tools.building.board_files import ROOT
+from host_tests.console import looking as ui
 from host_tests.console.conftest import FLAGS, Stage, browser_program
-from host_tests.console.looking import close_drawer, go_to, log, wait_connected, wait_rest
 
 FOLDER = ROOT / "build/console"  # pictures of pixels are not kept in the repository
 RIG = {
@@ -40,7 +40,7 @@ KEYFRAMES = {
         {"frame": 97, "steps": [32000, 12000, -3000, 15000, 0, 0], "to_next": "hold"},
         {"frame": 120, "steps": [32000, 12000, -3000, 15000, 0, 0]}]}""",
 }
-SPEED = 8.0  # times real time
+FAST = 8.0  # times real time
 DEVICE = "/dev/ttyACM1"  # its name on the page: the same each time
 FRAME = 1  # of the move, for the pictures
 WIDTH, HEIGHT = 1280, 800
@@ -51,18 +51,9 @@ LOOKS = {
 }
 # "Motors" is the desk alone
 VIEWS = [
-    "Motors",
-    "Move",
-    "Options",
-    "Positions",
-    "XYZ jog",
-    "Lights",
-    "Log",
-    "Keys",
-    "Names and units",
-    "Virtual axes",
-    "Rig file, load, terminal",
-]
+    "Motors", "Move", "Options", "Positions", "XYZ jog", "Lights", "Log", "Keys", "Names and units",
+    "Virtual axes", "Rig file, load, terminal",
+]  # fmt: skip
 # What the pictures are of: (view, look)
 PICTURES = [("Motors", "wide"), ("Motors", "dark"), ("Motors", "phone"), ("Move", "wide")]
 
@@ -76,39 +67,39 @@ def path(view, look):
 
 def prepare(page):
     """Give the page something to show in every view."""
-    wait_connected(page)
-    go_to(page, "Move")
+    ui.wait_connected(page)
+    ui.go_to(page, "Move")
     page.get_by_label("Open a move").set_input_files(KEYFRAMES)
     expect(page.get_by_role("article", name="Poses")).to_contain_text("Slope")
     page.wait_for_timeout(500)  # until the device has reported its speeds
     if (too_slow := page.get_by_role("button", name="Raise the speeds to fit")).is_visible():
         too_slow.click()
-        expect(log(page)).to_contain_text("Speeds are set")
-    go_to(page, "Virtual axes")
+        expect(ui.log(page)).to_contain_text("Speeds are set")
+    ui.go_to(page, "Virtual axes")
     for name, motor, per_unit, _, _ in AXES:
         axis = page.get_by_role("group", name=name, exact=True)
         axis.get_by_label("Motor").select_option(f"{name} (motor {motor})")
         axis.get_by_label("Steps per unit").fill(str(per_unit))
     page.get_by_label("Arm").fill("800")
     page.get_by_role("button", name="Configure").click()
-    expect(log(page)).to_contain_text("configured")
+    expect(ui.log(page)).to_contain_text("configured")
 
 
 def rest_on_frame(page):
     """Move the rig to the middle of its move."""
-    go_to(page, "Positions")
+    ui.go_to(page, "Positions")
     for name in [name for name, *_ in AXES] + [f"motor {n}" for n in range(5, MOTORS + 1)]:
         page.get_by_role("button", name=f"Set position of {name}", exact=True).click()
-        expect(log(page)).to_contain_text("this position is 0")
-    close_drawer(page)
+        expect(ui.log(page)).to_contain_text("this position is 0")
+    ui.close_drawer(page)
     page.locator("#send").click()
     expect(page.locator("#moving")).to_contain_text(f"Play head {FRAME}.000")
-    wait_rest(page)
+    ui.wait_rest(page)
 
 
 def take(page, view, file):
     """Write the picture of the desk with a drawer."""
-    go_to(page, view)
+    ui.go_to(page, view)
     page.screenshot(path=file)
 
 
@@ -136,7 +127,7 @@ def crane(stage, speed=1.0):
 
 def take_states(browser):
     """Take a picture of each state in each size and theme. Return their number."""
-    from host_tests.console.states import SIZES, begun, states
+    from host_tests.console.pictures import SIZES, begun, states
 
     folder = FOLDER / "states"
     folder.mkdir(parents=True, exist_ok=True)
@@ -161,7 +152,7 @@ def main():
         browser = playwright.chromium.launch(executable_path=browser_program(), args=FLAGS)
         stage = Stage(browser)
         try:
-            url = crane(stage, SPEED).url
+            url = crane(stage, FAST).url
             for look, options in LOOKS.items():
                 page = stage.page(url, **options)
                 page.evaluate(NOON)
@@ -175,6 +166,152 @@ def main():
         taken = len(PICTURES) + (take_states(browser) if "--states" in sys.argv else 0)
         browser.close()
     print(f"{taken} pictures are in {FOLDER.relative_to(ROOT)}")
+
+
+SIZES = [(1280, 800), (1920, 1080), (390, 844), (844, 390)]
+SPEED = 4.0  # times real time
+# Keyframes of eight motors that play slowly
+SLOW = (KEYFRAMES["buffer"].decode().replace("0, 0]", "0, 0, 0, 0]").replace("000", "00")).replace(
+    '"fps": 24', '"fps": 4'
+)
+MODULES = """async ([request, values]) => {
+    const { device } = await import('/session.js');
+    return device.ask(request, values);
+}"""
+SWITCH = 26  # high: hit
+
+
+def ask(page, request, **values):
+    """Send a request as the page does."""
+    assert page.evaluate(MODULES, [request, values]) is not None
+
+
+def in_banner(page, text):
+    expect(page.locator("#banner")).to_contain_text(text)
+
+
+def states(stage, page, device):
+    """Yield the name of each state once the page is in it, and the page."""
+    in_banner(page, "Positions not set")
+    cannot_play(page, "positions are lost")
+    yield "positions not set", page
+    for number in range(1, 9):
+        position = 40_000 if number == 8 else 0
+        ask(page, "MotorResetPosition", motor=number, position=position)
+    in_banner(page, "At rest")
+    yield "at rest", page
+    page.keyboard.down("ArrowRight")
+    in_banner(page, "moves Jog at")
+    yield "jogging", page
+    page.keyboard.up("ArrowRight")
+    in_banner(page, "At rest")
+    page.locator("#ready").click()
+    in_banner(page, "on the way to where it begins")
+    yield "getting ready", page
+    in_banner(page, "READY")
+    yield "ready", page
+    page.locator("#go").click()
+    in_banner(page, "Take 1 runs")
+    yield "running", page
+    page.keyboard.press("Escape")
+    in_banner(page, "Stopped")
+    in_banner(page, "by: STOP on this page")
+    ui.wait_rest(page)
+    yield "stopped", page
+    speed = {"motor": 1, "acceleration": 20_000}
+    ask(page, "MotorSetSpeed", velocity=10, **speed)
+    page.locator("#ready").click()
+    in_banner(page, "Refused")
+    yield "refused", page
+    ask(page, "MotorSetSpeed", velocity=5000, **speed)
+    page.locator("#modes [data-mode=frames]").click()
+    page.locator("#ready").click()  # next frame
+    in_banner(page, "SHOOT takes frame 2")
+    ui.wait_rest(page)
+    yield "frame by frame", page
+    page.locator("#modes [data-mode=lapse]").click()
+    page.locator("#go").click()
+    in_banner(page, "Time-lapse picture 1 of")
+    yield "time-lapse", page
+    page.keyboard.press("Escape")
+    ui.wait_rest(page)
+    page.locator("#modes [data-mode=run]").click()
+    device.set_pin("estop", 0)
+    in_banner(page, "E-STOP")
+    cannot_play(page, "the E-stop is held")
+    yield "E-stop", page
+    device.set_pin("estop", 1)
+    expect(page.locator("#banner")).not_to_contain_text("E-STOP")
+    ask(
+        page, "MotorSetLimits", motor=1, lower_enable=0, lower=0, upper_enable=0, upper=0,
+        limit_set=1,
+    )  # fmt: skip
+    page.keyboard.down("ArrowLeft")
+    ui.wait_moving(page)
+    device.set_pin(SWITCH, 1)
+    in_banner(page, "is at its lower switch: only + moves it.")
+    page.keyboard.up("ArrowLeft")
+    yield "limit switch", page
+    device.set_pin(SWITCH, 0)
+    broken(device, True)
+    in_banner(page, "Fault")
+    in_banner(page, "mend what is wrong")
+    cannot_play(page, "there is a fault")
+    yield "fault", page
+    broken(device, False)
+    expect(page.locator("#banner")).not_to_contain_text("Fault")
+    with device.held():
+        in_banner(page, "NO ANSWER")
+        yield "no answer", page
+    expect(page.locator("#banner")).not_to_contain_text("NO ANSWER")
+    taker = stage.page(page.url)
+    taker.get_by_role("button", name="Take over").click()
+    expect(taker.locator("#banner")).not_to_contain_text("You watch")
+    in_banner(page, "Nothing moves.")
+    expect(ui.log(page)).not_to_contain_text("The link has ended")
+    yield "taken over", page
+    page.get_by_role("button", name="Take over").click()
+    expect(page.locator("#banner")).not_to_contain_text("You watch")
+    ui.wait_connected(page)
+    taker.close()
+    device.close()
+    in_banner(page, "LINK LOST")
+    yield "link lost", page
+    page.reload()
+    in_banner(page, "Cannot open")
+    yield "not connected", page
+
+
+def cannot_play(page, why):
+    expect(page.locator("#go")).to_contain_text(why)
+    for button in ("#ready", "#go", "#send"):
+        expect(page.locator(button)).to_be_disabled()
+
+
+def broken(device, on):
+    def say(board):
+        board.host_board.controller.broken = on
+
+    device.at_board(say)
+
+
+def begun(stage, size, theme):
+    """Return a page of this size and theme on a board of eight motors without positions, and its
+    device."""
+    width, height = size
+    rig = {"estop": "no", "name": "desk", "limits": [{"low": SWITCH}]}
+    device = stage.simulated(rig, 8, SPEED)
+    device.set_pin(SWITCH, 0)
+    page = stage.page(
+        stage.console(device.url).url,
+        viewport={"width": width, "height": height},
+        color_scheme=theme,
+        has_touch=width < 1000,
+    )
+    page.evaluate("text => localStorage.setItem('keyframes', text)", SLOW)
+    page.reload()
+    ui.wait_connected(page)
+    return page, device
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed
 
 from framestep_tools.console import page_files
-from host_tests.console.file_server import FileServer
+from host_tests.console.conftest import FileServer
 
 # The user chooses these ports one after another
 _PORTS = """addresses => {

@@ -10,17 +10,7 @@ from framestep_tools.axes.rig_axes import Axes
 from framestep_tools.console.axes_text import AxesText
 from framestep_tools.errors import ToolError
 from framestep_tools.payloads import GetExceeded, MotorGetPosition, MotorSetLimits, MotorSetSpeed
-from host_tests.console.looking import (
-    close_drawer,
-    go_to,
-    log,
-    motor,
-    position,
-    row,
-    settings,
-    steps,
-    wait_rest,
-)
+from host_tests.console import looking as ui
 from host_tests.console.serial_ports import SavedPage
 from host_tests.tools.move.test_scenes import glb, gltf
 
@@ -67,31 +57,31 @@ def opened(stage, rig):
 
 def test_positions_and_moves_in_units(opened):
     page, _ = opened
-    expect(motor(page, "track")).to_contain_text("1 track")
-    expect(position(page, 3)).to_have_text("0")
-    pan = motor(page, "pan")
+    expect(ui.motor(page, "track")).to_contain_text("1 track")
+    expect(ui.position(page, 3)).to_have_text("0")
+    pan = ui.motor(page, "pan")
     pan.get_by_label("Move to, deg").fill("-88.5")
     pan.get_by_role("button", name="Move", exact=True).click()
     expect(page.get_by_label("Position of pan in deg")).to_have_text("-88.500°")
-    expect(position(page, 2)).to_have_text("-300")
+    expect(ui.position(page, 2)).to_have_text("-300")
     for by, at in (("+1°", "-500"), ("+0.1°", "-520"), ("−1°", "-320")):
         pan.get_by_role("button", name=f"Move pan by {by}", exact=True).click()
-        expect(position(page, 2)).to_have_text(at)
-    wait_rest(page)
-    track = motor(page, "track")
+        expect(ui.position(page, 2)).to_have_text(at)
+    ui.wait_rest(page)
+    track = ui.motor(page, "track")
     track.get_by_label("Move to, mm").fill("1450.5")
     track.get_by_role("button", name="Move", exact=True).click()
-    expect(log(page)).to_contain_text(
+    expect(ui.log(page)).to_contain_text(
         "track: 1450.5 mm is beyond its limits of 0 to 1450 mm (axes.toml)."
     )
-    expect(position(page, 1)).to_have_text("0")
+    expect(ui.position(page, 1)).to_have_text("0")
     expect(page.locator("#moving")).to_contain_text("Nothing moves")
 
 
 def test_a_phone_shows_one_motors_names_and_units(stage, opened):
     page, _ = opened
     page.set_viewport_size({"width": 390, "height": 844})
-    go_to(page, "Names and units")
+    ui.go_to(page, "Names and units")
     shown = page.locator("fieldset:visible")
     expect(shown).to_have_count(1)
     which = page.get_by_role("region", name="Names and units").get_by_label("Motor", exact=True)
@@ -108,38 +98,38 @@ def test_up_is_where_the_position_rises(opened):
     page.get_by_role("button", name="Jog pan up", exact=True).hover()
     page.mouse.down()
     expect(page.locator("#moving")).to_contain_text("pan moves")
-    expect(position(page, 2)).not_to_have_text("0")
+    expect(ui.position(page, 2)).not_to_have_text("0")
     page.mouse.up()
-    wait_rest(page)
-    assert steps(page, 2) < 0
+    ui.wait_rest(page)
+    assert ui.steps(page, 2) < 0
     page.keyboard.press("1")
     page.keyboard.down("ArrowRight")
     expect(page.locator("#moving")).to_contain_text("track moves")
-    expect(position(page, 1)).not_to_have_text("0")
+    expect(ui.position(page, 1)).not_to_have_text("0")
     page.keyboard.up("ArrowRight")
-    wait_rest(page)
-    assert steps(page, 1) > 0
+    ui.wait_rest(page)
+    assert ui.steps(page, 1) > 0
 
 
 def test_settings_in_units_reach_the_device(opened):
     page, device = opened
-    pan = settings(page, "pan")
+    pan = ui.settings(page, "pan")
     expect(pan.get_by_label("Velocity, deg/s")).to_have_value("20")  # 4000 steps/s
     pan.get_by_label("Velocity, deg/s").fill("30")
     pan.get_by_role("button", name="Set speed").click()
     pan.get_by_label("Call this position, deg").fill("-45")
     pan.get_by_role("button", name="Set position").click()
-    expect(log(page)).to_contain_text("pan: this position is -45° (-9000) now.")
+    expect(ui.log(page)).to_contain_text("pan: this position is -45° (-9000) now.")
     pan.get_by_label("Lower soft limit").check()
     pan.get_by_label("Lower, deg").fill("-60")
     pan.get_by_label("Upper soft limit").check()
     pan.get_by_label("Upper, deg").fill("-30")
     pan.get_by_role("button", name="Set limits").click()
-    expect(row(page, "pan").locator(".ends")).to_have_text("-60°-30°")
-    pan = motor(page, "pan")
+    expect(ui.row(page, "pan").locator(".ends")).to_have_text("-60°-30°")
+    pan = ui.motor(page, "pan")
     pan.get_by_label("Move to, deg").fill("-20")
     pan.get_by_role("button", name="Move", exact=True).click()
-    expect(log(page)).to_contain_text(
+    expect(ui.log(page)).to_contain_text(
         "Refused: -20° (-14000) is past the lower soft limit of pan, -30° (-12000)"
     )
     page.close()
@@ -151,44 +141,44 @@ def test_settings_in_units_reach_the_device(opened):
 
 def test_the_bar_shows_the_position_between_its_limits(opened, stage):
     page, device = opened
-    track = motor(page, "track")
-    expect(row(page, "track").locator(".ends")).to_have_text("0 mm1450 mm")
-    mark = row(page, "track").locator(".now")
+    track = ui.motor(page, "track")
+    expect(ui.row(page, "track").locator(".ends")).to_have_text("0 mm1450 mm")
+    mark = ui.row(page, "track").locator(".now")
     expect(mark).to_have_attribute("style", "left: 0%;")
     track.get_by_label("Move to, mm").fill("14.5")
     track.get_by_role("button", name="Move", exact=True).click()
     expect(mark).to_have_attribute("style", "left: 1%;")
-    expect(row(page, "Motor 3").locator(".bar")).to_be_hidden()
+    expect(ui.row(page, "Motor 3").locator(".bar")).to_be_hidden()
     page.close()
     with device.client() as client:
         client.request(MotorSetLimits(3, 1, -100, 1, 300, 0))
     other = stage.page(page.url)
-    expect(row(other, "Motor 3").locator(".ends")).to_have_text("-100 steps300 steps")
-    expect(row(other, "Motor 3").locator(".now")).to_have_attribute("style", "left: 25%;")
+    expect(ui.row(other, "Motor 3").locator(".ends")).to_have_text("-100 steps300 steps")
+    expect(ui.row(other, "Motor 3").locator(".now")).to_have_attribute("style", "left: 25%;")
 
 
 def test_names_are_edited_and_saved(opened, rig):
     page, _ = opened
-    go_to(page, "Names and units")
+    ui.go_to(page, "Names and units")
     third = page.get_by_role("group", name="Motor 3", exact=True)
     third.get_by_label("Name").fill("pan")
     third.get_by_label("Unit", exact=True).select_option("cm")
     third.get_by_label("Steps per unit").fill("12.5")
     save = page.get_by_role("button", name="Save")
     save.click()
-    expect(log(page)).to_contain_text("“name”: pan occurs twice")
+    expect(ui.log(page)).to_contain_text("“name”: pan occurs twice")
     assert rig.read_text() == RIG
     third.get_by_label("Name").fill("lift")
     third.get_by_label("Limits").check()
     third.get_by_label("Lowest").fill("-4")
     third.get_by_label("Highest").fill("4.5")
     save.click()
-    expect(log(page)).to_contain_text(f"Names and units are saved in {rig}.")
+    expect(ui.log(page)).to_contain_text(f"Names and units are saved in {rig}.")
     found = Axes(axes_of(rig.read_text(), rig))
     assert (found.motor("lift"), found.steps(3, "1cm")) == (3, 12)
     assert found.axis(2) == axes_of(RIG, rig)[1], "keys for files of other programs are kept"
     assert found.axis(3).limits == (-4, 4.5)
-    go_to(page, "Motors")
+    ui.go_to(page, "Motors")
     expect(page.get_by_label("Position of lift in cm")).to_have_text("0.00 cm")
 
 
@@ -198,8 +188,8 @@ def test_a_file_with_a_mistake_is_reported_and_kept(stage, rig):
     served = stage.console(device.url)
     served.server.device.axes = AxesText(rig)
     page = stage.page(served.url)
-    expect(log(page)).to_contain_text('"name": expected a text, found 5; the page shows steps.')
-    expect(position(page)).to_have_text("0")
+    expect(ui.log(page)).to_contain_text('"name": expected a text, found 5; the page shows steps.')
+    expect(ui.position(page)).to_have_text("0")
     with pytest.raises(ToolError, match="not valid TOML"):
         served.server.device.axes.write("[[axis")
     assert rig.read_text() == "[[axis]]\nname = 5\n"
@@ -210,15 +200,15 @@ def test_without_a_server_the_browser_keeps_them(stage, tmp_path, rig):
     saved = SavedPage(tmp_path / "page")
     stage.closing(saved.close)
     page = stage.page(saved.url)
-    go_to(page, "Names and units")
+    ui.go_to(page, "Names and units")
     camera = '[camera]  # the page keeps it\ntype = "X-Y-Z"\norigin = [\n  1, 2,\n  3]\n'
     rig.write_text(RIG.replace("[[axis]]", camera + "[[axis]]", 2).replace(camera, "", 1))
     page.get_by_label("Take another axes.toml").set_input_files(rig)
-    expect(log(page)).to_contain_text("axes.toml: names and units are in use.")
+    expect(ui.log(page)).to_contain_text("axes.toml: names and units are in use.")
     first = page.get_by_role("group", name="Motor 1", exact=True)
     first.get_by_label("Position at step 0").fill("-5")
     page.get_by_role("button", name="Save").click()
-    expect(log(page)).to_contain_text("Names and units are saved in this browser.")
+    expect(ui.log(page)).to_contain_text("Names and units are saved in this browser.")
     with page.expect_download() as download:
         page.get_by_role("button", name="Download").click()
     text = download.value.path().read_text()
@@ -226,7 +216,7 @@ def test_without_a_server_the_browser_keeps_them(stage, tmp_path, rig):
     assert camera in text
     assert camera_of(text, "it") == {"type": "X-Y-Z", "origin": [1, 2, 3]}
     page.reload()
-    go_to(page, "Names and units")
+    ui.go_to(page, "Names and units")
     expect(first.get_by_label("Name")).to_have_value("track")
     expect(first.get_by_label("Position at step 0")).to_have_value("-5")
     assert page.errors == []
@@ -262,19 +252,19 @@ def test_the_page_reads_and_writes_the_file_as_the_commands_do(stage, tmp_path):
 def test_the_bridge_accepts_no_text_without_a_file(stage):
     device = stage.simulated(motors=1)
     page = stage.page(stage.console(device.url).url)
-    expect(position(page)).to_have_text("0")
-    assert steps(page) == 0
-    go_to(page, "Names and units")
+    expect(ui.position(page)).to_have_text("0")
+    assert ui.steps(page) == 0
+    ui.go_to(page, "Names and units")
     page.get_by_role("group", name="Motor 1", exact=True).get_by_label("Name").fill("track")
     page.get_by_role("button", name="Save").click()
-    expect(log(page)).to_contain_text("saved in this browser")
+    expect(ui.log(page)).to_contain_text("saved in this browser")
     assert not any("write_axes" in json.dumps(str(sent)) for sent in page.sent)
 
 
 def test_another_programs_move(opened):
     """The page asks framestep console, which converts it by axes.toml."""
     page, _ = opened
-    go_to(page, "Move")
+    ui.go_to(page, "Move")
     text = "# 25 fps\nAxes = Camera Pan, Track\n-90,5 10\n-91,0 20\n"
     page.get_by_label("Open a move").set_input_files(
         {"name": "shot.kup", "mimeType": "text/plain", "buffer": text.encode()}
@@ -283,13 +273,13 @@ def test_another_programs_move(opened):
         "shot.kup: frames 1 to 2 at 25 frames/s for 2 motors"
     )
     expect(page.get_by_label("Frames per second").first).to_have_value("25")
-    close_drawer(page)
+    ui.close_drawer(page)
     page.keyboard.press("End")
     page.locator("#send").click()
-    expect(log(page)).to_contain_text("Frames 1 to 2 for 2 motors are uploaded.")
-    expect(position(page, 1)).to_have_text("1600")
-    expect(position(page, 2)).to_have_text("200")
-    wait_rest(page)
+    expect(ui.log(page)).to_contain_text("Frames 1 to 2 for 2 motors are uploaded.")
+    expect(ui.position(page, 1)).to_have_text("1600")
+    expect(ui.position(page, 2)).to_have_text("200")
+    ui.wait_rest(page)
 
 
 def test_poses_and_files_that_are_no_text(opened, rig):
@@ -298,7 +288,7 @@ def test_poses_and_files_that_are_no_text(opened, rig):
     rig.write_text(
         RIG.replace("limits = [0, 1450]", "") + '[camera]\ntype = "X-Y-Z"\nx = "track"\n'
     )
-    go_to(page, "Move")
+    ui.go_to(page, "Move")
     scene, data = gltf([(0, "translation", "LINEAR", [[0, 0, 0], [0.01, 0, 0], [0.03, 0, 0]])])
     binary, data = gltf(
         [(0, "translation", "LINEAR", [[0, 0, 0], [0.01, 0, 0], [0.03, 0, 0]])], uri=""

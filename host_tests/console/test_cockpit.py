@@ -6,16 +6,7 @@ import pytest
 from playwright.sync_api import expect
 
 from framestep_tools.move.move_file import CAMERA_MOVE
-from host_tests.console.looking import (
-    go_to,
-    log,
-    motor,
-    position,
-    steps,
-    wait_connected,
-    wait_far,
-    wait_rest,
-)
+from host_tests.console import looking as ui
 
 RIG = {
     "jog_timeout_ms": 0,
@@ -31,7 +22,7 @@ def opened(shared_stage):
     device = shared_stage.simulated(RIG, motors=2)
     device.at_board(lambda board: board.wire_switches())
     page = shared_stage.page(shared_stage.console(device.url).url)
-    wait_connected(page)
+    ui.wait_connected(page)
     return page, device
 
 
@@ -68,38 +59,40 @@ def test_nothing_can_be_pressed_while_the_device_is_silent(opened):
 
 def test_messages_have_their_time(opened):
     page, _ = opened
-    motor(page, "Motor 2").get_by_role("button", name="Home motor 2").click()
-    expect(log(page).locator("p").first).to_have_text(re.compile(r"^\d\d:\d\d:\d\d HOME was refus"))
+    ui.motor(page, "Motor 2").get_by_role("button", name="Home motor 2").click()
+    expect(ui.log(page).locator("p").first).to_have_text(
+        re.compile(r"^\d\d:\d\d:\d\d HOME was refus")
+    )
 
 
 def test_homing_reports_how_it_has_ended(opened):
     page, _ = opened
-    go_to(page, "Positions")
+    ui.go_to(page, "Positions")
     page.get_by_role("button", name="Home all motors").click()
     page.get_by_role("button", name="Press again: all motors move").click()
-    expect(log(page)).to_contain_text(
+    expect(ui.log(page)).to_contain_text(
         "Motor 1 is not homed: its position is lost: homing did not find its switch."
     )
-    wait_rest(page)
+    ui.wait_rest(page)
 
 
 def test_step_buttons_add_up_while_the_motor_moves(opened):
     page, _ = opened
-    motor(page, "Motor 2")
-    before = steps(page, 2)
+    ui.motor(page, "Motor 2")
+    before = ui.steps(page, 2)
     by = page.get_by_role("button", name="Move motor 2 by +100 steps", exact=True)
     by.evaluate("button => { for (let i = 0; i < 3; i += 1) button.click(); }")  # before any answer
-    expect(position(page, 2)).to_have_text(str(before + 300))
+    expect(ui.position(page, 2)).to_have_text(str(before + 300))
     page.get_by_role("button", name="Move motor 2 by −1 steps", exact=True).click()
-    expect(position(page, 2)).to_have_text(str(before + 299))
-    wait_rest(page)
+    expect(ui.position(page, 2)).to_have_text(str(before + 299))
+    ui.wait_rest(page)
 
 
 def test_a_move_is_shown_with_what_it_needs_and_what_is_set(stage):
     device = stage.simulated(motors=4)
     page = stage.page(stage.console(device.url).url)
-    wait_connected(page)
-    go_to(page, "Move")
+    ui.wait_connected(page)
+    ui.go_to(page, "Move")
     page.get_by_label("Open a move").set_input_files(CAMERA_MOVE)
     first = page.get_by_role("row", name=re.compile("^Motor 1"))
     expect(first).to_contain_text("11664 steps/s, set 5000 steps/s: too little")
@@ -109,7 +102,7 @@ def test_a_move_is_shown_with_what_it_needs_and_what_is_set(stage):
     verdict = page.locator("#verdict")
     expect(verdict).to_contain_text("do not fit")
     page.get_by_role("button", name="Raise the speeds to fit").click()
-    expect(log(page)).to_contain_text("Speeds are set: motor 1 12831 steps/s")
+    expect(ui.log(page)).to_contain_text("Speeds are set: motor 1 12831 steps/s")
     expect(first).to_contain_text("11664 steps/s, set 12831 steps/s")
     expect(first).not_to_contain_text("too little")
     expect(verdict).to_have_text("✓ fits")
@@ -125,7 +118,7 @@ def test_a_wrong_address_says_what_to_do(stage):
     device = stage.simulated(motors=1)
     url = stage.console(device.url).url
     page = stage.page(url.partition("token=")[0] + "token=old")
-    expect(log(page)).to_contain_text("open the address that it prints")
+    expect(ui.log(page)).to_contain_text("open the address that it prints")
 
 
 def test_the_cross_is_beside_the_drawing(stage):
@@ -133,7 +126,7 @@ def test_the_cross_is_beside_the_drawing(stage):
 
     page = stage.page(crane(stage).url)
     prepare(page)
-    go_to(page, "XYZ jog")
+    ui.go_to(page, "XYZ jog")
     places = {
         name: page.get_by_role("button", name=f"Camera {name}", exact=True).bounding_box()
         for name in ("up", "down", "left", "right", "forward", "backward")
@@ -147,37 +140,37 @@ def test_the_cross_is_beside_the_drawing(stage):
     page.mouse.down()
     expect(banner(page)).to_have_class("moves")
     page.mouse.up()
-    wait_rest(page)
+    ui.wait_rest(page)
 
 
 def test_a_jog_ends_when_the_device_becomes_silent(opened):
     page, device = opened
-    motor(page, "Motor 1")
-    before = steps(page, 2)
+    ui.motor(page, "Motor 1")
+    before = ui.steps(page, 2)
     page.get_by_role("button", name="Jog motor 2 up").focus()
     page.keyboard.down(" ")
-    wait_far(page, 2, before, 50)
+    ui.wait_far(page, 2, before, 50)
     with device.held():
         expect(page.get_by_role("alert")).to_contain_text("The device does not answer.")
-    wait_rest(page)
+    ui.wait_rest(page)
     page.keyboard.up(" ")
 
 
 def test_a_second_page_takes_the_device_over(opened, stage):
     page, _ = opened
-    motor(page, "Motor 1")
-    before = steps(page)
+    ui.motor(page, "Motor 1")
+    before = ui.steps(page)
     page.keyboard.down("ArrowRight")
-    wait_far(page, 1, before, 50)
+    ui.wait_far(page, 1, before, 50)
     second = stage.page(page.url)
     take = second.get_by_role("button", name="Take over")
     take.click()
     second.get_by_role("button", name="Press again").click()
     expect(second.locator("#banner")).not_to_contain_text("You watch")
-    wait_connected(second)
+    ui.wait_connected(second)
     expect(take).to_be_hidden()
-    wait_rest(second)
+    ui.wait_rest(second)
     expect(page.get_by_role("alert")).to_be_hidden()
     expect(page.locator("#banner")).to_contain_text("Another page has the device.")
-    expect(log(page)).to_contain_text("Another page has taken the device over")
+    expect(ui.log(page)).to_contain_text("Another page has taken the device over")
     expect(page.get_by_role("button", name="Take over")).to_be_visible()

@@ -15,22 +15,9 @@ from framestep_tools.judge.judge import judge
 from framestep_tools.judge.reference import Reference
 from framestep_tools.judge.trace import Trace
 from framestep_tools.payloads import RtUploadMoveAxis
-from host_tests.console.looking import (
-    AXE,
-    DRAWERS,
-    FINDINGS,
-    SET_UP,
-    close_drawer,
-    go_to,
-    log,
-    motor,
-    steps,
-    wait_connected,
-    wait_moving,
-    wait_rest,
-)
-from host_tests.console.states import SIZES, SLOW, SPEED, begun, in_banner, states
-from host_tests.covering import sweep
+from host_tests.console import looking as ui
+from host_tests.console.pictures import SIZES, SLOW, SPEED, begun, in_banner, states
+from host_tests.selection import sweep
 
 PARTS = ["stop", "go", "ready", "timeline", "rig", "positions", "banner"]
 FPS_MILLI = 24_000
@@ -65,7 +52,7 @@ def opened(stage, motors=8, rig=None, **options):
     board = {"estop": "no", "name": "desk", **(rig or {})}
     device = stage.simulated(board, motors, SPEED, known=True)
     page = stage.page(stage.console(device.url).url, **options)
-    wait_connected(page)
+    ui.wait_connected(page)
     return page, device
 
 
@@ -88,13 +75,13 @@ def two_keys(page):
     """Make a move of the first motor by K, jog and K."""
     page.keyboard.press("Home")
     page.keyboard.press("k")
-    expect(log(page)).to_contain_text("is a keyframe.")
-    before = steps(page)
+    expect(ui.log(page)).to_contain_text("is a keyframe.")
+    before = ui.steps(page)
     page.keyboard.down("ArrowRight")
     page.wait_for_timeout(300)
     page.keyboard.up("ArrowRight")
-    wait_rest(page)
-    assert steps(page) > before
+    ui.wait_rest(page)
+    assert ui.steps(page) > before
     for _ in range(3):
         page.keyboard.press("End")
         page.wait_for_timeout(150)
@@ -138,29 +125,29 @@ def test_a_take_by_keys_alone_from_an_empty_rig(stage):
     edges = keep_edges(device)
     expect(page.locator("#go")).to_contain_text("no move yet")
     two_keys(page)
-    there = steps(page)
+    there = ui.steps(page)
     for take in (1, 2):
         page.keyboard.press("r")
         expect(page.locator("#banner")).to_contain_text("READY")
         page.keyboard.press("Space")  # plays the preview; it is no GO
-        wait_rest(page)
+        ui.wait_rest(page)
         expect(page.locator("#banner")).to_contain_text(f"take {take}")
         begun = []
         device.at_board(lambda board, begun=begun: begun.append(board.now_ns))
         page.keyboard.press("Shift+Enter")
-        wait_moving(page)
+        ui.wait_moving(page)
         expect(page.locator("#banner")).to_contain_text("Over")
-        assert steps(page) == there
-        wait_rest(page)
+        assert ui.steps(page) == there
+        ui.wait_rest(page)
         move = uploaded(page)
         path = Reference(move, FPS_MILLI, ROLL_MS, ROLL_MS)
         end = {1: there, 2: 0}
         verdict = judge(Trace.from_edges(edges), move, FPS_MILLI, {}, end, path, begun[0])
         assert verdict.good, verdict.complaints
         assert len(verdict.motors[0].edge_times_s) >= there - 1
-    uploads = [said for said in log(page).locator("p").all_text_contents() if "uploaded" in said]
+    uploads = [said for said in ui.log(page).locator("p").all_text_contents() if "uploaded" in said]
     assert len(uploads) == 1
-    go_to(page, "Log")
+    ui.go_to(page, "Log")
     expect(page.get_by_role("row", name="1 Run")).to_contain_text("complete")
     assert page.errors == []
 
@@ -189,7 +176,7 @@ def test_a_run_that_is_stopped_before_it_is_drawn(stage):
     page.wait_for_timeout(500)
     page.keyboard.press("Escape")
     in_banner(page, "Stopped")
-    wait_rest(page)
+    ui.wait_rest(page)
     in_banner(page, "by: STOP on this page")
     assert page.errors == []
 
@@ -200,12 +187,12 @@ def test_the_link_is_lost_in_a_run(stage, keep):
     device = stage.simulated({"estop": "no"}, 2, known=True)
     console = stage.console(device.url)
     page = stage.page(console.url)
-    wait_connected(page)
+    ui.wait_connected(page)
     two_keys(page)
     if keep:
-        go_to(page, "Options")
+        ui.go_to(page, "Options")
         page.get_by_label("Runs and moves go on").check()
-        close_drawer(page)
+        ui.close_drawer(page)
     page.locator("#ready").click()
     in_banner(page, "READY")
     page.locator("#go").click()
@@ -220,10 +207,10 @@ def test_the_link_is_lost_in_a_run(stage, keep):
     expect(page.locator("#stop")).to_be_enabled()
     if keep:
         page.locator("#stop").click()
-        expect(log(page)).to_contain_text("Stopped: all motors ramp down.")
+        expect(ui.log(page)).to_contain_text("Stopped: all motors ramp down.")
     lost = "the link has ended since GO, so whether it goes on or has ended is not known."
-    expect(log(page)).to_contain_text(lost)
-    wait_rest(page)
+    expect(ui.log(page)).to_contain_text(lost)
+    ui.wait_rest(page)
     if not keep:
         in_banner(page, lost)
     assert page.errors == []
@@ -233,15 +220,15 @@ def test_dragging_the_preview_sends_nothing_that_moves(stage):
     page, _ = opened(stage, motors=2)
     two_keys(page)
     page.keyboard.press("Home")
-    before = [steps(page, n) for n in (1, 2)]
+    before = [ui.steps(page, n) for n in (1, 2)]
     box = page.locator("#curves").bounding_box()
     page.mouse.move(box["x"] + 200, box["y"] + 30)
     page.mouse.down()
     page.mouse.move(box["x"] + 400, box["y"] + 30, steps=5)
     page.mouse.up()
     expect(page.locator("#send b")).not_to_have_text("1")
-    wait_rest(page)
-    assert [steps(page, n) for n in (1, 2)] == before
+    ui.wait_rest(page)
+    assert [ui.steps(page, n) for n in (1, 2)] == before
 
 
 # The second square is above this place
@@ -263,7 +250,7 @@ def test_each_state_keeps_its_places(stage, size):
     theme = ("light", "dark")[SIZES.index(size) % 2]
     touch = size[0] < 1000
     page, device = begun(stage, size, theme)
-    page.evaluate(AXE.read_text())
+    page.evaluate(ui.AXE.read_text())
     places = None
     for state, shown in states(stage, page, device):
         boxes = shown.evaluate(BOXES)
@@ -274,8 +261,8 @@ def test_each_state_keeps_its_places(stage, size):
         places = boxes
         expect(shown.locator("#stop")).to_be_enabled()
         if state == "not connected":  # loaded again
-            shown.evaluate(AXE.read_text())
-        assert shown.evaluate(FINDINGS) == [], state
+            shown.evaluate(ui.AXE.read_text())
+        assert shown.evaluate(ui.FINDINGS) == [], state
     for part in PARTS:
         assert page.locator(f'[data-part="{part}"]').count() == 1, part
     if touch:
@@ -283,7 +270,7 @@ def test_each_state_keeps_its_places(stage, size):
             page.locator(f'[data-page="{name}"]').click()
             assert overlapping(page.evaluate(BOXES)) == [], name
             assert page.evaluate(SMALL) == [], name
-            assert page.evaluate(FINDINGS) == [], name
+            assert page.evaluate(ui.FINDINGS) == [], name
 
 
 def test_a_finger_bends_a_curve_without_meeting_its_mark_exactly(stage):
@@ -293,7 +280,7 @@ def test_a_finger_bends_a_curve_without_meeting_its_mark_exactly(stage):
     )
     page.evaluate("text => localStorage.setItem('keyframes', text)", SLOW)
     page.reload()
-    wait_connected(page)
+    ui.wait_connected(page)
     page.locator('[data-page="move"]').tap()
     square = page.locator("#curves [data-pose]").nth(1)
     before = square.bounding_box()
@@ -318,14 +305,14 @@ def test_twelve_motors_fit(stage):
 
 def test_no_drawer_covers_stop_go_or_the_banner(stage):
     page, _ = opened(stage, viewport={"width": 1280, "height": 800})
-    for view in [*DRAWERS, *SET_UP]:
-        go_to(page, view)
+    for view in [*ui.DRAWERS, *ui.SET_UP]:
+        ui.go_to(page, view)
         drawer = page.locator("#drawer").bounding_box()
         for part in ("banner", "stop", "ready", "go"):
             box = page.locator(f'[data-part="{part}"]').bounding_box()
             below = box["y"] >= drawer["y"] + drawer["height"] - 1
             assert below or box["y"] + box["height"] <= drawer["y"] + 1, (view, part)
-    close_drawer(page)
+    ui.close_drawer(page)
     page.keyboard.press("?")
     expect(page.locator("#d-title")).to_have_text("Keys")
 
@@ -341,7 +328,7 @@ def demo(stage, tmp_path):
     served.server.device.simulate(board)
     served.server.device.axes = AxesText(axes)
     page = stage.page(served.url, viewport={"width": 1280, "height": 800})
-    wait_connected(page, "Position of track in mm")
+    ui.wait_connected(page, "Position of track in mm")
     return page
 
 
@@ -377,11 +364,11 @@ def test_the_demo_is_a_crane_with_a_tour(demo):
     page.locator("#ready").click()
     expect(page.locator("#banner")).to_contain_text("READY")
     page.locator("#go").click()
-    wait_moving(page)
+    ui.wait_moving(page)
     estop = page.get_by_role("button", name="E-stop", exact=True)
     estop.click()
     expect(page.locator("#banner")).to_contain_text("E-STOP")
-    wait_rest(page)
+    ui.wait_rest(page)
     estop.click()
     expect(page.locator("#banner")).not_to_contain_text("E-STOP")
     done(4)
@@ -402,12 +389,12 @@ def test_a_take_by_touch(stage):
     page.locator('[data-page="move"]').tap()
     page.locator("#keyhere").tap()
     page.locator('[data-page="jog"]').tap()
-    up = motor(page, "Motor 1").get_by_role("button", name="Jog motor 1 up")
+    up = ui.motor(page, "Motor 1").get_by_role("button", name="Jog motor 1 up")
     up.dispatch_event("pointerdown", {"pointerId": 1, "button": 0, "isPrimary": True})
-    wait_moving(page)
+    ui.wait_moving(page)
     page.wait_for_timeout(300)
     up.dispatch_event("pointerup", {"pointerId": 1})
-    wait_rest(page)
+    ui.wait_rest(page)
     page.locator('[data-page="move"]').tap()
     box = page.locator("#curves").bounding_box()
     page.locator("#curves").tap(position={"x": box["width"] - 60, "y": 30})
@@ -416,6 +403,6 @@ def test_a_take_by_touch(stage):
     page.locator("#ready").tap()
     expect(page.locator("#banner")).to_contain_text("READY")
     page.locator("#go").tap()
-    wait_moving(page)
+    ui.wait_moving(page)
     expect(page.locator("#banner")).to_contain_text("Over")
     assert page.errors == []

@@ -5,8 +5,7 @@ import pytest
 from playwright.sync_api import expect
 
 from framestep_tools.site import documents
-from host_tests.console.conftest import PATIENCE_MS
-from host_tests.console.file_server import FileServer
+from host_tests.console.conftest import PATIENCE_MS, FileServer
 
 
 @pytest.fixture

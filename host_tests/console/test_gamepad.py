@@ -5,15 +5,7 @@ from playwright.sync_api import expect
 
 from framestep_tools.client.wire import FrameDecoder
 from framestep_tools.payloads import MotorJog
-from host_tests.console.looking import (
-    go_to,
-    position,
-    steps,
-    wait_connected,
-    wait_far,
-    wait_moving,
-    wait_rest,
-)
+from host_tests.console import looking as ui
 
 CONNECT = """() => {
     window.pad = {connected: true, axes: [0, 0],
@@ -61,7 +53,7 @@ class Pad:
 def opened(shared_stage):
     device = shared_stage.simulated({"jog_timeout_ms": 0}, motors=2)
     page = shared_stage.page(shared_stage.console(device.url).url)
-    wait_connected(page)
+    ui.wait_connected(page)
     return page
 
 
@@ -70,7 +62,7 @@ def page(opened):
     """Yield the page, with everything at rest; each test leaves it so."""
     opened.sent.clear()
     yield opened
-    wait_rest(opened)
+    ui.wait_rest(opened)
     assert opened.errors == []
 
 
@@ -88,20 +80,20 @@ ENDS = {
 
 def test_a_jog_ends(page):
     for name, ends in ENDS.items():
-        before = steps(page)
+        before = ui.steps(page)
         pad = Pad(page)
         pad.button(L1, True)
         pad.stick(0.9)
-        wait_moving(page)
-        wait_far(page, 1, before, 50)
+        ui.wait_moving(page)
+        ui.wait_far(page, 1, before, 50)
         ends(page, pad)
-        wait_rest(page)
-        go_to(page, "Motors")
+        ui.wait_rest(page)
+        ui.go_to(page, "Motors")
         asked = jogs(page)
         pad.be_seen()
         pad.be_seen()
         assert jogs(page) == asked, f"{name}: the stick has not been let go"
-        assert steps(page) > before + 50, name
+        assert ui.steps(page) > before + 50, name
 
 
 def test_without_the_dead_mans_button_nothing_moves(page):
@@ -113,43 +105,43 @@ def test_without_the_dead_mans_button_nothing_moves(page):
     pad.stick(0)
     assert jogs(page) == 0
     pad.stick(1)
-    wait_moving(page)
+    ui.wait_moving(page)
     assert jogs(page) > 0
     pad.stick(0)
 
 
 def test_after_a_stop_the_stick_is_let_go_first(page):
-    before = steps(page)
+    before = ui.steps(page)
     pad = Pad(page)
     pad.button(L1, True)
     pad.stick(1)
-    wait_far(page, 1, before, 50)
+    ui.wait_far(page, 1, before, 50)
     page.keyboard.press("Escape")
-    wait_rest(page)
-    stood = steps(page)
+    ui.wait_rest(page)
+    stood = ui.steps(page)
     pad.stick(0.95)
     expect(page.locator("#moving")).to_contain_text("Nothing moves")
-    expect(position(page)).to_have_text(str(stood))
+    expect(ui.position(page)).to_have_text(str(stood))
     pad.stick(0)
     pad.stick(-1)
-    wait_far(page, 1, stood, 50)
+    ui.wait_far(page, 1, stood, 50)
     pad.stick(0)
-    wait_rest(page)
-    assert steps(page) < stood
+    ui.wait_rest(page)
+    assert ui.steps(page) < stood
 
 
 def test_the_cross_chooses_the_motor(page):
-    before = steps(page)
+    before = ui.steps(page)
     pad = Pad(page)
     for button in (DOWN, DOWN):  # the second press finds no further motor
         pad.button(button, True)
         pad.button(button, False)
     pad.button(L1, True)
     pad.stick(1)
-    wait_far(page, 2, 0, 50)
+    ui.wait_far(page, 2, 0, 50)
     pad.stick(0)
-    wait_rest(page)
-    assert steps(page, 1) == before
+    ui.wait_rest(page)
+    assert ui.steps(page, 1) == before
     pad.button(UP, True)
     expect(page.get_by_role("button", name="Choose motor 1")).to_have_attribute(
         "aria-pressed", "true"

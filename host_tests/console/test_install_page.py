@@ -13,12 +13,11 @@ from framestep_tools.simulator.boards import EmulatedBoard
 from framestep_tools.simulator.esp32_board import BOARD as ESP32
 from framestep_tools.simulator.esp32_board import PROCESSOR, Esp32Board, installed, modules
 from framestep_tools.site import install_page
-from host_tests.console.conftest import Device
-from host_tests.console.file_server import FileServer
+from host_tests.console.conftest import Device, FileServer
 from host_tests.console.looking import AXE, FINDINGS, LOOK_MS, go_to, wait_rest
 from host_tests.console.pictures import LOOKS
 from host_tests.console.serial_ports import SavedPage
-from host_tests.covering import sweep
+from host_tests.selection import sweep
 
 PACKAGES = ["atob-lite", "esptool-js", "pako"]  # what the page is made of
 IMAGE = bytes(range(256)) * 800  # several pieces

@@ -16,7 +16,15 @@ from framestep_tools.move.move_conversion import to_table
 from framestep_tools.move.move_file import read_move
 from framestep_tools.move.move_formats import FORMATS, WITH_RATE
 from framestep_tools.payloads import MotorResetPosition
-from host_tests.console.looking import close_drawer, go_to, log, newest, wait_connected, wait_rest
+from host_tests.console.looking import (
+    close_drawer,
+    go_to,
+    log,
+    newest,
+    wait_connected,
+    wait_drawn,
+    wait_rest,
+)
 from host_tests.console.test_moves_view import send, stand
 
 AXES = """[[axis]]
@@ -137,7 +145,7 @@ def test_a_move_that_is_too_fast_says_so_as_the_command_does(opened):
 
 def drag(page, mark, down):
     """Drag a mark down by that many pixels."""
-    page.wait_for_timeout(300)  # until the last change is drawn
+    wait_drawn(page)
     mark.hover()
     place = mark.bounding_box()
     x, y = place["x"] + place["width"] / 2, place["y"] + place["height"] / 2
@@ -195,15 +203,10 @@ def key(frame, *steps, **more):
 def test_the_shapes_of_curves(stage):
     page = stage.page(stage.console(stage.simulated().url).url)
     keys = [
-        key(0, 0, to_next="ease"),
-        key(10, 1000, to_next="linear"),
-        key(20, 3000, to_next="cubic"),
-        key(40, 5000, to_next="cubic"),
-        key(50, 8000, to_next="hold"),
-        key(60, 0, to_next="cubic"),
-        key(70, 500, to_next="cubic"),
-        key(80, -500),
-    ]
+        key(0, 0, to_next="ease"), key(10, 1000, to_next="linear"), key(20, 3000, to_next="cubic"),
+        key(40, 5000, to_next="cubic"), key(50, 8000, to_next="hold"), key(60, 0, to_next="cubic"),
+        key(70, 500, to_next="cubic"), key(80, -500),
+    ]  # fmt: skip
     (found,) = page.evaluate(READ, text(*keys))
     assert len(found) == 81
     assert [found[each["frame"]] for each in keys] == [each["steps"][0] for each in keys]
@@ -233,23 +236,17 @@ BAD_FILES = [
     ("{", "this is no JSON"),
     ("[]", 'expected "framestep keyframes": 1'),
     (text(fps=0), "“fps”: expected a number from 0.001 to 1000, found 0"),
-    (
-        text(key(1, 5, to_next="bounce")),
-        'keyframe 1: “to_next”: expected one of cubic, ease, linear, hold, found "bounce"',
-    ),
+    (text(key(1, 5, to_next="bounce")),
+     'keyframe 1: “to_next”: expected one of cubic, ease, linear, hold, found "bounce"'),
     (text(key(1.5, 5)), "keyframe 1: “frame”: expected a whole number from -1000000"),
     (text(key(1, 2**31)), "keyframe 1: “steps”: expected a whole number of 32 bits"),
     (text(key(1, 5), key(1, 6)), "frame 1 has two keyframes"),
     (text(key(1, 5), key(2, 6, 7)), "frame 2: expected 1 positions as in the first keyframe"),
-    (
-        text(key(1, 5, speed=3)),
-        "keyframe 1: no key “speed”; there are frame, to_next, steps, slopes",
-    ),
-    (
-        text(key(1, 5, slopes=["a"])),
-        "keyframe 1: “slopes”: expected a number or null for each motor",
-    ),
-]
+    (text(key(1, 5, speed=3)),
+     "keyframe 1: no key “speed”; there are frame, to_next, steps, slopes"),
+    (text(key(1, 5, slopes=["a"])),
+     "keyframe 1: “slopes”: expected a number or null for each motor"),
+]  # fmt: skip
 
 
 def test_a_file_without_keyframes_changes_nothing(opened):

@@ -7,18 +7,7 @@ from playwright.sync_api import expect
 
 from framestep_tools import cli
 from framestep_tools.payloads import GetExceeded, MotorGetPosition, MotorSetSpeed
-from host_tests.console.looking import (
-    HIDE,
-    log,
-    motor,
-    position,
-    settings,
-    steps,
-    wait_connected,
-    wait_far,
-    wait_moving,
-    wait_rest,
-)
+from host_tests.console import looking as ui
 
 # Without a time limit a jog ends only when the page or its server says so
 ENDLESS_JOGS = {"jog_timeout_ms": 0}
@@ -28,7 +17,7 @@ ENDLESS_JOGS = {"jog_timeout_ms": 0}
 def opened(shared_stage):
     device = shared_stage.simulated(ENDLESS_JOGS, motors=2)
     page = shared_stage.page(shared_stage.console(device.url).url)
-    wait_connected(page)
+    ui.wait_connected(page)
     return page
 
 
@@ -36,36 +25,36 @@ def opened(shared_stage):
 def page(opened):
     """Yield the page, with everything at rest; each test leaves it so."""
     yield opened
-    wait_rest(opened)
+    ui.wait_rest(opened)
     assert opened.errors == []
 
 
 def card_of(page, number):
-    return motor(page, f"Motor {number}")
+    return ui.motor(page, f"Motor {number}")
 
 
 def settings_of(page, number):
-    return settings(page, f"Motor {number}")
+    return ui.settings(page, f"Motor {number}")
 
 
 def test_a_move_and_its_position(page):
-    before = steps(page, 1)
+    before = ui.steps(page, 1)
     card = card_of(page, 2)
     card.get_by_label("Move to step").fill("-700")
     card.get_by_role("button", name="Move", exact=True).click()
-    expect(position(page, 2)).to_have_text("-700")
-    assert steps(page, 1) == before
+    expect(ui.position(page, 2)).to_have_text("-700")
+    assert ui.steps(page, 1) == before
 
 
 def test_a_jog_lasts_as_long_as_its_button_is_held(page):
-    before = steps(page)
+    before = ui.steps(page)
     page.get_by_role("button", name="Jog motor 1 up").hover()
     page.mouse.down()
-    wait_moving(page)
-    wait_far(page, 1, before, 300)
+    ui.wait_moving(page)
+    ui.wait_far(page, 1, before, 300)
     page.mouse.up()
-    wait_rest(page)
-    assert steps(page) > before + 300
+    ui.wait_rest(page)
+    assert ui.steps(page) > before + 300
 
 
 @pytest.mark.parametrize(
@@ -76,56 +65,56 @@ def test_a_jog_lasts_as_long_as_its_button_is_held(page):
         pytest.param(
             lambda page: page.evaluate("window.dispatchEvent(new Event('blur'))"), id="blur"
         ),
-        pytest.param(lambda page: page.evaluate(HIDE, True), id="hidden"),
+        pytest.param(lambda page: page.evaluate(ui.HIDE, True), id="hidden"),
         pytest.param(lambda page: page.locator("#stop").click(), id="stop"),
     ],
 )
 def test_a_jog_by_key_ends_and_a_key_that_is_still_held_begins_no_other(page, ends):
-    other, before = steps(page, 1), steps(page, 2)
+    other, before = ui.steps(page, 1), ui.steps(page, 2)
     page.keyboard.press("2")
     page.keyboard.down("ArrowLeft")
-    wait_far(page, 2, before, 200)
+    ui.wait_far(page, 2, before, 200)
     ends(page)
-    wait_rest(page)
-    stood = steps(page, 2)
+    ui.wait_rest(page)
+    stood = ui.steps(page, 2)
     assert stood < before - 200
     page.keyboard.down("ArrowLeft")  # like a held key that repeats
     page.keyboard.up("ArrowLeft")
-    page.evaluate(HIDE, False)
-    assert steps(page, 1) == other
+    page.evaluate(ui.HIDE, False)
+    assert ui.steps(page, 1) == other
 
 
 def test_zero(page):
     card = settings_of(page, 1)
     card.get_by_label("Call this position").fill("4321")
     card.get_by_role("button", name="Set position").click()
-    expect(position(page)).to_have_text("4321")
+    expect(ui.position(page)).to_have_text("4321")
     expect(card_of(page, 1)).to_contain_text("known: set by the host")
 
 
 def test_a_refusal_is_reported_and_changes_nothing(page):
     card = settings_of(page, 1)
-    before = steps(page)
+    before = ui.steps(page)
     card.get_by_label("Upper, steps").fill(str(before))
     card.get_by_label("Upper soft limit").check()
     card.get_by_role("button", name="Set limits").click()
-    expect(log(page)).to_contain_text("Motor 1: limits are set.")
+    expect(ui.log(page)).to_contain_text("Motor 1: limits are set.")
     card = card_of(page, 1)
     card.get_by_label("Move to step").fill(str(before + 1))
     card.get_by_role("button", name="Move", exact=True).click()
-    expect(log(page)).to_contain_text(
+    expect(ui.log(page)).to_contain_text(
         f"Refused: {before + 1} is past the upper soft limit of motor 1, {before}"
     )
-    assert steps(page) == before
+    assert ui.steps(page) == before
 
 
 def test_what_does_not_fit_is_not_sent(page):
-    before = steps(page, 2)
+    before = ui.steps(page, 2)
     card = card_of(page, 2)
     card.get_by_label("Move to step").fill("2147483648")
     card.get_by_role("button", name="Move", exact=True).click()
     assert card.get_by_label("Move to step").evaluate("field => !field.validity.valid")
-    assert steps(page, 2) == before
+    assert ui.steps(page, 2) == before
 
 
 def test_nothing_is_asked_of_other_hosts(page):
@@ -145,7 +134,7 @@ def test_settings_come_from_the_device_and_reach_it(stage):
     card.get_by_label("Lower, steps").fill("-50")
     card.get_by_role("button", name="Set limits").click()
     card.get_by_role("button", name="Set speed").click()
-    expect(log(page)).to_contain_text("Motor 1: speed is set.")
+    expect(ui.log(page)).to_contain_text("Motor 1: speed is set.")
     page.close()
     with device.client() as client:  # without a page the port is free
         found = client.request(GetExceeded(1))
@@ -156,33 +145,33 @@ def test_settings_come_from_the_device_and_reach_it(stage):
 def test_the_page_that_leaves_stops_its_jog(stage):
     device = stage.simulated(ENDLESS_JOGS, motors=1)
     page = stage.page(stage.console(device.url).url)
-    wait_connected(page)
+    ui.wait_connected(page)
     page.keyboard.down("ArrowRight")
-    wait_far(page, 1, 0, 200)
+    ui.wait_far(page, 1, 0, 200)
     page.reload()
-    wait_connected(page)
-    wait_rest(page)
-    assert steps(page) > 200
+    ui.wait_connected(page)
+    ui.wait_rest(page)
+    assert ui.steps(page) > 200
 
 
 def test_framestep_stop_in_another_window_ends_a_jog(stage):
     """It comes through the server that has the port; the held key does not start another jog."""
     device = stage.simulated(ENDLESS_JOGS, motors=1)
     page = stage.page(stage.console(device.path).url)
-    wait_connected(page)
+    ui.wait_connected(page)
     page.keyboard.down("ArrowRight")
-    wait_far(page, 1, 0, 200)
+    ui.wait_far(page, 1, 0, 200)
     assert cli.app.status(["stop", "--device", device.path]) == 0
-    expect(log(page)).to_contain_text("Another program has stopped the motors.")
-    wait_rest(page)
-    stood = steps(page)
+    expect(ui.log(page)).to_contain_text("Another program has stopped the motors.")
+    ui.wait_rest(page)
+    stood = ui.steps(page)
     page.keyboard.down("ArrowRight")  # like a held key that repeats
     page.keyboard.up("ArrowRight")
     page.keyboard.down("ArrowLeft")
-    wait_far(page, 1, stood, 50)
+    ui.wait_far(page, 1, stood, 50)
     page.keyboard.up("ArrowLeft")
-    wait_rest(page)
-    assert steps(page) < stood
+    ui.wait_rest(page)
+    assert ui.steps(page) < stood
 
 
 def test_homing_is_offered_where_the_rig_file_sets_it_up(page, stage):
@@ -191,11 +180,11 @@ def test_homing_is_offered_where_the_rig_file_sets_it_up(page, stage):
     device = stage.simulated(rig, motors=2)
     device.at_board(lambda board: board.wire_switches())
     other = stage.page(stage.console(device.url).url)
-    wait_connected(other)
-    motor(other, "Motor 2").get_by_role("button", name="Home motor 2").click()
-    expect(log(other)).to_contain_text("HOME was refused with ERR_RANGE")
-    motor(other, "Motor 1").get_by_role("button", name="Home motor 1").click()
-    wait_far(other, 1, 0, 100)
+    ui.wait_connected(other)
+    ui.motor(other, "Motor 2").get_by_role("button", name="Home motor 2").click()
+    expect(ui.log(other)).to_contain_text("HOME was refused with ERR_RANGE")
+    ui.motor(other, "Motor 1").get_by_role("button", name="Home motor 1").click()
+    ui.wait_far(other, 1, 0, 100)
     other.keyboard.press("Escape")
-    wait_rest(other)
-    assert steps(other, 1) < -100
+    ui.wait_rest(other)
+    assert ui.steps(other, 1) < -100

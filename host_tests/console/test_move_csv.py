@@ -10,7 +10,7 @@ from framestep_tools.errors import ToolError
 from framestep_tools.move.move_file import move_of
 from framestep_tools.text.text_file import decoded
 from host_tests.console.looking import wait_connected
-from host_tests.tools.move.move_samples import LINEAR
+from host_tests.tools.conftest import LINEAR
 
 READ = """async ([bytes, list]) => {
   const { moveText, parseMove, textOf } = await import('./move_csv.js');
@@ -49,13 +49,10 @@ def both(page, content, axes):
     except ToolError as error:
         return here, {"error": str(error)}
     there = {
-        "startFrame": move.start_frame,
-        "motors": list(move.positions),
-        "names": list(move.names.values()),
-        "positions": list(move.positions.values()),
-        "fps": move.fps,
-        "counted": move.counted,
-    }
+        "startFrame": move.start_frame, "motors": list(move.positions),
+        "names": list(move.names.values()), "positions": list(move.positions.values()),
+        "fps": move.fps, "counted": move.counted,
+    }  # fmt: skip
     return here, there
 
 

@@ -6,30 +6,11 @@ import pytest
 from playwright.sync_api import expect
 
 from framestep.protocol.messages import RUN_STILLS, RUN_VIDEO
+from framestep_tools import payloads as p
 from framestep_tools.client.client import RequestRefused
 from framestep_tools.client.wire import FrameDecoder
-from framestep_tools.payloads import (
-    MotorGetPosition,
-    MotorStatus,
-    RtGo,
-    RtPositionFrame,
-    RtRunMove,
-    RtUploadMoveBegin,
-)
+from host_tests.console import looking as ui
 from host_tests.console.conftest import PATIENCE_MS
-from host_tests.console.looking import (
-    HIDE,
-    LOOK_MS,
-    close_drawer,
-    go_to,
-    newest,
-    position,
-    settings,
-    steps,
-    wait_connected,
-    wait_moving,
-    wait_rest,
-)
 
 FRAMES = 60
 SPEED = 3.0  # times real time: no test holds anything but a jog that may end anywhere
@@ -51,23 +32,23 @@ def device(shared_stage):
 @pytest.fixture(scope="module")
 def opened(shared_stage, device):
     page = shared_stage.page(shared_stage.console(device.url).url)
-    wait_connected(page)
+    ui.wait_connected(page)
     return page
 
 
 @pytest.fixture
 def page(opened):
     yield opened
-    wait_rest(opened)
+    ui.wait_rest(opened)
     assert opened.errors == []
 
 
 def choose(page, text, name="move.csv"):
-    go_to(page, "Move")
+    ui.go_to(page, "Move")
     page.get_by_label("Open a move").set_input_files(
         {"name": name, "mimeType": "text/csv", "buffer": text.encode()}
     )
-    close_drawer(page)
+    ui.close_drawer(page)
 
 
 def upload(page, text=MOVE):
@@ -82,7 +63,7 @@ def send(page, frame):
     page.locator("#curves").click(position={"x": 300, "y": 40})  # no field has the focus then
     page.locator("#transport").get_by_role("button", name="Run", exact=True).focus()
     page.keyboard.press("Home")
-    page.wait_for_timeout(300)  # until the page has drawn it
+    ui.wait_drawn(page)
     for _ in range(frame - int(page.locator("#send b").text_content())):
         page.keyboard.press(".")
     expect(page.locator("#send b")).to_have_text(str(frame))
@@ -101,13 +82,13 @@ def card(page, name):
 
 def stand(page):
     """Return the positions of all motors."""
-    return [steps(page, 1), steps(page, 2)]
+    return [ui.steps(page, 1), ui.steps(page, 2)]
 
 
 def wait_stand(page, *positions):
     """Wait until the page shows these positions: it tells an end before it draws them."""
     for motor, steps_there in enumerate(positions, 1):
-        expect(position(page, motor)).to_have_text(str(steps_there))
+        expect(ui.position(page, motor)).to_have_text(str(steps_there))
 
 
 def get_ready(page, **fields):
@@ -136,15 +117,15 @@ def go(page):
 def test_a_file_that_is_no_move(page, text, said):
     before = page.locator("#file").text_content()
     choose(page, text, "bad.csv")
-    expect(newest(page)).to_contain_text(said)
+    expect(ui.newest(page)).to_contain_text(said)
     assert page.locator("#file").text_content() == before
 
 
 def test_what_spreadsheets_make_of_it_is_read_and_long_moves_go_in_sections(page):
     upload(page, LONG_MOVE)
-    go_to(page, "Move")
+    ui.go_to(page, "Move")
     expect(page.locator("main")).to_contain_text(f"frames 0 to {LONG - 1} for 1 motor")
-    close_drawer(page)
+    ui.close_drawer(page)
     page.keyboard.press("End")
     page.locator("#send").click()
     expect(page.get_by_label("Position of motor 1 in steps")).to_have_text(str((LONG - 1) % 50))
@@ -161,9 +142,9 @@ def test_a_run_from_upload_to_its_end(page):
     head = page.locator(".head-rig")
     before = head.get_attribute("transform")
     go(page)
-    wait_moving(page)
-    expect(newest(page)).to_have_text(f"Run 1 to {FRAMES} is over.")
-    wait_rest(page)
+    ui.wait_moving(page)
+    expect(ui.newest(page)).to_have_text(f"Run 1 to {FRAMES} is over.")
+    ui.wait_rest(page)
     wait_stand(page, 10 * FRAMES, -7 * FRAMES)
     assert head.get_attribute("transform") != before
     expect(page.locator("#moving")).to_contain_text(f"Play head {FRAMES}.000")
@@ -172,8 +153,8 @@ def test_a_run_from_upload_to_its_end(page):
     page.sent.clear()
     get_ready(page)
     sent = FrameDecoder().feed(b"".join(data for data in page.sent if isinstance(data, bytes)))
-    assert RtRunMove.TYPE in {frame.type for frame in sent}
-    assert RtUploadMoveBegin.TYPE not in {frame.type for frame in sent}
+    assert p.RtRunMove.TYPE in {frame.type for frame in sent}
+    assert p.RtUploadMoveBegin.TYPE not in {frame.type for frame in sent}
     page.keyboard.press("Escape")
 
 
@@ -183,10 +164,10 @@ def test_a_run_that_is_stopped_says_on_which_frame(page):
     go(page)
     expect(page.locator("#moving")).to_contain_text(re.compile(r"Play head ([2-9]|[1-5]\d)\."))
     page.keyboard.press("Escape")
-    expect(newest(page)).to_have_text(
+    expect(ui.newest(page)).to_have_text(
         re.compile(rf"Run 1 to {FRAMES} was stopped at frame [1-5]?\d\.\d{{3}}\.")
     )
-    wait_rest(page)
+    ui.wait_rest(page)
     expect(page.locator("#banner")).to_contain_text("by: STOP on this page")
 
 
@@ -194,7 +175,7 @@ def test_a_run_that_is_refused_is_not_prepared(page):
     choose(page, MOVE)
     value(page, "To frame").fill(str(FRAMES + 1))
     page.locator("#ready").click()
-    expect(newest(page)).to_contain_text("RT_RUN_MOVE was refused with ERR_RANGE")
+    expect(ui.newest(page)).to_contain_text("RT_RUN_MOVE was refused with ERR_RANGE")
     expect(page.locator("#banner")).to_contain_text("Refused")
     expect(page.locator("#go")).to_be_disabled()
 
@@ -209,7 +190,7 @@ def test_a_run_that_is_too_fast_says_for_which_motor_and_by_how_much(page):
     expect(page.locator("#curves circle.misfit").first).to_be_visible()
     expect(page.locator("#curves .said")).to_contain_text("needs 10000 steps/s, set 5000 steps/s")
     page.locator("#ready").click()
-    expect(newest(page)).to_have_text(
+    expect(ui.newest(page)).to_have_text(
         re.compile(
             r"Refused: motor 1 at frame \d+ would need \d+ steps/s at 100 frames/s,"
             r" its velocity is 5000 steps/s: raise it in the motor's settings, .*"
@@ -218,19 +199,19 @@ def test_a_run_that_is_too_fast_says_for_which_motor_and_by_how_much(page):
     page.get_by_role("button", name="Raise Motor 1's speed").or_(
         page.get_by_role("button", name="Raise motor 1's speed")
     ).click()
-    expect(newest(page)).to_contain_text("Speeds are set: motor 1 11000 steps/s")
+    expect(ui.newest(page)).to_contain_text("Speeds are set: motor 1 11000 steps/s")
     expect(page.locator("#verdict")).to_have_text("✓ fits")
 
 
 def runs_asked(page):
     """Return the last RUN_MOVE that the page has sent."""
     frames = FrameDecoder().feed(b"".join(data for data in page.sent if isinstance(data, bytes)))
-    return RtRunMove.unpack([f for f in frames if f.type == RtRunMove.TYPE][-1].payload)
+    return p.RtRunMove.unpack([f for f in frames if f.type == p.RtRunMove.TYPE][-1].payload)
 
 
 def test_camera_and_bloop_go_with_a_run(page, device):
     choose(page, MOVE)
-    go_to(page, "Options")
+    ui.go_to(page, "Options")
     run = page.locator("#drawer")
     run.get_by_role("combobox", name="Camera").select_option("stills: a pulse at each frame")
     run.get_by_label("Shutter opens at").fill("45")
@@ -248,8 +229,8 @@ def test_camera_and_bloop_go_with_a_run(page, device):
     )
     go(page)
     wait_on_board(page, device, lambda hal: hal._levels >> 26 & 1 and hal.dmx.shown[7] == 255)
-    expect(newest(page)).to_have_text(f"Run 1 to {FRAMES} is over.")
-    wait_rest(page)
+    expect(ui.newest(page)).to_have_text(f"Run 1 to {FRAMES} is over.")
+    ui.wait_rest(page)
     run.get_by_role("combobox", name="Camera").select_option(
         "video: a pulse at GO and one at the end"
     )
@@ -265,7 +246,7 @@ def test_camera_and_bloop_go_with_a_run(page, device):
     assert run.get_by_label("Bloop, ms").evaluate("field => !field.validity.valid")
     run.get_by_label("Bloop, ms").fill("100")
     run.get_by_role("combobox", name="Camera").select_option("none")
-    close_drawer(page)
+    ui.close_drawer(page)
 
 
 def test_stop_ends_a_loop(page):
@@ -274,7 +255,7 @@ def test_stop_ends_a_loop(page):
     loop.select_option("loop")
     get_ready(page, From_frame=1, To_frame=20, Frames_per_second=100)
     go(page)
-    wait_moving(page)
+    ui.wait_moving(page)
     expect(page.locator("#ready")).to_contain_text("Last lap")
     page.keyboard.press("Escape")
     expect(page.locator("#banner")).to_contain_text("Stopped")
@@ -382,8 +363,9 @@ def test_a_jog_along_the_move_lasts_as_long_as_it_is_held(page):
     page.mouse.down()
     expect(page.locator("#moving")).to_contain_text(re.compile(r"Play head ([3-9]|[1-5]\d)\."))
     page.mouse.up()
-    wait_rest(page)
-    at = int(re.search(r"Play head (\d+)\.000", page.locator("#moving").text_content())[1])
+    at_rest = re.compile(r"Nothing moves\. Play head (\d+)\.000")
+    expect(page.locator("#moving")).to_contain_text(at_rest)
+    at = int(at_rest.search(page.locator("#moving").text_content())[1])
     assert 3 <= at < FRAMES
     wait_stand(page, 10 * at, -7 * at)
 
@@ -391,16 +373,16 @@ def test_a_jog_along_the_move_lasts_as_long_as_it_is_held(page):
 def test_a_shot(page):
     """One press goes to where it begins, and shoots; frames that are shot stay marked."""
     upload(page)
-    motor = settings(page, "Motor 1")
+    motor = ui.settings(page, "Motor 1")
     motor.get_by_label("Moves in a shot").check()
     motor.get_by_role("button", name="Set these", exact=True).click()
-    expect(newest(page)).to_have_text("Motor 1: on.")
-    close_drawer(page)
+    expect(ui.newest(page)).to_have_text("Motor 1: on.")
+    ui.close_drawer(page)
     page.get_by_role("button", name="Frames", exact=True).click()
     value(page, "Frame").fill("10")
     page.locator("#go").click()
-    expect(newest(page)).to_have_text("The shot of frame 10 is over.")
-    wait_rest(page)
+    expect(ui.newest(page)).to_have_text("The shot of frame 10 is over.")
+    ui.wait_rest(page)
     wait_stand(page, 105)  # half a frame after frame 10
     expect(page.locator("#curves .shot")).to_have_count(1)
     page.get_by_role("button", name="Next frame").click()
@@ -416,16 +398,17 @@ def on_board(device, look):
 
 
 def wait_on_board(page, device, look):
-    for _ in range(PATIENCE_MS // LOOK_MS):
+    for _ in range(PATIENCE_MS // ui.LOOK_MS):
         if on_board(device, look):
             return
-        page.wait_for_timeout(LOOK_MS)
+        page.wait_for_timeout(ui.LOOK_MS)
     pytest.fail("the board has not done it")
 
 
 def test_inputs_outputs_and_lights(page, device):
-    go_to(page, "Lights")
+    ui.go_to(page, "Lights")
     reported = card(page, "Inputs").get_by_role("status")
+    expect(reported.nth(1)).to_have_text(re.compile("^(on|off)$"))
     before = reported.nth(1).text_content()
     device.set_pin(28, int(on_board(device, lambda hal: not hal._levels >> 28 & 1)))
     expect(reported.nth(1)).to_have_text("off" if before == "on" else "on")
@@ -439,7 +422,7 @@ def test_inputs_outputs_and_lights(page, device):
     expect(lights.get_by_role("slider")).to_have_count(2)
     lights.get_by_label("Channel 512").fill("200")
     wait_on_board(page, device, lambda hal: hal.dmx.shown[512] == 200)
-    close_drawer(page)
+    ui.close_drawer(page)
 
 
 def test_a_run_goes_on_without_the_page_only_where_the_user_says_so(stage):
@@ -448,19 +431,19 @@ def test_a_run_goes_on_without_the_page_only_where_the_user_says_so(stage):
     ends = []
     for keep in (True, False):
         page = stage.page(served.url)
-        wait_connected(page)
+        ui.wait_connected(page)
         choose(page, MOVE)
         fps = 60 if keep else ENDLESS_FPS
         get_ready(page, From_frame=1, To_frame=FRAMES, Frames_per_second=fps)
         if keep:
-            go_to(page, "Options")
+            ui.go_to(page, "Options")
             page.get_by_label("go on when this page is hidden or closed").check()
         go(page)
-        wait_moving(page)
+        ui.wait_moving(page)
         page.close()
         with device.client() as client:  # after the server has freed the port
-            assert client.request(MotorStatus()).idle
-            ends.append(list(client.request(MotorGetPosition()).steps))
+            assert client.request(p.MotorStatus()).idle
+            ends.append(list(client.request(p.MotorGetPosition()).steps))
     assert ends[0] == [10 * FRAMES, -7 * FRAMES]
     assert ends[1] != ends[0]
 
@@ -470,47 +453,47 @@ def test_a_hidden_page_lets_a_run_go_on_only_where_the_user_says_so(page):
     choose(page, MOVE)
     keep = page.get_by_label("go on when this page is hidden or closed")
     get_ready(page, From_frame=1, To_frame=FRAMES, Frames_per_second=20)
-    go_to(page, "Options")
+    ui.go_to(page, "Options")
     keep.check()
     go(page)
-    wait_moving(page)
-    page.evaluate(HIDE, True)
-    expect(newest(page)).to_have_text(f"Run 1 to {FRAMES} is over.")
-    page.evaluate(HIDE, False)
+    ui.wait_moving(page)
+    page.evaluate(ui.HIDE, True)
+    expect(ui.newest(page)).to_have_text(f"Run 1 to {FRAMES} is over.")
+    page.evaluate(ui.HIDE, False)
     wait_stand(page, 10 * FRAMES, -7 * FRAMES)
 
-    close_drawer(page)
+    ui.close_drawer(page)
     page.get_by_role("button", name="Jog motor 1 up").hover()
     page.mouse.down()
-    wait_moving(page)
-    page.evaluate(HIDE, True)
-    wait_rest(page)
+    ui.wait_moving(page)
+    page.evaluate(ui.HIDE, True)
+    ui.wait_rest(page)
     page.mouse.up()
-    page.evaluate(HIDE, False)
+    page.evaluate(ui.HIDE, False)
 
-    go_to(page, "Options")
+    ui.go_to(page, "Options")
     keep.uncheck()
     get_ready(page, Frames_per_second=ENDLESS_FPS)
     go(page)
-    wait_moving(page)
-    page.evaluate(HIDE, True)
-    wait_rest(page)
-    page.evaluate(HIDE, False)
-    close_drawer(page)
+    ui.wait_moving(page)
+    page.evaluate(ui.HIDE, True)
+    ui.wait_rest(page)
+    page.evaluate(ui.HIDE, False)
+    ui.close_drawer(page)
     assert stand(page) != [10 * FRAMES, -7 * FRAMES]
 
 
 def test_a_page_that_is_loaded_again_stops_its_run(stage):
     device = stage.simulated(motors=2, speed=SPEED, known=True)
     page = stage.page(stage.console(device.url).url)
-    wait_connected(page)
+    ui.wait_connected(page)
     choose(page, MOVE)
     get_ready(page, From_frame=1, To_frame=FRAMES, Frames_per_second=ENDLESS_FPS)
     go(page)
-    wait_moving(page)
+    ui.wait_moving(page)
     page.reload()
-    wait_connected(page)
-    wait_rest(page)
+    ui.wait_connected(page)
+    ui.wait_rest(page)
     assert stand(page)[0] < 10 * FRAMES
 
 
@@ -518,22 +501,22 @@ def test_nothing_of_a_page_is_left_in_the_device(stage):
     """A run that waits for GO ends with its page."""
     device = stage.simulated(motors=2, speed=SPEED, known=True)
     page = stage.page(stage.console(device.url).url)
-    wait_connected(page)
+    ui.wait_connected(page)
     choose(page, MOVE)
     get_ready(page, From_frame=1, To_frame=FRAMES)
     page.close()
     with device.client() as client:
-        client.request(RtPositionFrame(1))
+        client.request(p.RtPositionFrame(1))
         client.wait_idle()
         with pytest.raises(RequestRefused):
-            client.request(RtGo())
+            client.request(p.RtGo())
 
 
 def test_moves_used_before_are_at_hand(stage):
     device = stage.simulated(motors=2, speed=SPEED, known=True)
     page = stage.page(stage.console(device.url).url)
-    wait_connected(page)
-    go_to(page, "Move")
+    ui.wait_connected(page)
+    ui.go_to(page, "Move")
     before = page.get_by_label("Used before")
     expect(before).to_be_hidden()
     for name, text in (("one.csv", MOVE), ("two.csv", FAST_MOVE), ("one.csv", MOVE)):
@@ -542,11 +525,11 @@ def test_moves_used_before_are_at_hand(stage):
     names = before.locator("option").all_text_contents()
     assert [name.partition(",")[0] for name in names] == ["choose…", "one.csv", "two.csv"]
     page.reload()
-    wait_connected(page)
+    ui.wait_connected(page)
     expect(page.locator("#file-name")).to_have_text("one.csv")  # what was on the desk
-    go_to(page, "Move")
+    ui.go_to(page, "Move")
     before.select_option(index=2)
     expect(page.locator("main")).to_contain_text(f"two.csv: frames 1 to {FRAMES} for 2 motors")
-    close_drawer(page)
+    ui.close_drawer(page)
     get_ready(page)
     assert page.errors == []

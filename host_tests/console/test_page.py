@@ -9,22 +9,8 @@ from playwright.sync_api import expect
 
 from framestep_tools.commands.common import talking
 from framestep_tools.payloads import MotorGetPosition, MotorMove
+from host_tests.console import looking as ui
 from host_tests.console.conftest import PATIENCE_MS
-from host_tests.console.looking import (
-    AXE,
-    FINDINGS,
-    go_to,
-    log,
-    motor,
-    newest,
-    position,
-    row,
-    steps,
-    wait_connected,
-    wait_far,
-    wait_moving,
-    wait_rest,
-)
 from host_tests.console.pictures import (
     LOOKS,
     VIEWS,
@@ -32,7 +18,7 @@ from host_tests.console.pictures import (
     prepare,
 )
 from host_tests.console.serial_ports import SavedPage
-from host_tests.covering import sweep
+from host_tests.selection import sweep
 
 # Elements without a name for a screen reader: fields without a label, buttons and pictures without
 # a text
@@ -58,10 +44,10 @@ def test_every_view_fits_and_everything_in_it_has_a_name(request, served, stage,
         options |= LOOKS[look]
     page = stage.page(served.url, **options)
     prepare(page)
-    page.evaluate(AXE.read_text())
+    page.evaluate(ui.AXE.read_text())
     width, height = (options["viewport"][side] for side in ("width", "height"))
     for view in VIEWS:
-        go_to(page, view)
+        ui.go_to(page, view)
         assert page.evaluate("document.documentElement.scrollWidth") <= width, view
         assert page.evaluate("document.documentElement.scrollHeight") <= height, view
         stop = page.locator("#stop").bounding_box()
@@ -70,75 +56,75 @@ def test_every_view_fits_and_everything_in_it_has_a_name(request, served, stage,
         assert page.evaluate(NAMELESS) == [], view
         page.locator("#d-body").evaluate(UNFOLD)
         if axe:
-            assert page.evaluate(FINDINGS) == [], view
+            assert page.evaluate(ui.FINDINGS) == [], view
     assert {urlsplit(url).netloc for url in page.asked} == {urlsplit(served.url).netloc}
     back = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert (back == "rgb(16, 19, 22)") == ("dark" in looks)
     if looks == "dark":
-        go_to(page, "This page")
+        ui.go_to(page, "This page")
         page.get_by_label("Theme").select_option("light")
         assert page.evaluate("getComputedStyle(document.body).backgroundColor") != back
     page.evaluate("document.querySelector('#d-body').innerHTML += '<h5>too low</h5><input>'")
-    mistakes = [name.partition(":")[0] for name in page.evaluate(FINDINGS)]
+    mistakes = [name.partition(":")[0] for name in page.evaluate(ui.FINDINGS)]
     assert mistakes == ["heading-order", "label"]
     assert page.errors == []
 
 
 def test_by_keyboard_alone(served, stage):
     page = stage.page(served.url)
-    wait_connected(page)
-    before = steps(page)
+    ui.wait_connected(page)
+    before = ui.steps(page)
     page.get_by_role("button", name="Jog track up").focus()
     page.keyboard.down(" ")
-    wait_far(page, 1, before, 50)
+    ui.wait_far(page, 1, before, 50)
     page.keyboard.press("Tab")  # leaves the button while it is held
-    wait_rest(page)
+    ui.wait_rest(page)
     page.keyboard.up(" ")
-    motor(page, "track").get_by_label("Move to, mm").focus()
+    ui.motor(page, "track").get_by_label("Move to, mm").focus()
     page.keyboard.press("ArrowUp")  # goes into the field, and is no jog
     expect(page.locator("#moving")).to_contain_text("Nothing moves")
 
 
 def test_the_stop_key_works_while_one_types(served, stage):
     page = stage.page(served.url)
-    wait_connected(page)
-    card = motor(page, "track")
-    before = steps(page)
+    ui.wait_connected(page)
+    card = ui.motor(page, "track")
+    before = ui.steps(page)
     card.get_by_label("Move to, mm").fill("990")
     card.get_by_label("Move to, mm").press("Enter")
-    wait_far(page, 1, before, 100)
+    ui.wait_far(page, 1, before, 100)
     card.get_by_label("Move to, mm").press("Escape")
-    wait_rest(page)
-    assert steps(page) < 990 * 50
+    ui.wait_rest(page)
+    assert ui.steps(page) < 990 * 50
 
 
 def test_nothing_is_claimed_of_a_device_that_has_gone(stage):
     device = stage.simulated(motors=1)
     page = stage.page(stage.console(device.url).url)
-    wait_connected(page)
-    wait_rest(page)
-    line = row(page, "Motor 1")
+    ui.wait_connected(page)
+    ui.wait_rest(page)
+    line = ui.row(page, "Motor 1")
     expect(line).to_contain_text("lost")
     expect(page.get_by_role("alert")).to_be_hidden()
     device.close()
     expect(page.get_by_role("alert")).to_contain_text("Whether motors move is NOT KNOWN")
     expect(line).to_contain_text("not known")
     expect(line).not_to_contain_text("at rest")
-    expect(position(page)).to_have_text("–")
+    expect(ui.position(page)).to_have_text("–")
     expect(page.get_by_role("button", name="Jog motor 1 up")).to_be_disabled()
     expect(page.locator("#who")).to_have_text("Not connected")
     expect(page.locator("#moving")).to_have_text("Nothing is connected.")
-    expect(log(page)).to_contain_text("The link has ended: the connection to socket://")
+    expect(ui.log(page)).to_contain_text("The link has ended: the connection to socket://")
     page.locator("#stop").click()
-    expect(log(page)).to_contain_text("NOT STOPPED: cannot open socket://")
+    expect(ui.log(page)).to_contain_text("NOT STOPPED: cannot open socket://")
 
 
 def test_nothing_is_claimed_of_a_device_that_does_not_answer(stage):
     device = stage.simulated(motors=1)
     page = stage.page(stage.console(device.url).url)
-    wait_connected(page)
-    wait_rest(page)
-    line = row(page, "Motor 1")
+    ui.wait_connected(page)
+    ui.wait_rest(page)
+    line = ui.row(page, "Motor 1")
     with device.held():
         expect(page.get_by_role("alert")).to_contain_text("The device does not answer.")
         expect(line).to_contain_text("not known")
@@ -153,37 +139,37 @@ def test_two_pages(stage):
     device = stage.simulated(motors=1)
     console = stage.console(device.url)
     first = stage.page(console.url)
-    wait_connected(first)
+    ui.wait_connected(first)
     first.get_by_label("Move to step").fill("1000000")
     first.get_by_label("Move to step").press("Enter")
-    wait_moving(first)
+    ui.wait_moving(first)
     second = stage.page(console.url)
     banner = second.locator("#banner")
     expect(banner).to_contain_text("Another page has the device. Motor 1 moves.")
-    begin = steps(second)
-    wait_far(second, 1, begin, 100)  # it sees the positions
+    begin = ui.steps(second)
+    ui.wait_far(second, 1, begin, 100)  # it sees the positions
     expect(second.get_by_role("button", name="Jog motor 1 up")).to_be_disabled()
     expect(second.get_by_role("alert")).to_be_hidden()
     second.locator("#stop").click()
-    expect(newest(second)).to_have_text("Stopped: all motors ramp down.")
-    expect(log(first)).to_contain_text("Another page has stopped the motors.")
+    expect(ui.newest(second)).to_have_text("Stopped: all motors ramp down.")
+    expect(ui.log(first)).to_contain_text("Another page has stopped the motors.")
     for page in (first, second):
-        wait_rest(page)
-    expect(position(second)).to_have_text(str(steps(first)))
+        ui.wait_rest(page)
+    expect(ui.position(second)).to_have_text(str(ui.steps(first)))
     second.get_by_role("button", name="Take over").click()
     expect(second.locator("#banner")).not_to_contain_text("watch")
-    wait_connected(second)
+    ui.wait_connected(second)
     expect(first.locator("#banner")).to_contain_text("Another page has the device.")
     expect(first.get_by_role("alert")).to_be_hidden()
-    expect(log(first)).to_contain_text("Another page has taken the device over.")
-    expect(log(first)).not_to_contain_text("The link has ended")
+    expect(ui.log(first)).to_contain_text("Another page has taken the device over.")
+    expect(ui.log(first)).not_to_contain_text("The link has ended")
     second.get_by_label("Move to step").fill("0")
     second.get_by_label("Move to step").press("Enter")
-    wait_moving(second)
-    wait_moving(first)
+    ui.wait_moving(second)
+    ui.wait_moving(first)
     first.keyboard.press("Escape")
-    expect(log(second)).to_contain_text("Another page has stopped the motors.")
-    wait_rest(second)
+    expect(ui.log(second)).to_contain_text("Another page has stopped the motors.")
+    ui.wait_rest(second)
 
 
 def test_stop_reaches_what_another_program_moves(stage):
@@ -195,11 +181,11 @@ def test_stop_reaches_what_another_program_moves(stage):
         page = stage.page(stage.console(device.path).url)
         expect(page.locator("#banner")).to_contain_text(f"has {device.path} open")
         page.locator("#stop").click()
-        expect(log(page)).to_contain_text("Stopped: all motors ramp down.")
+        expect(ui.log(page)).to_contain_text("Stopped: all motors ramp down.")
         ends.result()
         assert other.stopped
-    wait_connected(page)  # once the program has ended
-    assert steps(page) < 1_000_000
+    ui.wait_connected(page)  # once the program has ended
+    assert ui.steps(page) < 1_000_000
     assert page.errors == []
 
 
@@ -207,26 +193,26 @@ def test_taking_over_what_moves_takes_two_presses_and_handing_over(stage):
     device = stage.simulated(motors=1)
     console = stage.console(device.url)
     first = stage.page(console.url)
-    wait_connected(first)
+    ui.wait_connected(first)
     second = stage.page(console.url, **LOOKS["phone"], user_agent="a browser, Mobile")
-    wait_connected(second)
-    before = steps(first)
+    ui.wait_connected(second)
+    before = ui.steps(first)
     first.keyboard.down("ArrowRight")
-    wait_far(first, 1, before, 50)
-    wait_moving(second)
+    ui.wait_far(first, 1, before, 50)
+    ui.wait_moving(second)
     second.get_by_role("button", name="Take over").tap()
     expect(second.locator("#banner")).to_contain_text("Taking over stops what moves.")
-    wait_moving(first)
+    ui.wait_moving(first)
     first.keyboard.up("ArrowRight")
-    wait_rest(first)
-    go_to(first, "This page")
+    ui.wait_rest(first)
+    ui.go_to(first, "This page")
     first.get_by_role("button", name="Hand over").click()
-    expect(log(first)).to_contain_text("A phone has taken the device over.")
+    expect(ui.log(first)).to_contain_text("A phone has taken the device over.")
     expect(first.locator("#banner")).to_contain_text("A phone has the device. Nothing moves.")
     expect(second.locator("#banner")).not_to_contain_text("watch")
     second.close()  # the page that watches gets the device
     expect(first.locator("#banner")).not_to_contain_text("watch")
-    wait_connected(first)
+    ui.wait_connected(first)
     expect(first.get_by_role("alert")).to_be_hidden()
     assert [*first.errors, *second.errors] == []
 
@@ -238,17 +224,17 @@ def test_without_a_server_over_web_serial(stage, tmp_path):
     page = stage.page(saved.url)
     saved.give_ports(page, device.tcp)
     page.get_by_role("button", name="Connect…").click()
-    wait_connected(page)
+    ui.wait_connected(page)
     assert page.evaluate("window.ports[0].signals") == {"dataTerminalReady": True}
     expect(page.get_by_label("Runs and moves go on")).to_be_hidden()
     page.keyboard.down("ArrowRight")
-    wait_far(page, 1, 0, 200)
+    ui.wait_far(page, 1, 0, 200)
     page.keyboard.up("ArrowRight")
-    wait_rest(page)
-    stood = steps(page)
-    expect(position(page)).to_have_text(str(stood))
+    ui.wait_rest(page)
+    stood = ui.steps(page)
+    expect(ui.position(page)).to_have_text(str(stood))
     page.keyboard.down("ArrowLeft")
-    wait_far(page, 1, stood, 200)
+    ui.wait_far(page, 1, stood, 200)
     assert {urlsplit(url).netloc for url in page.asked} == {urlsplit(saved.url).netloc}
     assert page.errors == []
     page.close()  # the port closes with it

@@ -22,19 +22,8 @@ from framestep_tools.move.move_display import MoveDisplay
 from framestep_tools.move.move_file import CAMERA_MOVE, read_move
 from framestep_tools.simulator.boards import EmulatedBoard, LockstepPort
 from framestep_tools.site import try_page
-from host_tests.console.file_server import FileServer
-from host_tests.console.looking import (
-    LOOK_MS,
-    close_drawer,
-    go_to,
-    log,
-    position,
-    steps,
-    wait_connected,
-    wait_far,
-    wait_moving,
-    wait_rest,
-)
+from host_tests.console import looking as ui
+from host_tests.console.conftest import FileServer
 
 FPS_MILLI = 24_000
 CLOCK_NS = 1000  # a motor that starts reads the chip's microsecond clock
@@ -91,7 +80,7 @@ def page(stage, url):
     opened = stage.page("about:blank")
     opened.add_init_script(KEEP_EDGES)
     opened.goto(url)
-    wait_connected(opened)
+    ui.wait_connected(opened)
     yield opened
     assert opened.errors == []
 
@@ -113,13 +102,13 @@ def expect_on_repl(page, text):
 @contextlib.contextmanager
 def jog_up(page, distance):
     """Hold the button that jogs motor 1 up."""
-    begin = steps(page)
+    begin = ui.steps(page)
     page.get_by_role("button", name="Jog track up").focus()
     page.keyboard.down("Enter")
-    wait_far(page, 1, begin, distance)
+    ui.wait_far(page, 1, begin, distance)
     yield
     page.keyboard.up("Enter")
-    wait_rest(page)
+    ui.wait_rest(page)
 
 
 def edge_columns(page, row):
@@ -150,10 +139,10 @@ def make_it_narrow(page):
     wide = page.viewport_size
     page.set_viewport_size({"width": 390, "height": 844})
     for view in ("Motors", "Move", "Rig file, load, terminal"):
-        go_to(page, view)
+        ui.go_to(page, view)
         assert page.evaluate("document.documentElement.scrollWidth") <= 390, view
     page.set_viewport_size(wide)
-    go_to(page, "Motors")
+    ui.go_to(page, "Motors")
     show_board(page)
 
 
@@ -166,22 +155,22 @@ def show_board(page):
 def switch_power_off_and_on(page):
     type_on_repl(page, "kept = 6 * 7000")
     page.get_by_role("button", name="Power off and on").click()
-    expect(log(page)).to_contain_text("The link has ended")
-    wait_connected(page)
+    expect(ui.log(page)).to_contain_text("The link has ended")
+    ui.wait_connected(page)
     type_on_repl(page, "kept")
     expect_on_repl(page, "NameError")
 
 
 def put_a_new_rig_file(page):
     """The page itself uses the REPL's port, then returns it to the terminal."""
-    go_to(page, "Rig file, load, terminal")
+    ui.go_to(page, "Rig file, load, terminal")
     page.get_by_role("button", name="Measure").click()
     expect(card(page, "Load of the board").get_by_role("status")).to_contain_text("on average")
     rig = card(page, "Rig file of the board")
     rig.get_by_label("Rig file").fill('{"name": "two motors", "motor_count": 2}')
     rig.get_by_role("button", name="Put onto the board").click()
     expect(rig.get_by_role("status")).to_have_text("two motors has restarted with it.")
-    go_to(page, "Motors")
+    ui.go_to(page, "Motors")
     expect(page.locator("#rows li")).to_have_count(2)
     show_board(page)
     type_on_repl(page, "6 * 7001")
@@ -245,23 +234,23 @@ def test_the_tour_and_the_edges_of_its_run(page, tmp_path):
     with jog_up(page, 200):
         pass
     done(page, 0)
-    start = {1: -steps(page)}  # when its place is called 0
+    start = {1: -ui.steps(page)}  # when its place is called 0
     show(page)
     page.get_by_role("button", name="Zero here").locator("visible=true").click()
-    expect(position(page)).to_have_text("0")
-    go_to(page, "Positions")
+    expect(ui.position(page)).to_have_text("0")
+    ui.go_to(page, "Positions")
     page.get_by_role("button", name="All are as shown").click()
     page.get_by_role("button", name="Press again: all are known").click()
     done(page, 1)
-    close_drawer(page)
+    ui.close_drawer(page)
     show(page)
     card(page, "Tour").get_by_role("button", name="Take the example").click()
     done(page, 2)
     show(page)
     prepare_run(page)
-    expect(log(page)).to_contain_text("Run 1 to 240 is over.")
+    expect(ui.log(page)).to_contain_text("Run 1 to 240 is over.")
     done(page, 3)
-    wait_rest(page)
+    ui.wait_rest(page)
     expect(page.get_by_label("Position of boom in deg")).to_have_text("24.375°")
 
     move = read_move(CAMERA_MOVE)
@@ -274,11 +263,11 @@ def test_the_tour_and_the_edges_of_its_run(page, tmp_path):
         assert np.array_equal(found[1], wanted[1]), f"positions of motor {motor}"
 
     prepare_run(page)
-    wait_moving(page)
+    ui.wait_moving(page)
     estop = page.locator(".estop")
     estop.click()
-    expect(log(page)).to_contain_text("The E-stop was pressed.")
-    wait_rest(page)
+    expect(ui.log(page)).to_contain_text("The E-stop was pressed.")
+    ui.wait_rest(page)
     estop.click()
     done(page, 4)
     card(page, "Tour").get_by_role("button", name="Type it for me").click()
@@ -309,7 +298,7 @@ def _descendants(process):
 def frames_played(page, frame):
     """Wait until the play head is past a frame; return its position."""
     while (at := float(page.locator("#moving").text_content().split("Play head ")[1])) <= frame:
-        page.wait_for_timeout(LOOK_MS)
+        page.wait_for_timeout(ui.LOOK_MS)
     return at
 
 
@@ -318,9 +307,9 @@ def test_eight_motors_at_24_frames_take_half_of_the_start(stage, make_site, tmp_
     """A second of the run, by processor time. The start is always the same work: a computer that
     does it in less than two seconds shows eight motors in real time."""
     while worker_seconds():  # from the test before
-        time.sleep(LOOK_MS / 1000)
+        time.sleep(ui.LOOK_MS / 1000)
     page = stage.page(make_site({**try_page.RIG, "motor_count": 8}))
-    wait_connected(page)
+    ui.wait_connected(page)
     with jog_up(page, 10):
         started = worker_seconds()
     move = read_move(CAMERA_MOVE)
@@ -328,20 +317,20 @@ def test_eight_motors_at_24_frames_take_half_of_the_start(stage, make_site, tmp_
     rows = [",".join(map(str, row)) for row in zip(range(240), *columns, strict=True)]
     table = tmp_path / "eight.csv"
     table.write_text("\n".join(["frame,1,2,3,4,5,6,7,8", *rows]))
-    go_to(page, "Positions")
+    ui.go_to(page, "Positions")
     page.get_by_role("button", name="All are as shown").click()
     page.get_by_role("button", name="Press again: all are known").click()
-    close_drawer(page)
-    go_to(page, "Move")
+    ui.close_drawer(page)
+    ui.go_to(page, "Move")
     page.get_by_label("Open a move").set_input_files(table)
     page.get_by_role("button", name="Raise the speeds to fit").click()
-    expect(log(page)).to_contain_text("Speeds are set: track")
-    close_drawer(page)
+    expect(ui.log(page)).to_contain_text("Speeds are set: track")
+    ui.close_drawer(page)
     prepare_run(page)
-    expect(log(page)).to_contain_text("for 8 motors are uploaded")
+    expect(ui.log(page)).to_contain_text("for 8 motors are uploaded")
     first, from_s = frames_played(page, 20), worker_seconds()
     last, to_s = frames_played(page, 180), worker_seconds()
     share = (to_s - from_s) * 24 / (last - first)
     assert 0 < share < 0.65 * started, (share, started)
-    expect(log(page)).to_contain_text("Run 0 to 239 is over.")
+    expect(ui.log(page)).to_contain_text("Run 0 to 239 is over.")
     assert page.errors == []

@@ -8,16 +8,7 @@ from playwright.sync_api import expect
 
 from framestep_tools.judge.virtual_reference import POSE, Axis, Rig, looks
 from framestep_tools.payloads import VirtConfig
-from host_tests.console.looking import (
-    LOOK_MS,
-    go_to,
-    log,
-    motor,
-    newest,
-    wait_connected,
-    wait_moving,
-    wait_rest,
-)
+from host_tests.console import looking as ui
 from host_tests.console.test_moves_view import upload
 
 AXES = tuple(
@@ -43,14 +34,9 @@ def of_page(rig):
         {"motor": a.motor, "perUnit": a.steps_per_unit, "position": a.position} for a in rig.axes
     ]
     return {
-        "type": rig.kind,
-        "axes": axes,
-        "length": rig.length,
-        "extension": rig.extension,
-        "nodal": rig.nodal,
-        "table": rig.table,
-        "safe": rig.safe,
-    }
+        "type": rig.kind, "axes": axes, "length": rig.length, "extension": rig.extension,
+        "nodal": rig.nodal, "table": rig.table, "safe": rig.safe,
+    }  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -113,69 +99,71 @@ def test_a_boom_table_that_is_none(modules, text, said):
 
 
 def pose_of(page, axis):
-    return float(page.get_by_role("status", name=axis, exact=True).text_content())
+    pose = page.get_by_role("status", name=axis, exact=True)
+    expect(pose).to_have_text(re.compile(r"\d"))  # a dash until the device has reported it
+    return float(pose.text_content())
 
 
 def wait_pose(page, axis, least):
     for _ in range(1000):
         if pose_of(page, axis) > least:
             return
-        page.wait_for_timeout(LOOK_MS)
+        page.wait_for_timeout(ui.LOOK_MS)
     pytest.fail(f"{axis} is still at {pose_of(page, axis)}")
 
 
 def test_a_boom_by_its_table(stage):
     device = stage.simulated(motors=6, speed=4.0, known=True)
     page = stage.page(stage.console(device.url).url)
-    wait_connected(page)
-    go_to(page, "Virtual axes")
+    ui.wait_connected(page)
+    ui.go_to(page, "Virtual axes")
     page.get_by_label("Arm").fill("1000")
     page.locator("summary", has_text="Boom table").click()
     table = page.get_by_label("The boom motor's step for each degree")
     table.fill("1, 2, 3")
     page.get_by_role("button", name="Configure").click()
-    expect(log(page)).to_contain_text("the boom table: expected 121 numbers")
+    expect(ui.log(page)).to_contain_text("the boom table: expected 121 numbers")
     table.fill("\n".join(map(str, TABLE)))
     page.get_by_role("button", name="Configure").click()
-    expect(log(page)).to_contain_text("Boom, swing, track: configured.")
-    first = motor(page, "Motor 1")
+    expect(ui.log(page)).to_contain_text("Boom, swing, track: configured.")
+    first = ui.motor(page, "Motor 1")
     first.get_by_label("Move to step").fill(str(TABLE[90]))
     first.get_by_role("button", name="Move", exact=True).click()
-    go_to(page, "XYZ jog")
+    ui.go_to(page, "XYZ jog")
     wait_pose(page, "vNS", 499.9)  # 30 degrees
     assert pose_of(page, "vNS") == pytest.approx(500, abs=0.1)
     page.reload()
-    wait_connected(page)
-    go_to(page, "Virtual axes")
+    ui.wait_connected(page)
+    ui.go_to(page, "Virtual axes")
     expect(page.get_by_label("The boom motor's step")).to_have_value(" ".join(map(str, TABLE)))
 
 
 def test_each_type_is_configured_as_it_is_offered_on_a_board_with_few_motors(stage):
     device = stage.simulated(motors=4, known=True)
     page = stage.page(stage.console(device.url).url)
-    wait_connected(page)
-    go_to(page, "Virtual axes")
+    ui.wait_connected(page)
+    ui.go_to(page, "Virtual axes")
     kinds = page.get_by_label("Type").locator("option").all_text_contents()
     assert len(kinds) == 4
     for kind in kinds:
         page.get_by_label("Type").select_option(kind)
         page.get_by_role("button", name="Configure").click()
-        expect(newest(page)).to_have_text(f"{kind}: configured.")
+        expect(ui.newest(page)).to_have_text(f"{kind}: configured.")
 
 
 def test_a_rig_is_configured_moved_jogged_and_drawn(stage):
     device = stage.simulated({"jog_timeout_ms": 0}, motors=6, known=True)
     page = stage.page(stage.console(device.url).url)
-    wait_connected(page)
+    ui.wait_connected(page)
     upload(page)
-    go_to(page, "Virtual axes")
+    ui.go_to(page, "Virtual axes")
     page.get_by_label("Type").select_option("X, Y, Z")
     for group in page.get_by_role("group").filter(has=page.get_by_label("Steps per unit")).all():
         if group.get_attribute("class") == "row":
             group.get_by_label("Steps per unit").fill("100")
     page.get_by_role("button", name="Configure").click()
-    expect(log(page)).to_contain_text("X, Y, Z: configured.")
-    go_to(page, "XYZ jog")
+    expect(ui.log(page)).to_contain_text("X, Y, Z: configured.")
+    ui.go_to(page, "XYZ jog")
     for axis in POSE:
         expect(page.get_by_role("status", name=axis, exact=True)).to_have_text("0.000")
 
@@ -183,28 +171,28 @@ def test_a_rig_is_configured_moved_jogged_and_drawn(stage):
     card.get_by_label("Move to").fill("3.5")
     card.get_by_role("button", name="Move", exact=True).click()
     expect(page.get_by_role("status", name="vTrack")).to_have_text("3.500")
-    wait_rest(page)
+    ui.wait_rest(page)
 
     page.get_by_role("button", name="Jog vNS up").hover()
     page.mouse.down()
     wait_pose(page, "vNS", 1.0)
     page.mouse.up()
-    wait_rest(page)
+    ui.wait_rest(page)
 
     before = pose_of(page, "vEW")
     page.get_by_role("button", name="Camera right").hover()
     page.mouse.down()
-    wait_moving(page)
+    ui.wait_moving(page)
     wait_pose(page, "vEW", before + 1.0)
     page.keyboard.press("Escape")
-    wait_rest(page)
+    ui.wait_rest(page)
     page.mouse.up()
     assert pose_of(page, "vEW") > before + 1.0
 
     expect(page.locator("#above")).to_contain_text("forward")
-    go_to(page, "Virtual axes")
+    ui.go_to(page, "Virtual axes")
     page.get_by_role("button", name="No virtual axes").click()
-    go_to(page, "XYZ jog")
+    ui.go_to(page, "XYZ jog")
     expect(page.get_by_role("status", name="vTrack")).to_have_text("–")
     assert page.errors == []
-    assert re.search("configured", log(page).text_content())
+    assert re.search("configured", ui.log(page).text_content())
