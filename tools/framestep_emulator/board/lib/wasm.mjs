@@ -1,15 +1,14 @@
-// Writes WebAssembly modules in their binary form, as far as translate.mjs and native.mjs need it.
+// Writes WebAssembly modules in their binary form, as far as assemble.mjs and native.mjs need it.
 
 const I32 = 0x7f;
 const VOID = 0x40;
 
 const OPS = {
-  else: 0x05, return: 0x0f, i32Eqz: 0x45, eq: 0x46, ne: 0x47, ltS: 0x48, ltU: 0x49, gtU: 0x4b, geS: 0x4e, geU: 0x4f,
-  i64Ne: 0x52, i64GtU: 0x56, add: 0x6a, sub: 0x6b, mul: 0x6c, and: 0x71, or: 0x72, xor: 0x73, shl: 0x74, shrS: 0x75,
-  shrU: 0x76, rotr: 0x78, i64Add: 0x7c, extendI64: 0xad, extend8: 0xc0, extend16: 0xc1,
+  else: 0x05, return: 0x0f, eqz: 0x45, eq: 0x46, ne: 0x47, ltS: 0x48, ltU: 0x49, gtS: 0x4a, gtU: 0x4b, leS: 0x4c, leU: 0x4d,
+  geS: 0x4e, geU: 0x4f, clz: 0x67, add: 0x6a, sub: 0x6b, mul: 0x6c, and: 0x71, or: 0x72, xor: 0x73, shl: 0x74, shrS: 0x75, shrU: 0x76,
 };
 
-const MEMORY_OPS = { load: 0x28, load8: 0x2d, load16: 0x2f, i64Load: 0x29, store: 0x36, i64Store: 0x37, store8: 0x3a, store16: 0x3b };
+const MEMORY_OPS = { load: 0x28, load8: 0x2d, load16: 0x2f, store: 0x36, store8: 0x3a, store16: 0x3b };
 
 /** Bytes of a module or of the body of a function. `depth` counts the blocks that are open. */
 export class Code {
@@ -46,25 +45,15 @@ export class Code {
     return this.bytes.subarray(0, this.length);
   }
 
-  /** Plain operations by name. */
-  op(first, second) {
-    this.byte(OPS[first]);
-    if (second) this.byte(OPS[second]);
+  /** A plain operation by name. */
+  op(name) {
+    this.byte(OPS[name]);
     return this;
   }
   i32(value) {
     this.byte(0x41);
     for (value |= 0; value < -0x40 || value > 0x3f; value >>= 7) this.byte((value & 0x7f) | 0x80);
     this.byte(value & 0x7f);
-    return this;
-  }
-  /** @param value a BigInt */
-  i64(value) {
-    this.byte(0x42);
-    for (value = BigInt.asIntN(64, value); value < -0x40n || value > 0x3fn; value >>= 7n) {
-      this.byte(Number(value & 0x7fn) | 0x80);
-    }
-    this.byte(Number(value & 0x7fn));
     return this;
   }
   get(local) {
@@ -74,11 +63,6 @@ export class Code {
   }
   set(local) {
     this.byte(0x21);
-    this.byte(local);
-    return this;
-  }
-  tee(local) {
-    this.byte(0x22);
     this.byte(local);
     return this;
   }
@@ -93,13 +77,9 @@ export class Code {
   word(address) {
     return this.i32(0).memory('load', address);
   }
-  /** Store a word there. Uses a local. */
-  put(address, local) {
-    return this.set(local).i32(0).get(local).memory('store', address);
-  }
-  #open(kind) {
+  #open(kind, result = VOID) {
     this.byte(kind);
-    this.byte(VOID);
+    this.byte(result);
     this.depth++;
     return this;
   }
@@ -112,6 +92,10 @@ export class Code {
   if() {
     return this.#open(0x04);
   }
+  /** An if whose branches leave a value. */
+  ifValue() {
+    return this.#open(0x04, I32);
+  }
   end() {
     this.byte(0x0b);
     this.depth--;
@@ -120,11 +104,6 @@ export class Code {
   /** Leave the block that was opened at this depth, or begin that loop again. */
   br(depth) {
     this.byte(0x0c);
-    this.unsigned(this.depth - depth);
-    return this;
-  }
-  brIf(depth) {
-    this.byte(0x0d);
     this.unsigned(this.depth - depth);
     return this;
   }
@@ -168,25 +147,31 @@ function bytesOf(write) {
 }
 
 /**
- * Return a function that makes modules of functions.
- * @param types [parameters, results] as counts of 32-bit integers
- * @param imports [name, type] of functions of the module "env", which has `memory` as well
+ * Return a function that makes modules of functions. A function's type: how many 32-bit integers are its parameters, and its results.
+ * @param indirect type of the functions in a table, of which the module has call_indirect, if `table`
+ * @param imports [name, type] of functions of the module "env", which has `memory` and `table` as well
  * @param exported [name, type] of the functions
- * @param table whether they use the `table` of "env"
  */
-export function moduleMaker(types, imports, exported, table = false) {
+export function moduleMaker(indirect, imports, exported, table) {
   const words = (count) => [count, ...Array(count).fill(I32)];
   const imported = (text, kind) => bytesOf((code) => code.text('env').text(text).append(kind));
+  const types = [String(indirect)];
+  const typeOf = ([, type]) => {
+    if (!types.includes(String(type))) types.push(String(type));
+    return types.indexOf(String(type));
+  };
+  const ofImports = imports.map(typeOf);
+  const ofExported = exported.map(typeOf);
   const head = bytesOf((code) => {
     code.append([0, 0x61, 0x73, 0x6d, 1, 0, 0, 0]);
-    code.section(1, types.map(([parameters, results]) => [0x60, ...words(parameters), ...words(results)]));
+    code.section(1, types.map((type) => type.split(',').map(Number)).map(([parameters, results]) => [0x60, ...words(parameters), ...words(results)]));
     code.section(2, [
       imported('memory', [2, 0, 1]),
-      ...(table ? [imported('table', [1, 0x70, 0, 0])] : []),
-      ...imports.map(([text, type]) => imported(text, [0, type])),
+      ...(table ? [imported('table', [1, 0x70, 0, 0])] : []), // V8 tells each change of a table to all modules that have it
+      ...imports.map(([text], i) => imported(text, [0, ofImports[i]])),
     ]);
-    code.section(3, exported.map(([, type]) => [type]));
-    code.section(7, exported.map(([name], i) => bytesOf((item) => item.text(name).append([0, imports.length + i]))));
+    code.section(3, ofExported.map((type) => [type]));
+    code.section(7, exported.map(([name], i) => bytesOf((item) => item.text(name).append([0]).unsigned(imports.length + i))));
   });
 
   /** @param functions [code, locals], in the order of `exported`; locals: 32-bit integers apart from the parameters */

@@ -3,9 +3,8 @@
 // RP2040 datasheet 4.1.2.5 (buffer control), 4.1.2.6 (device), and the registers of 4.1.4.
 
 import assert from 'node:assert/strict';
-import { RP2040 } from 'rp2040js';
-import { Core } from '../lib/core.mjs';
 import { STALL, UsbDevice } from '../lib/usb.mjs';
+import { makeCore } from './chip.mjs';
 
 const SET = 2;
 const CLEAR = 3;
@@ -35,9 +34,8 @@ const packet = (length, first) => Uint8Array.from({ length }, (_, i) => (first +
 /** A controller with one endpoint, and the actions of a driver. */
 class Bench {
   constructor(out, mode = DOUBLE | PER_BUFFER) {
-    this.chip = new RP2040();
-    this.chip.logger = { debug() {}, info() {}, warn() {}, error() {} };
-    this.core = new Core(this.chip, { xipMiss: 0, onHalt: (reason) => assert.fail(reason) });
+    ({ core: this.core } = makeCore({ xipMiss: 0, onHalt: (reason) => assert.fail(reason) }));
+    this.chip = this.core.rp2040;
     this.kicks = 0;
     const host = { kick: () => this.kicks++, pullupChanged() {}, sofWanted() {}, inReset: false };
     this.usb = new UsbDevice(this.chip, host);

@@ -2,19 +2,15 @@
 
 import { Board } from '../board.mjs';
 import { Chip2350 } from './chip.mjs';
+import { Native2350 } from './native.mjs';
 import { BootRom2350 } from './rom.mjs';
 
-const FLASH_SIZE = 4 * 1024 * 1024;
-
 export class Pico2 extends Board {
-  constructor(options) {
-    super({ ...options, translate: null });
-  }
   get chipName() {
     return 'RP2350';
   }
-  makeFlash() {
-    return new Uint8Array(FLASH_SIZE);
+  makeNative(options) {
+    return new Native2350(options);
   }
   makeRom(timing) {
     return new BootRom2350(this, timing);
@@ -22,21 +18,9 @@ export class Pico2 extends Board {
   makeChip(options) {
     return new Chip2350(options);
   }
-  putFirmware(firmware) {
-    super.putFirmware(firmware);
-    this.core?.restored();
-  }
-  putFiles(image) {
-    super.putFiles(image);
-    this.core?.restored();
-  }
   flashWritten(from, to) {
-    this.flashDirty = true;
-    this.core.flashChanged(from, to);
+    super.flashWritten(from, to);
     this.core.xipFlush();
-  }
-  restored() {
-    this.core.restored();
   }
   pressBootsel(on) {
     this.bootselPressed = on;

@@ -1,23 +1,27 @@
-// Armv8-M mainline (Cortex-M33) code as JavaScript. A piece of code, from an address to the next jump that is always
-// taken, becomes the source text of one function: each instruction is decoded once and its meaning is written down in
-// that text. So there is one description of every instruction, and no interpreter beside it.
+// Armv8-M mainline (Cortex-M33) code as text for assemble.mjs. Code is run in pieces, from an address to the next jump that is always
+// taken. A piece is a list of steps: each instruction's text (of 16 bits in thumb.mjs) is that of a function, which all places with the
+// same instruction share. A piece that runs often becomes one function: its text has the same meanings with what is known of the place.
 //
-// In the text: rN are the registers (local variables), nz, c, v the flags (N and Z from nz as a signed number), st[0] the
-// cycles, st[1] their limit, st[9] the lowest stack pointer. The registers that a piece uses are read at its beginning and written back where it ends.
 // IT blocks are resolved here: an instruction in one gets its condition, so the state of IT exists at no other time.
 
-const COND = [
-  'nz===0', 'nz!==0', 'c!==0', 'c===0', 'nz<0', 'nz>=0', 'v!==0', 'v===0', 'c!==0&&nz!==0', '(c===0||nz===0)',
-  '(nz<0)===(v!==0)', '(nz<0)!==(v!==0)', 'nz!==0&&(nz<0)===(v!==0)', '(nz===0||(nz<0)!==(v!==0))', 'true', 'true',
-];
-const LONGEST = 48; // instructions of a piece
+import { FLASH_BASE, RAM_BASE } from '../layout.mjs';
+import { COND, LONGEST, Thumb, s32 } from '../thumb.mjs';
+
+export const RAM_SIZE = 0x82000;
+
+/** Words that the text knows by name: cycles and their limit, the flags as in Processor; Q; the exclusive monitor; the high word of a product;
+ * CONTROL.FPCA; the lowest stack pointer; GE; FPSCR. */
+export const STATE = {
+  cycles: 0, limit: 1, nz: 2, c: 3, v: 4, sticky: 5, monitor: 6, high: 7, fpca: 8, floor: 9, ge: 10, fpscr: 11,
+};
+/** Others, which mean nothing between two stretches. Of a step: its address, cycles of the piece up to it, the number in it. Of a list of steps:
+ * whether it is to end at the limit; the step where it has, or 0. */
+export const SCRATCH = { here: 0, cy: 1, to: 2, stopping: 3, stop: 4 };
 
 // Cycles: Arm publishes no table for the M33. These follow its pipeline; the README says how they compare with a real board.
 const USE = 1; // on top of 1, of an instruction that reads what the one before it has loaded
 const TAKEN = 2; // on top of 1
 const DIVIDE = 7;
-
-const s32 = (x, bits) => (x << (32 - bits)) >> (32 - bits);
 
 /** ThumbExpandImm: [value, carry or -1]. */
 function expand(i12) {
@@ -36,465 +40,257 @@ function expand(i12) {
   return [value, (value >>> 31) & 1];
 }
 
-export class Emitter {
-  /** @param fetch a function: address -> halfword; options.line(address) -> text for a new line of the flash, or '' */
-  constructor(fetch, { line = null, literal = null } = {}) {
-    this.fetch = fetch;
-    this.line = line;
-    this.literal = literal;
+// Floating-point instructions of three registers, and cycles on top of 1
+const OF_THREE = [
+  ['vmla', 2], ['vmls', 2], ['vnmls', 2], ['vnmla', 2], ['vmul', 0], ['vnmul', 0], ['vadd', 0], ['vsub', 0], ['vdiv', 13], null,
+  ['vfnms', 2], ['vfnma', 2], ['vfma', 2], ['vfms', 2],
+];
+
+export class Emitter extends Thumb {
+  #instructions = new Map();
+
+  /** @param fetch a function: address -> halfword; flash: the memory, as a DataView */
+  constructor(fetch, flash) {
+    super(fetch, TAKEN);
+    this.flash = flash;
   }
 
-  /** Source text of the piece at `start`, its last address, and the most cycles that it takes. `stops`: text of a function of an index, which begins at that
-   * instruction (`places` has the address and cycles of each) and ends before the first one that begins after the limit. */
-  piece(start, stops = false) {
-    this.used = 0;
-    this.links = [];
-    this.dirty = 0;
-    this.flags = false;
-    this.flagsDirty = false;
-    this.out = [];
-    this.cy = 0;
-    this.start = stops ? null : start; // no loop inside
-    this.loops = false;
-    const places = [];
-    this.ended = false;
-    this.it = []; // conditions of the next instructions
-    this.wasIT = this.fence = false;
-    this.fp = false;
+  /** The steps of the piece at `start`, the address after it, and the most cycles that it takes, misses of the cache apart. `cycles`: those before
+   * the step; `use`: it has to wait for what the one before it loads; `place`: the piece can end or begin there; `fresh`, `second`: it begins in
+   * another line of the flash, goes on in the next one. */
+  steps(start) {
+    const inFlash = start >>> 24 === 0x10;
+    const steps = [];
+    let it = []; // conditions of the next instructions
+    let wasIT = false;
     let pc = start;
-    let count = 0;
+    let cycles = 0;
     let line = -1;
     let loaded = 0; // registers
-    while (!this.ended) {
-      if (count >= LONGEST && !this.it.length) {
-        this.exit(pc);
+    for (let ended = false; !ended; ) {
+      const place = !it.length;
+      if (steps.length >= LONGEST && place) {
+        steps.push({ pc, what: this.leaving, cycles });
         break;
-      }
-      if (stops && !this.it.length) {
-        const place = places.push({ pc, cycles: this.cy }) - 1;
-        line = -1; // it may have left the cache
-        this.out.push(`case ${place}:`);
-        if (place) this.out.push(`if(st[0]+${this.cy}>=st[1]){@WB@st[0]+=${this.cy};return core.stopped(self,${place});}`);
-      }
-      if (this.line && pc >>> 3 !== line) {
-        line = pc >>> 3;
-        this.out.push(this.line(pc));
       }
       const h = this.fetch(pc);
       const wide = h >>> 11 >= 0x1d;
-      if (wide && this.line && (pc + 2) >>> 3 !== line) {
-        line = (pc + 2) >>> 3;
-        this.out.push(this.line(pc + 2));
-      }
-      this.pc = pc;
-      this.next = pc + (wide ? 4 : 2);
-      this.cond = this.it.length ? this.it.shift() : 14;
-      this.inIT = this.cond !== 14 || this.wasIT;
-      this.wasIT = this.it.length > 0;
-      const before = this.out.length;
-      const done = this.ended;
-      const kept = [this.cy, this.ended, [...this.it], this.wasIT, this.fence];
-      const instruction = (extra) => {
-        this.reads = this.sets = 0;
-        this.loads = false;
-        this.cy += extra;
-        if (wide) this.wide(h, this.fetch(pc + 2));
-        else this.narrow(h);
-      };
-      instruction(1);
-      if (this.reads & loaded) {
-        this.out.length = before;
-        [this.cy, this.ended, this.it, this.wasIT, this.fence] = kept;
-        instruction(1 + USE);
-      }
-      loaded = this.loads ? this.sets : 0;
-      if (this.cond < 14) {
-        this.flags = true;
-        const body = this.out.splice(before).join('');
-        this.out.push(`if(${COND[this.cond]}){${body}}`);
-        if (this.ended && !done) {
-          this.ended = false; // only if the condition holds
-          if (!this.it.length && this.fence) {
-            this.exit(this.next);
-            this.ended = true;
-          }
-        }
-      }
-      this.fence = false;
-      count++;
-      pc = this.next;
+      const g = wide ? this.fetch(pc + 2) : 0;
+      const cond = it.shift() ?? 14;
+      const inIT = cond !== 14 || wasIT;
+      const what = this.instruction(h, g, cond, inIT, !it.length);
+      const use = what.reads & loaded ? USE : 0;
+      const last = (pc + (wide ? 2 : 0)) >>> 3;
+      const fresh = inFlash && pc >>> 3 !== line;
+      const second = inFlash && last !== pc >>> 3;
+      steps.push({ pc, h, g, wide, cond, inIT, lastInIT: !it.length, what, cycles, use, place, fresh, second });
+      line = last;
+      loaded = what.loads;
+      cycles += 1 + use + what.more;
+      if (place) it = [...what.it];
+      wasIT = it.length > 0;
+      ended = what.ended;
+      pc += wide ? 4 : 2;
     }
-    const regs = [];
-    const back = [];
-    for (let i = 0; i < 15; i++) {
-      if ((this.used >> i) & 1) regs.push(`r${i}=r[${i}]`);
-      if ((this.dirty >> i) & 1) back.push(`r[${i}]=r${i};`);
+    return { steps, end: pc, max: cycles + TAKEN };
+  }
+
+  /** What a step does: its text for wherever it is, its cycles on top of 1, registers that it reads and loads, ... */
+  instruction(h, g, cond, inIT, lastInIT) {
+    const key = (((cond * 2 + inIT) * 2 + lastInIT) * 65536 + g) * 65536 + h;
+    let what = this.#instructions.get(key);
+    if (!what) {
+      Object.assign(this, { quick: false, pc: 0, cy: 0, start: null });
+      const text = this.meaning(h, g, cond, inIT, lastInIT);
+      const { cy: more, reads, ended, it, movesStack, to, leads } = this;
+      what = { text: text + (ended ? '' : 'return -1;'), more, reads, loads: this.loads ? this.sets : 0, ended, it, movesStack, to, leads };
+      this.#instructions.set(key, what);
     }
-    if ((this.dirty >> 13) & 1) back.push('if(r13<st[9])core.overflow();');
-    if (this.flags || this.flagsDirty) regs.push('nz=st[2]', 'c=st[3]', 'v=st[4]');
-    if (this.flagsDirty) back.push('st[2]=nz;st[3]=c;st[4]=v;');
-    const max = this.cy + TAKEN;
-    const text =
-      (regs.length ? `let ${regs.join(',')};` : '') +
-      (this.loops ? 'L:for(;;){' : stops ? 'switch(e){' : '') +
-      this.out.join('\n').replaceAll('@WB@', back.join('')).replaceAll('@MAX@', max) +
-      (this.loops || stops ? '}' : '');
-    return { text, end: pc, links: this.links.length, max, places };
+    return what;
+  }
+  get leaving() {
+    Object.assign(this, { quick: false, cy: -1, out: [], leads: [] });
+    this.exit(0);
+    return { text: this.out.join(''), to: 0, leads: [0] };
+  }
+
+  meaning(h, g, cond, inIT, lastInIT) {
+    const wide = h >>> 11 >= 0x1d;
+    Object.assign(this, { inIT, out: [], it: [], reads: 0, sets: 0, loads: false, ended: false, fence: false, movesStack: false, to: 0, leads: [] });
+    this.next = this.pc + (wide ? 4 : 2);
+    if (wide) this.wide(h, g);
+    else this.narrow(h);
+    if (cond === 14) return this.out.join('');
+    this.out = [`if(${COND[cond]}){${this.out.join('')}}`];
+    if (this.ended) {
+      this.ended = false; // only if the condition holds
+      if (lastInIT && this.fence) this.exit(this.next);
+    }
+    return this.out.join('');
+  }
+
+  /** The piece at `start` as one function: its text, and the last address in the flash that it depends on. */
+  piece(start) {
+    const { steps, end, max } = this.steps(start);
+    const movesStack = steps.some(({ what }) => what.movesStack);
+    let last = end;
+    let loops = false;
+    const line = (at) => {
+      const index = (at & (this.flash.byteLength - 1)) >>> 3;
+      return `x=present[${index}];if(x===0)core.miss(${index});else used[${index & 1023}]=x;`;
+    };
+    const text = steps.map(({ pc, h, g, cond, inIT, lastInIT, cycles, use, fresh, second }) => {
+      Object.assign(this, { quick: true, pc, start, cy: cycles, last: 0, loops: false, out: [] });
+      if (h === undefined) {
+        this.exit(pc);
+        return this.out.join('');
+      }
+      this.cy += 1 + use;
+      const meaning = this.meaning(h, g, cond, inIT, lastInIT);
+      last = Math.max(last, this.last);
+      loops ||= this.loops;
+      return (fresh ? line(pc) : '') + (second ? line(pc + 2) : '') + meaning;
+    });
+    const all = text.join('').replaceAll('@CHECK@', movesStack ? 'if(r13<floor)core.overflow();' : '').replaceAll('@MAX@', max);
+    return { text: (start >>> 24 === 0x20 ? this.changed(start, end) : '') + (loops ? `L:for(;;){${all}}` : all), last };
+  }
+
+  /** Leave if the code in RAM is another one now. */
+  changed(start, end) {
+    const differences = [];
+    for (let at = start & ~3; at < end; at += 4) differences.push(`m32[${at - RAM_BASE}]!==${this.fetch(at) | (this.fetch(at + 2) << 16)}`);
+    return `if(${differences.join('||')})return core.stale(${start});`;
   }
 
   // ------------------------------------------------------------------ pieces of text
 
-  link(target) {
-    let i = this.links.indexOf(target | 0);
-    if (i < 0) i = this.links.push(target | 0) - 1;
-    return `(n${i}!==null?n${i}:(n${i}=core.find(${target | 0})))`;
+  /** Cycles of the piece up to here, as text. */
+  spent(extra = 0) {
+    return `${this.quick ? '' : 'cy+'}${this.cy + extra}`;
   }
+  /** An address at a distance from this instruction (the program counter of one that is shared is 0). */
+  at(address) {
+    return this.quick ? `${address | 0}` : `here+${address}`;
+  }
+  /** Another one, which differs between places. */
+  target(address) {
+    if (this.quick) return `${address | 0}`;
+    this.to = address;
+    return 'here+to';
+  }
+  ahead(offset, aligned = false) {
+    if (!aligned || this.quick) return super.ahead(offset, aligned);
+    if (offset !== 'to') this.to = offset;
+    this.to += 4;
+    return '((here&-4)+to)';
+  }
+  /** A number, which differs between places as well. */
+  imm(value) {
+    if (this.quick) return value;
+    this.to = value;
+    return 'to';
+  }
+  field(h, at, bits, scale = 1) {
+    const value = super.field(h, at, bits, scale);
+    return bits > 3 ? this.imm(value) : value;
+  }
+  amount(h) {
+    return (h >> 6) & 31;
+  }
+  link14() {
+    return this.at(this.next | 1);
+  }
+
   r(n) {
-    if (n === 15) return `${(this.pc + 4) | 0}`;
-    this.used |= 1 << n;
+    if (n === 15) return `(${this.at(this.pc + 4)})`;
     this.reads |= 1 << n;
     return `r${n}`;
   }
   set(n, text) {
     this.sets |= 1 << n;
-    this.used |= 1 << n;
-    this.dirty |= 1 << n;
-    this.out.push(`r${n}=${text};`);
+    this.movesStack ||= n === 13;
+    this.e(`r${n}=${text};`);
   }
-  e(text) {
-    this.out.push(text);
-  }
-  useFlags() {
-    this.flags = this.flagsDirty = true;
-  }
-  get setsFlags() {
-    return !this.inIT;
-  }
-
-  /** Leave for a known address. */
+  /** Leave for an address. */
   exit(target, extra = 0) {
-    this.e(`@WB@st[0]+=${this.cy + extra};return ${this.link(target)};`);
-    this.ended = true;
+    this.leads.push(target);
+    this.exitTo(this.target(target), extra);
   }
   exitTo(text, extra = 0) {
-    this.e(`@WB@st[0]+=${this.cy + extra};return core.find(${text});`);
+    this.e(`${this.quick ? '@CHECK@' : ''}cycles+=${this.spent(extra)};return ${text};`);
     this.ended = true;
   }
   /** Jump to a known address; a jump to the start of this piece stays in it. */
-  jump(target, extra = TAKEN) {
-    if (target === this.start) {
-      this.loops = true;
-      this.e(`st[0]+=${this.cy + extra};if(st[0]+@MAX@<=st[1])continue L;@WB@return self;`);
-      this.ended = true;
-    } else this.exit(target, extra);
-  }
-  undefined(h, h2) {
-    const hex = h2 === undefined ? h.toString(16) : `${h.toString(16)} ${h2.toString(16)}`;
-    this.e(`@WB@st[0]+=${this.cy};core.undefined(${this.pc | 0},'${hex}');return self;`);
+  jump(target, extra = this.taken) {
+    if (target !== this.start) return this.exit(target, extra);
+    this.loops = true;
+    this.e(`cycles+=${this.spent(extra)};if(cycles+@MAX@<=limit)continue L;@CHECK@return ${target};`);
     this.ended = true;
+  }
+  undefined(h, h2 = -1) {
+    this.exitTo(`core.undefined(${this.at(this.pc)},${h},${h2})`);
   }
   /** An operation of the core that may change anything. */
-  call(text, next = this.next) {
-    this.e(`@WB@st[0]+=${this.cy};${text};return core.find(${next | 0});`);
-    this.ended = true;
+  call(text) {
+    this.e(`r15=${this.at(this.next)};`);
+    this.exitTo(text);
     this.fence = true;
   }
 
+  /** If o is the place of an element in the RAM, or the first of some. */
+  inside(size, elements = 1) {
+    const shift = { 32: 2, 16: 1, 8: 0 }[size];
+    return `${shift ? `(o>>>${shift}|o<<${32 - shift})` : 'o'}>>>0<=${(RAM_SIZE >> shift) - elements}`;
+  }
   load(size, address, signed = false) {
     this.loads = true;
+    const extended = (text) => (signed ? `(${text}<<${32 - size}>>${32 - size})` : text);
     if (address.startsWith('#')) {
-      const at = Number(address.slice(1));
-      const value = this.literal?.(at, size);
-      if (value !== undefined && value !== null) return signed && size < 32 ? `${s32(value, size)}` : `${value}`;
-      address = `${at | 0}`;
+      address = address.slice(1);
+      if (!this.quick) return extended(`core.literal${size}(${address},${this.spent()})`);
+      if (address >>> 24 === 0x10 && !(size === 32 && address & 3)) return `${this.literal(Number(address), size, signed)}`;
     }
-    const f = { 32: 'ld32', 16: 'ld16', 8: 'ld8' }[size];
-    this.e(`a=(${address})|0;o=(a-536870912)>>>0;`);
-    const fast = { 32: 'ram32[o>>2]', 16: 'ram16[o>>1]', 8: 'ram8[o]' }[size];
-    const aligned = { 32: '&&!(o&3)', 16: '&&!(o&1)', 8: '' }[size];
-    const text = `(o<532480${aligned}?${fast}:core.${f}(a,${this.cy}))`;
-    return signed ? `(${text}<<${32 - size}>>${32 - size})` : text;
+    this.e(`o=${address}-${RAM_BASE};`);
+    return extended(`(${this.inside(size)}?m${size}[o]:core.ld${size}(o+${RAM_BASE},${this.spent()}))`);
+  }
+  literal(at, size, signed) {
+    const offset = at & (this.flash.byteLength - 1);
+    this.last = Math.max(this.last, FLASH_BASE + offset + 4);
+    if (size === 32) return this.flash.getInt32(offset, true);
+    const value = size === 16 ? this.flash.getUint16(offset & ~1, true) : this.flash.getUint8(offset);
+    return signed ? s32(value, size) : value;
   }
   store(size, address, value) {
-    const f = { 32: 'st32', 16: 'st16', 8: 'st8' }[size];
-    const fast = { 32: 'ram32[o>>2]', 16: 'ram16[o>>1]', 8: 'ram8[o]' }[size];
-    const aligned = { 32: '&&!(o&3)', 16: '&&!(o&1)', 8: '' }[size];
-    this.e(`a=(${address})|0;o=(a-536870912)>>>0;if(o<532480${aligned})${fast}=${value};else core.${f}(a,${value},${this.cy});`);
+    this.e(`o=${address}-${RAM_BASE};if(${this.inside(size)})m${size}[o]=${value};else core.st${size}(o+${RAM_BASE},${value},${this.spent()});`);
   }
 
-  nz(text) {
-    this.useFlags();
-    this.e(`nz=${text};`);
-  }
-  /** a+b, flags wanted; the result is in x. */
-  addFlags(a, b) {
-    this.useFlags();
-    this.e(`p=${a};q=${b};x=(p+q)|0;nz=x;c=(x>>>0)<(p>>>0)?1:0;v=((p^x)&(q^x))>>>31;`);
-  }
-  subFlags(a, b) {
-    this.useFlags();
-    this.e(`p=${a};q=${b};x=(p-q)|0;nz=x;c=(p>>>0)>=(q>>>0)?1:0;v=((p^q)&(p^x))>>>31;`);
-  }
-  adcFlags(a, b) {
-    this.useFlags();
-    this.e(`p=${a};q=${b};y=(p>>>0)+(q>>>0)+c;x=y|0;nz=x;c=y>4294967295?1:0;v=((p^x)&(q^x))>>>31;`);
+  loadTo(d, size, address, signed = false) {
+    this.set(d, this.load(size, address, signed));
   }
 
-  /** A shift by a constant: text of the result; sets c if `carry`. */
-  shift(type, n, text, carry) {
-    if (carry) this.useFlags();
-    if (type === 3 && n === 0) {
-      this.flags = true;
-      this.e(`q=${text};x=(c<<31)|(q>>>1);${carry ? 'c=q&1;' : ''}`);
-      return 'x';
-    }
-    if (type === 0 && n === 0) return text;
-    if (n === 0) n = 32;
-    if (!carry) {
-      switch (type) {
-        case 0: return `(${text}<<${n})`;
-        case 1: return n === 32 ? '0' : `(${text}>>>${n}|0)`;
-        case 2: return `(${text}>>${Math.min(n, 31)})`;
-        default: this.e(`q=${text};`); return `((q>>>${n})|(q<<${32 - n}))`;
-      }
-    }
-    this.e(`q=${text};`);
-    switch (type) {
-      case 0: this.e(`x=q<<${n};c=(q>>>${32 - n})&1;`); break;
-      case 1: this.e(n === 32 ? `x=0;c=q>>>31;` : `x=(q>>>${n})|0;c=(q>>>${n - 1})&1;`); break;
-      case 2: this.e(n === 32 ? `x=q>>31;c=q>>>31;` : `x=q>>${n};c=(q>>>${n - 1})&1;`); break;
-      default: this.e(`x=(q>>>${n})|(q<<${32 - n});c=(q>>>${n - 1})&1;`);
-    }
-    return 'x';
-  }
-  /** A shift by a register; the result is in x. */
-  shiftBy(type, text, by, carry) {
-    if (carry) this.useFlags();
-    const C = (t) => (carry ? t : '');
-    this.e(`q=${text};p=${by}&255;x=q;if(p){`);
-    switch (type) {
-      case 0: this.e(`if(p<32){${C('c=(q>>>(32-p))&1;')}x=q<<p;}else{${C('c=p===32?q&1:0;')}x=0;}`); break;
-      case 1: this.e(`if(p<32){${C('c=(q>>>(p-1))&1;')}x=(q>>>p)|0;}else{${C('c=p===32?q>>>31:0;')}x=0;}`); break;
-      case 2: this.e(`if(p<32){${C('c=(q>>>(p-1))&1;')}x=q>>p;}else{${C('c=q>>>31;')}x=q>>31;}`); break;
-      default: this.e(`p&=31;if(p)x=(q>>>p)|(q<<(32-p));${C('c=x>>>31;')}`);
-    }
-    this.e('}');
-  }
-
-  /** Write a register that may be the program counter. */
-  write(d, text, extra = TAKEN) {
-    if (d === 15) this.exitTo(`(${text})&-2`, extra);
-    else this.set(d, text);
-  }
-  /** The same with a value that tells the state (BX, POP, LDR). */
-  bx(text, extra = TAKEN) {
+  /** Jump to a value that tells the state (BX, POP, LDR). */
+  bx(text, extra = this.taken) {
     this.exitTo(`(${text})&-2`, extra);
   }
 
-  // ------------------------------------------------------------------ 16 bits
-
-  narrow(h) {
-    const d = h & 7;
-    const n = (h >> 3) & 7;
-    const m = (h >> 6) & 7;
-    const d8 = (h >> 8) & 7;
-    const S = this.setsFlags;
-    switch (h >> 11) {
-      case 0: case 1: case 2: {
-        const type = h >> 11;
-        const amount = (h >> 6) & 31;
-        if (type === 0 && amount === 0) {
-          if (S) this.nz(this.r(n));
-          this.set(d, this.r(n));
-        } else {
-          const x = this.shift(type, amount, this.r(n), S);
-          if (S) this.nz(x);
-          this.set(d, x);
-        }
-        return;
-      }
-      case 3: {
-        const b = h & 0x400 ? `${m}` : this.r(m);
-        const sub = h & 0x200;
-        if (S) {
-          if (sub) this.subFlags(this.r(n), b);
-          else this.addFlags(this.r(n), b);
-          this.set(d, 'x');
-        } else this.set(d, `(${this.r(n)}${sub ? '-' : '+'}${b})|0`);
-        return;
-      }
-      case 4:
-        if (S) this.nz(`${h & 0xff}`);
-        this.set(d8, `${h & 0xff}`);
-        return;
-      case 5:
-        this.subFlags(this.r(d8), `${h & 0xff}`);
-        return;
-      case 6: case 7: {
-        const sub = h & 0x800;
-        if (S) {
-          if (sub) this.subFlags(this.r(d8), `${h & 0xff}`);
-          else this.addFlags(this.r(d8), `${h & 0xff}`);
-          this.set(d8, 'x');
-        } else this.set(d8, `(${this.r(d8)}${sub ? '-' : '+'}${h & 0xff})|0`);
-        return;
-      }
-      case 8:
-        if (h & 0x400) this.special(h);
-        else this.alu(h, d, n, S);
-        return;
-      case 9: {
-        const at = (((this.pc + 4) & ~3) + 4 * (h & 0xff)) | 0;
-        this.set(d8, this.load(32, `#${at}`));
-        return;
-      }
-      case 10: case 11: {
-        const address = `${this.r(n)}+${this.r(m)}`;
-        const op = (h >> 9) & 7;
-        switch (op) {
-          case 0: this.store(32, address, this.r(d)); return;
-          case 1: this.store(16, address, this.r(d)); return;
-          case 2: this.store(8, address, this.r(d)); return;
-          case 3: this.set(d, this.load(8, address, true)); return;
-          case 4: this.set(d, this.load(32, address)); return;
-          case 5: this.set(d, this.load(16, address)); return;
-          case 6: this.set(d, this.load(8, address)); return;
-          default: this.set(d, this.load(16, address, true)); return;
-        }
-      }
-      case 12: this.store(32, `${this.r(n)}+${((h >> 6) & 31) * 4}`, this.r(d)); return;
-      case 13: this.set(d, this.load(32, `${this.r(n)}+${((h >> 6) & 31) * 4}`)); return;
-      case 14: this.store(8, `${this.r(n)}+${(h >> 6) & 31}`, this.r(d)); return;
-      case 15: this.set(d, this.load(8, `${this.r(n)}+${(h >> 6) & 31}`)); return;
-      case 16: this.store(16, `${this.r(n)}+${((h >> 6) & 31) * 2}`, this.r(d)); return;
-      case 17: this.set(d, this.load(16, `${this.r(n)}+${((h >> 6) & 31) * 2}`)); return;
-      case 18: this.store(32, `${this.r(13)}+${(h & 0xff) * 4}`, this.r(d8)); return;
-      case 19: this.set(d8, this.load(32, `${this.r(13)}+${(h & 0xff) * 4}`)); return;
-      case 20: this.set(d8, `${(((this.pc + 4) & ~3) + 4 * (h & 0xff)) | 0}`); return;
-      case 21: this.set(d8, `(${this.r(13)}+${4 * (h & 0xff)})|0`); return;
-      case 22: case 23: this.misc(h, d, n); return;
-      case 24: this.multiple(d8, h & 0xff, false, true, false); return;
-      case 25: this.multiple(d8, h & 0xff, true, !((h >> d8) & 1), false); return;
-      case 26: case 27: {
-        const cond = (h >> 8) & 15;
-        if (cond === 14) this.undefined(h);
-        else if (cond === 15) this.call('core.svc()');
-        else this.branchIf(cond, this.pc + 4 + s32(h & 0xff, 8) * 2);
-        return;
-      }
-      case 28: this.jump((this.pc + 4 + s32(h & 0x7ff, 11) * 2) | 0); return;
-    }
-    this.undefined(h);
+  breakpoint(h) {
+    this.call(`core.bkpt(${h & 0xff},${this.at(this.pc)})`);
   }
 
-  branchIf(cond, target) {
-    this.flags = true;
-    const ended = this.ended;
-    const before = this.out.length;
-    this.jump(target | 0);
-    const body = this.out.splice(before).join('');
-    this.e(`if(${COND[cond]}){${body}}`);
-    this.ended = ended;
-  }
-
-  alu(h, d, m, S) {
-    const b = this.r(m);
-    const a = this.r(d);
-    switch ((h >> 6) & 15) {
-      case 0: this.set(d, `${a}&${b}`); if (S) this.nz(a); return;
-      case 1: this.set(d, `${a}^${b}`); if (S) this.nz(a); return;
-      case 2: case 3: case 4: case 7: {
-        const type = { 2: 0, 3: 1, 4: 2, 7: 3 }[(h >> 6) & 15];
-        this.shiftBy(type, a, b, S);
-        if (S) this.nz('x');
-        this.set(d, 'x');
-        return;
-      }
-      case 5:
-        this.flags = true;
-        if (S) { this.adcFlags(a, b); this.set(d, 'x'); } else this.set(d, `(${a}+${b}+c)|0`);
-        return;
-      case 6:
-        this.flags = true;
-        if (S) { this.adcFlags(a, `~${b}`); this.set(d, 'x'); } else this.set(d, `(${a}+~${b}+c)|0`);
-        return;
-      case 8: this.nz(`${a}&${b}`); return;
-      case 9: if (S) { this.subFlags('0', b); this.set(d, 'x'); } else this.set(d, `(-${b})|0`); return;
-      case 10: this.subFlags(a, b); return;
-      case 11: this.addFlags(a, b); return;
-      case 12: this.set(d, `${a}|${b}`); if (S) this.nz(a); return;
-      case 13: this.set(d, `Math.imul(${a},${b})`); if (S) this.nz(a); return;
-      case 14: this.set(d, `${a}&~${b}`); if (S) this.nz(a); return;
-      default: this.set(d, `~${b}`); if (S) this.nz(a);
+  hint(h) {
+    const mask = h & 15;
+    const first = (h >> 4) & 15;
+    if (!mask) {
+      if (first === 2) this.call('core.wfe()');
+      else if (first === 3) this.call('core.wfi()');
+      else if (first === 4) this.call('core.sev()');
+      return;
     }
-  }
-
-  special(h) {
-    const m = (h >> 3) & 15;
-    const d = (h & 7) | ((h >> 4) & 8);
-    switch ((h >> 8) & 3) {
-      case 0: this.write(d, `(${this.r(d)}+${this.r(m)})|0`); return;
-      case 1: this.subFlags(this.r(d), this.r(m)); return;
-      case 2: this.write(d, this.r(m)); return;
-      default:
-        if (h & 0x80) {
-          this.e(`t=${this.r(m)};`);
-          this.set(14, `${this.next | 1}`);
-          this.bx('t');
-        } else this.bx(this.r(m));
+    const count = 4 - (31 - Math.clz32(mask & -mask));
+    this.it = [];
+    for (let i = 0; i < count; i++) {
+      this.it.push(i === 0 ? first : (first & 14) | ((mask >> (4 - i)) & 1));
     }
-  }
-
-  misc(h, d, n) {
-    switch ((h >> 8) & 15) {
-      case 0: this.set(13, `(${this.r(13)}${h & 0x80 ? '-' : '+'}${(h & 0x7f) * 4})|0`); return;
-      case 1: case 3: case 9: case 11: {
-        const target = this.pc + 4 + (((h >> 3) & 31) << 1) + (h & 0x200 ? 64 : 0);
-        const before = this.out.length;
-        const text = `${this.r(d)}${h & 0x800 ? '!==' : '==='}0`;
-        this.jump(target | 0);
-        const body = this.out.splice(before).join('');
-        this.e(`if(${text}){${body}}`);
-        this.ended = false;
-        return;
-      }
-      case 2: {
-        const b = this.r(n);
-        this.set(d, [`${b}<<16>>16`, `${b}<<24>>24`, `${b}&65535`, `${b}&255`][(h >> 6) & 3]);
-        return;
-      }
-      case 4: case 5: this.multiple(13, (h & 0xff) | (h & 0x100 ? 1 << 14 : 0), false, true, true); return;
-      case 6: this.call(`core.cps(${(h >> 4) & 1},${h & 3})`); return;
-      case 10: {
-        const b = this.r(n);
-        switch ((h >> 6) & 3) {
-          case 0: this.e(`x=${b};`); this.set(d, '(x<<24)|((x&65280)<<8)|((x>>>8)&65280)|(x>>>24)'); return;
-          case 1: this.e(`x=${b};`); this.set(d, '((x&0xff00ff)<<8)|((x>>>8)&0xff00ff)'); return;
-          case 3: this.e(`x=${b};`); this.set(d, '((x<<24)|((x&65280)<<8))>>16'); return;
-        }
-        break;
-      }
-      case 12: case 13: this.multiple(13, (h & 0xff) | (h & 0x100 ? 1 << 15 : 0), true, true, false); return;
-      case 14: this.call(`core.bkpt(${h & 0xff},${this.pc | 0},${this.next | 0});return core.find(r[15])`); return;
-      case 15: {
-        const mask = h & 15;
-        const first = (h >> 4) & 15;
-        if (!mask) {
-          if (first === 2) this.call('core.wfe()');
-          else if (first === 3) this.call('core.wfi()');
-          else if (first === 4) this.call('core.sev()');
-          return;
-        }
-        const count = 4 - (31 - Math.clz32(mask & -mask));
-        this.it = [];
-        for (let i = 0; i < count; i++) {
-          this.it.push(i === 0 ? first : (first & 14) | ((mask >> (4 - i)) & 1));
-        }
-        this.wasIT = true;
-        return;
-      }
-    }
-    this.undefined(h);
   }
 
   /** LDM, STM, PUSH, POP. before: the first address is below the base. */
@@ -502,37 +298,33 @@ export class Emitter {
     let count = 0;
     for (let i = list; i; i &= i - 1) count++;
     this.cy += count;
-    const base = this.r(n);
-    this.e(`b=(${base}${before ? `-${4 * count}` : ''})|0;o=(b-536870912)>>>0;`);
-    const after = before ? 'b' : `(b+${4 * count})|0`;
-    let fast = 'o>>=2;';
+    this.e(`b=${this.r(n)}${before ? `-${4 * count}` : ''};`);
+    const after = before ? 'b' : `b+${4 * count}`;
+    let fast = '';
     let slow = '';
-    let i = 0;
+    let at = 0;
     for (let k = 0; k < 16; k++) {
       if (!((list >> k) & 1)) continue;
       if (load) {
         const to = k === 15 ? 't' : `r${k}`;
         if (k < 15) {
-          this.used |= 1 << k;
-          this.dirty |= 1 << k;
+          this.movesStack ||= k === 13;
           this.sets = 1 << k;
           this.loads = true;
         }
-        fast += `${to}=ram32[o+${i}];`;
-        slow += `${to}=core.ld32((b+${4 * i})|0,${this.cy});`;
+        fast += `${to}=m32[o+${at}];`;
+        slow += `${to}=core.ld32(b+${at},${this.spent()});`;
       } else {
-        fast += `ram32[o+${i}]=${this.r(k)};`;
-        slow += `core.st32((b+${4 * i})|0,${this.r(k)},${this.cy});`;
+        fast += `m32[o+${at}]=${this.r(k)};`;
+        slow += `core.st32(b+${at},${this.r(k)},${this.spent()});`;
       }
-      i++;
+      at += 4;
     }
+    this.e(`o=b-${RAM_BASE};if(${this.inside(32, count)}){${fast}}else{${slow}}`);
     if (writeback && !(load && (list >> n) & 1)) {
-      this.dirty |= 1 << n;
-      const wb = `r${n}=${after};`;
-      fast += wb;
-      slow += wb;
+      this.movesStack ||= n === 13;
+      this.e(`r${n}=${after};`);
     }
-    this.e(`if(o<=${532480 - 4 * count}&&!(o&3)){${fast}}else{${slow}}`);
     if (load && list >>> 15) this.bx('t');
   }
 
@@ -581,9 +373,9 @@ export class Emitter {
       // LDRD, STRD
       const offset = (U ? 1 : -1) * 4 * (g & 0xff);
       const literal = n === 15;
-      const base = literal ? `${(this.pc + 4) & ~3}` : this.r(n);
+      const base = literal ? this.ahead(offset, true) : this.r(n);
       this.cy += 1;
-      this.e(`b=(${base}${P ? `+${offset}` : ''})|0;`);
+      this.e(`b=${base}${P && !literal ? `+${this.imm(offset)}` : ''};`);
       if (L) {
         this.e(`t=${this.load(32, 'b')};`);
         const second = this.load(32, 'b+4');
@@ -593,20 +385,20 @@ export class Emitter {
         this.store(32, 'b', this.r(t));
         this.store(32, 'b+4', this.r(t2));
       }
-      if (W) this.set(n, P ? 'b' : `(b+${offset})|0`);
+      if (W) this.set(n, P ? 'b' : `b+${this.imm(offset)}`);
       return;
     }
     if (!(h & 0x80)) {
       if (h & 0x10) {
         // LDREX
         this.set(t, this.load(32, `${this.r(n)}+${4 * (g & 0xff)}`));
-        this.e('st[6]=1;');
+        this.e('monitor=1;');
       } else if (g >> 12 === 15 && n !== 15 && (h & 0xfff0) === 0xe840 && (g & 0x3f) === 0) {
         // TT, TTT, TTA, TTAT: everything is secure and accessible
         this.set(t2, 'core.tt()');
       } else {
         // STREX
-        this.e('if(st[6]){st[6]=0;');
+        this.e('if(monitor){monitor=0;');
         this.store(32, `${this.r(n)}+${4 * (g & 0xff)}`, this.r(t));
         this.set(t2, '0');
         this.e('}else{');
@@ -618,11 +410,11 @@ export class Emitter {
     const kind = (g >> 4) & 15;
     if (L && kind < 2) {
       // TBB, TBH
-      const base = n === 15 ? `${(this.pc + 4) | 0}` : this.r(n);
+      const base = this.r(n);
       const m = g & 15;
       this.cy += USE;
       const text = kind ? this.load(16, `${base}+(${this.r(m)}<<1)`) : this.load(8, `${base}+${this.r(m)}`);
-      this.exitTo(`(${(this.pc + 4) | 0}+(${text}<<1))|0`, TAKEN);
+      this.exitTo(`${this.at(this.pc + 4)}+(${text}<<1)`, TAKEN);
       return;
     }
     const size = [8, 16, 32, 0][kind & 3];
@@ -631,10 +423,10 @@ export class Emitter {
       const exclusive = kind < 8 || kind >= 12;
       if (L) {
         this.set(t, this.load(size, this.r(n)));
-        if (exclusive) this.e('st[6]=1;');
+        if (exclusive) this.e('monitor=1;');
       } else if (!exclusive) this.store(size, this.r(n), this.r(t));
       else {
-        this.e('if(st[6]){st[6]=0;');
+        this.e('if(monitor){monitor=0;');
         this.store(size, this.r(n), this.r(t));
         this.set(g & 15, '0');
         this.e('}else{');
@@ -666,11 +458,9 @@ export class Emitter {
         if (S) { this.addFlags(a(), b); if (d !== 15) this.set(d, 'x'); } else this.write(d, `(${a()}+${b})|0`);
         return;
       case 10:
-        this.flags = true;
         if (S) { this.adcFlags(a(), b); this.set(d, 'x'); } else this.set(d, `(${a()}+${b}+c)|0`);
         return;
       case 11:
-        this.flags = true;
         if (S) { this.adcFlags(a(), `~(${b})`); this.set(d, 'x'); } else this.set(d, `(${a()}+~(${b})+c)|0`);
         return;
       case 13:
@@ -713,10 +503,9 @@ export class Emitter {
     const d = (g >> 8) & 15;
     const [value, carry] = expand(((h & 0x400) << 1) | ((g >> 4) & 0x700) | (g & 0xff));
     if (S && op < 5 && carry >= 0) {
-      this.useFlags();
       this.e(`c=${carry};`);
     }
-    this.process(op, S, n, d, value < 0 ? `(${value})` : `${value}`, h, g);
+    this.process(op, S, n, d, `(${this.imm(value)})`, h, g);
   }
 
   plain(h, g) {
@@ -728,13 +517,13 @@ export class Emitter {
     const lsb = ((g >> 10) & 0x1c) | ((g >> 6) & 3);
     const low = g & 31;
     switch (op) {
-      case 0: this.set(d, n === 15 ? `${(((this.pc + 4) & ~3) + i12) | 0}` : `(${this.r(n)}+${i12})|0`); return;
-      case 10: this.set(d, n === 15 ? `${(((this.pc + 4) & ~3) - i12) | 0}` : `(${this.r(n)}-${i12})|0`); return;
-      case 4: this.set(d, `${i16}`); return;
-      case 12: this.set(d, `(${this.r(d)}&65535)|${(i16 << 16) | 0}`); return;
+      case 0: this.set(d, n === 15 ? `${this.ahead(i12, true)}` : `(${this.r(n)}+${this.imm(i12)})|0`); return;
+      case 10: this.set(d, n === 15 ? `${this.ahead(-i12, true)}` : `(${this.r(n)}-${this.imm(i12)})|0`); return;
+      case 4: this.set(d, this.imm(i16)); return;
+      case 12: this.set(d, `(${this.r(d)}&65535)|${this.imm((i16 << 16) | 0)}`); return;
       case 16: case 18: {
         if (op === 18 && lsb === 0) {
-          this.set(d, `core.both(${this.r(n)},core.ssat,${(low & 15) + 1})`); // SSAT16
+          this.set(d, `core.ssat16(${this.r(n)},${(low & 15) + 1})`); // SSAT16
           return;
         }
         const x = this.shift(op === 18 ? 2 : 0, lsb, this.r(n), false);
@@ -743,7 +532,7 @@ export class Emitter {
       }
       case 24: case 26: {
         if (op === 26 && lsb === 0) {
-          this.set(d, `core.both(${this.r(n)},core.usat,${low & 15})`); // USAT16
+          this.set(d, `core.usat16(${this.r(n)},${low & 15})`); // USAT16
           return;
         }
         const x = this.shift(op === 26 ? 2 : 0, lsb, this.r(n), false);
@@ -764,37 +553,34 @@ export class Emitter {
   }
 
   branches(h, g) {
-    const S = (h >> 10) & 1;
-    const j1 = (g >> 13) & 1;
-    const j2 = (g >> 11) & 1;
     if (g & 0x1000) {
-      const i1 = 1 ^ S ^ j1;
-      const i2 = 1 ^ S ^ j2;
-      const offset = (S ? -0x1000000 : 0) + (i1 << 23) + (i2 << 22) + ((h & 0x3ff) << 12) + ((g & 0x7ff) << 1);
-      const target = (this.pc + 4 + offset) | 0;
-      if (g & 0x4000) this.set(14, `${this.next | 1}`); // BL
+      const target = (this.pc + 4 + this.longOffset(h, g)) | 0;
+      if (g & 0x4000) {
+        // BL
+        this.set(14, this.link14());
+        this.leads.push(this.next);
+      }
       this.jump(target);
       return;
     }
     if ((h & 0x380) !== 0x380) {
+      const [S, j1, j2] = [(h >> 10) & 1, (g >> 13) & 1, (g >> 11) & 1];
       const offset = (S ? -0x100000 : 0) + (j2 << 19) + (j1 << 18) + ((h & 0x3f) << 12) + ((g & 0x7ff) << 1);
-      this.branchIf((h >> 6) & 15, this.pc + 4 + offset);
+      this.branchIf((h >> 6) & 15, (this.pc + 4 + offset) | 0);
       return;
     }
     if ((h & 0xffe0) === 0xf380) {
-      this.call(`core.msr(${g & 0xff},${this.r(h & 15)},${(g >> 10) & 3})`);
+      this.call(`core.msr(${g & 0xff},${this.r(h & 15)})`);
       return;
     }
     if (h === 0xf3ef) {
-      this.flags = true;
-      this.e('@WB@');
+      this.e('back;');
       this.set((g >> 8) & 15, `core.mrs(${g & 0xff})`);
-      // the values written back are not read again: the register files are the same
       return;
     }
     if (h === 0xf3bf) {
       const op = (g >> 4) & 15;
-      if (op === 2) this.e('st[6]=0;'); // CLREX
+      if (op === 2) this.e('monitor=0;'); // CLREX
       else if (op === 6 || op === 4) this.exit(this.next); // ISB, DSB: interrupts are looked at
       return;
     }
@@ -813,12 +599,11 @@ export class Emitter {
     let after = null;
     if (n === 15) {
       if (t === 15 && size < 32) return; // PLD, PLI
-      const at = (((this.pc + 4) & ~3) + (h & 0x80 ? 1 : -1) * (g & 0xfff)) | 0;
-      address = `#${at}`;
-    } else if (h & 0x80) address = `${this.r(n)}+${g & 0xfff}`;
+      address = `#${this.ahead((h & 0x80 ? 1 : -1) * (g & 0xfff), true)}`;
+    } else if (h & 0x80) address = `${this.r(n)}+${this.imm(g & 0xfff)}`;
     else if (!(g & 0x800)) address = `${this.r(n)}+(${this.r(g & 15)}<<${(g >> 4) & 3})`;
     else {
-      const offset = (g & 0x200 ? 1 : -1) * (g & 0xff);
+      const offset = this.imm((g & 0x200 ? 1 : -1) * (g & 0xff));
       const P = g & 0x400;
       const W = g & 0x100;
       if (W || !P) {
@@ -826,7 +611,7 @@ export class Emitter {
         address = P ? 'b' : this.r(n);
         after = 'b';
       } else address = `${this.r(n)}+${offset}`;
-      if (P && g & 0x200 && !W) address = `${this.r(n)}+${g & 0xff}`; // LDRT and so on, as privileged
+      if (P && g & 0x200 && !W) address = `${this.r(n)}+${this.imm(g & 0xff)}`; // LDRT and so on, as privileged
     }
     if (L && t === 15 && size < 32) return; // PLD, PLI
     if (L) {
@@ -876,8 +661,6 @@ export class Emitter {
     }
     if (op >= 8 && !(g & 0x80)) {
       // parallel addition and subtraction
-      this.flags = true;
-      this.e('@WB@');
       this.set(d, `core.parallel(${op & 7},${(g >> 4) & 7},${this.r(n)},${this.r(m)})`);
       return;
     }
@@ -906,7 +689,7 @@ export class Emitter {
     const op2 = (g >> 4) & 3;
     const N = this.r(n);
     const M = this.r(m);
-    const plus = a === 15 ? '' : `${this.r(a)}+`;
+    const A = a === 15 ? 0 : this.r(a);
     const half = (text, top) => (top ? `(${text}>>16)` : `(${text}<<16>>16)`);
     switch (op) {
       case 0:
@@ -914,22 +697,19 @@ export class Emitter {
         else this.set(d, `(${this.r(a)}-Math.imul(${N},${M}))|0`);
         return;
       case 1:
-        this.e(`y=${plus}Math.imul(${half(N, op2 & 2)},${half(M, op2 & 1)});if(y!==(y|0))st[5]=1;`);
-        this.set(d, 'y|0');
+        this.set(d, `core.plus(${A},Math.imul(${half(N, op2 & 2)},${half(M, op2 & 1)}),0)`);
         return;
       case 2: case 4: {
         this.e(`q=${M};${op2 & 1 ? 'q=(q>>>16)|(q<<16);' : ''}p=${N};`);
-        this.e(`y=${plus}Math.imul(p<<16>>16,q<<16>>16)${op === 4 ? '-' : '+'}Math.imul(p>>16,q>>16);if(y!==(y|0))st[5]=1;`);
-        this.set(d, 'y|0');
+        this.set(d, `core.plus(${A},Math.imul(p<<16>>16,q<<16>>16),${op === 4 ? '0-' : ''}Math.imul(p>>16,q>>16))`);
         return;
       }
       case 3:
-        this.e(`y=${plus}core.mulWide(${N},${half(M, op2 & 1)});if(y!==(y|0))st[5]=1;`);
-        this.set(d, 'y|0');
+        this.set(d, `core.plusTop(${N},${half(M, op2 & 1)},${A})`);
         return;
-      case 5: this.set(d, `core.mulTop(${N},${M},${a === 15 ? 0 : this.r(a)},${op2 & 1},false)`); return;
-      case 6: this.set(d, `core.mulTop(${N},${M},${this.r(a)},${op2 & 1},true)`); return;
-      case 7: this.set(d, `core.usad(${N},${M},${a === 15 ? 0 : this.r(a)})`); return;
+      case 5: this.set(d, `core.mulTop(${N},${M},${A},${op2 & 1},0)`); return;
+      case 6: this.set(d, `core.mulTop(${N},${M},${this.r(a)},${op2 & 1},1)`); return;
+      case 7: this.set(d, `core.usad(${N},${M},${A})`); return;
     }
     this.undefined(h, g);
   }
@@ -945,14 +725,12 @@ export class Emitter {
     const M = this.r(m);
     if (op === 1 && op2 === 15) {
       this.cy += DIVIDE - 1;
-      this.e(`p=${N};q=${M};`);
-      this.set(high, 'q===0?0:(p/q)|0');
+      this.set(high, `core.sdiv(${N},${M})`);
       return;
     }
     if (op === 3 && op2 === 15) {
       this.cy += DIVIDE - 1;
-      this.e(`p=${N};q=${M};`);
-      this.set(high, 'q===0?0:((p>>>0)/(q>>>0))|0');
+      this.set(high, `core.udiv(${N},${M})`);
       return;
     }
     const long = { 0: 'smull', 2: 'umull', 4: 'smlal', 6: 'umlal' }[op];
@@ -962,22 +740,22 @@ export class Emitter {
       const rest = name.endsWith('ull') ? '' : `,${this.r(low)},${this.r(high)}`;
       this.e(`p=core.${name}(${N},${M}${rest});`);
       this.set(low, 'p');
-      this.set(high, 'st[7]');
+      this.set(high, 'high');
       return;
     }
     const halves = op === 4 && op2 >> 2 === 2; // SMLALBB and the like
     if (halves || ((op === 4 || op === 5) && op2 >> 1 === 6)) {
       const half = (text, top) => (top ? `(${text}>>16)` : `(${text}<<16>>16)`);
       this.e(`q=${M};p=${N};`);
-      if (halves) this.e(`x=Math.imul(${half('p', op2 & 2)},${half('q', op2 & 1)});`);
+      if (halves) this.e(`x=Math.imul(${half('p', op2 & 2)},${half('q', op2 & 1)});y=0;`);
       else {
         // SMLALD, SMLSLD
         if (op2 & 1) this.e('q=(q>>>16)|(q<<16);');
-        this.e(`x=Math.imul(p<<16>>16,q<<16>>16)${op === 5 ? '-' : '+'}Math.imul(p>>16,q>>16);`);
+        this.e(`x=Math.imul(p<<16>>16,q<<16>>16);y=${op === 5 ? '0-' : ''}Math.imul(p>>16,q>>16);`);
       }
-      this.e(`p=core.accumulate(x,${this.r(low)},${this.r(high)});`);
+      this.e(`p=core.accumulate(x,y,${this.r(low)},${this.r(high)});`);
       this.set(low, 'p');
-      this.set(high, 'st[7]');
+      this.set(high, 'high');
       return;
     }
     this.undefined(h, g);
@@ -998,10 +776,10 @@ export class Emitter {
       const op = (g >> 4) & 15;
       const t2 = h & 15;
       if (h & 0x10) {
-        this.e(`p=core.mrrc(${cp},${op},${g & 15},${(h >> 12) & 1},${this.cy});`);
+        this.e(`p=core.mrrc(${cp},${op},${g & 15},${(h >> 12) & 1},${this.spent()});`);
         this.set(t, 'p');
-        this.set(t2, 'st[7]');
-      } else this.e(`core.mcrr(${cp},${op},${g & 15},${this.r(t)},${this.r(t2)},${this.cy});`);
+        this.set(t2, 'high');
+      } else this.e(`core.mcrr(${cp},${op},${g & 15},${this.r(t)},${this.r(t2)},${this.spent()});`);
       return;
     }
     if ((h & 0xef00) === 0xee00) {
@@ -1012,20 +790,16 @@ export class Emitter {
       else if (h & 0x10) {
         this.e(`x=core.mrc(${cp},${op1},${args},${(h >> 12) & 1});`);
         if (t === 15) {
-          this.useFlags();
           this.e('nz=x<0?-1:(x>>>30)&1?0:1;c=(x>>>29)&1;v=(x>>>28)&1;');
         } else this.set(t, 'x');
-      } else this.e(`core.mcr(${cp},${op1},${args},${this.r(t)},${this.cy});`);
+      } else this.e(`core.mcr(${cp},${op1},${args},${this.r(t)},${this.spent()});`);
       return;
     }
     this.undefined(h, g);
   }
 
   float(h, g, double) {
-    if (!this.fp || this.cond < 14) {
-      this.e('st[8]=4;'); // CONTROL.FPCA
-      this.fp = this.cond >= 14;
-    }
+    this.e('fpca=4;');
     const D = (h >> 6) & 1;
     const Vd = (g >> 12) & 15;
     const d = double ? (D << 4) | Vd : (Vd << 1) | D;
@@ -1051,11 +825,12 @@ export class Emitter {
       const first = double ? d * 2 : d;
       if (P && !W) {
         // VLDR, VSTR
-        const base = n4 === 15 ? `${(this.pc + 4) & ~3}` : this.r(n4);
+        const base = this.r(n4);
         for (let i = 0; i < (double ? 2 : 1); i++) {
-          const address = `${base}${U ? '+' : '-'}${imm}${i ? '+4' : ''}`;
+          const address = `${base}${U ? '+' : '-'}${this.imm(imm)}${i ? '+4' : ''}`;
           if (L) {
-            const text = this.load(32, n4 === 15 ? `#${((this.pc + 4) & ~3) + (U ? imm : -imm) + 4 * i}` : address);
+            const literal = n4 === 15 && this.ahead(U ? imm : -imm, true);
+            const text = this.load(32, n4 === 15 ? `#${this.quick ? literal + 4 * i : `${literal}+${4 * i}`}` : address);
             this.e(`si[${first + i}]=${text};`);
           } else this.store(32, address, `si[${first + i}]`);
         }
@@ -1066,8 +841,8 @@ export class Emitter {
       this.cy += words;
       this.e(`b=(${this.r(n4)}${U ? '' : `-${imm}`})|0;`);
       for (let i = 0; i < words; i++) {
-        if (L) this.e(`si[${first + i}]=core.ld32((b+${4 * i})|0,${this.cy});`);
-        else this.e(`core.st32((b+${4 * i})|0,si[${first + i}],${this.cy});`);
+        if (L) this.e(`si[${first + i}]=core.ld32(b+${4 * i},${this.spent()});`);
+        else this.e(`core.st32(b+${4 * i},si[${first + i}],${this.spent()});`);
       }
       if (W) this.set(n4, U ? `(b+${imm})|0` : 'b');
       return;
@@ -1081,12 +856,11 @@ export class Emitter {
         else this.e(`si[${n}]=${this.r(t)};`);
         return;
       }
-      if (h === 0xeee1) return void this.e(`core.fpscr=${this.r(t)};`);
+      if (h === 0xeee1) return void this.e(`fpscr=${this.r(t)};`);
       if (h === 0xeef1) {
         if (t === 15) {
-          this.useFlags();
-          this.e('x=core.fpscr;nz=x<0?-1:(x>>>30)&1?0:1;c=(x>>>29)&1;v=(x>>>28)&1;');
-        } else this.set(t, 'core.fpscr');
+          this.e('x=fpscr;nz=x<0?-1:(x>>>30)&1?0:1;c=(x>>>29)&1;v=(x>>>28)&1;');
+        } else this.set(t, 'fpscr');
         return;
       }
       if (h === 0xeef7 || h === 0xeef6) return this.set(t, h === 0xeef7 ? '0x10110021' : '0x11000011');
@@ -1106,31 +880,23 @@ export class Emitter {
       // VSEL, VMAXNM, VMINNM, VRINTA..M, VCVTA..M
       if ((h & 0xff80) === 0xfe00) {
         const cond = ['nz===0', 'v!==0', '(nz<0)===(v!==0)', 'nz!==0&&(nz<0)===(v!==0)'][(h >> 4) & 3];
-        this.flags = true;
         this.e(`si[${d}]=${cond}?si[${n}]:si[${m}];`);
       } else if ((h & 0xffb0) === 0xfe80) {
-        this.e(`s[${d}]=core.${g & 0x40 ? 'minnm' : 'maxnm'}(s[${n}],s[${m}]);`);
+        this.e(`core.${g & 0x40 ? 'vminnm' : 'vmaxnm'}(${d},${n},${m});`);
       } else if ((h & 0xffbc) === 0xfeb8 && (g & 0xd0) === 0x40) {
-        this.e(`s[${d}]=core.rint(s[${m}],${['1', '0', '2', '3'][h & 3]});`);
+        this.e(`core.vrint(${d},${m},${[1, 0, 2, 3][h & 3]});`);
       } else if ((h & 0xffbc) === 0xfebc) {
-        this.e(`si[${d}]=core.toInt(core.rint(s[${m}],${['1', '0', '2', '3'][h & 3]}),${g & 0x80 ? 1 : 0});`);
+        this.e(`si[${d}]=core.toInt(${m},${[1, 0, 2, 3][h & 3]},${g & 0x80 ? 1 : 0});`);
       } else this.undefined(h, g);
       return;
     }
+    if (OF_THREE[op]) {
+      const [name, more] = OF_THREE[op];
+      this.e(`core.${name}(${d},${n},${m});`);
+      this.cy += more;
+      return;
+    }
     switch (op) {
-      case 0: this.e(`s[${d}]=s[${d}]+Math.fround(s[${n}]*s[${m}]);`); this.cy += 2; return; // VMLA
-      case 1: this.e(`s[${d}]=s[${d}]-Math.fround(s[${n}]*s[${m}]);`); this.cy += 2; return;
-      case 2: this.e(`s[${d}]=-s[${d}]+Math.fround(s[${n}]*s[${m}]);`); this.cy += 2; return; // VNMLS
-      case 3: this.e(`s[${d}]=-s[${d}]-Math.fround(s[${n}]*s[${m}]);`); this.cy += 2; return; // VNMLA
-      case 4: this.e(`s[${d}]=s[${n}]*s[${m}];`); return;
-      case 5: this.e(`s[${d}]=-s[${n}]*s[${m}];`); return;
-      case 6: this.e(`s[${d}]=s[${n}]+s[${m}];`); return;
-      case 7: this.e(`s[${d}]=s[${n}]-s[${m}];`); return;
-      case 8: this.e(`s[${d}]=s[${n}]/s[${m}];`); this.cy += 13; return;
-      case 10: this.e(`s[${d}]=core.fma(s[${n}],s[${m}],-s[${d}]);`); this.cy += 2; return; // VFNMS
-      case 11: this.e(`s[${d}]=core.fma(-s[${n}],s[${m}],-s[${d}]);`); this.cy += 2; return; // VFNMA
-      case 12: this.e(`s[${d}]=core.fma(s[${n}],s[${m}],s[${d}]);`); this.cy += 2; return; // VFMA
-      case 13: this.e(`s[${d}]=core.fma(-s[${n}],s[${m}],s[${d}]);`); this.cy += 2; return; // VFMS
       case 14: {
         // VMOV immediate
         const i8 = ((h & 15) << 4) | (g & 15);
@@ -1143,15 +909,14 @@ export class Emitter {
         const up = (g >> 7) & 1;
         switch (kind) {
           case 0: this.e(up ? `si[${d}]=si[${m}]&0x7fffffff;` : `si[${d}]=si[${m}];`); return;
-          case 1: if (up) { this.e(`s[${d}]=Math.sqrt(s[${m}]);`); this.cy += 13; } else this.e(`si[${d}]=si[${m}]^-2147483648;`); return;
-          case 2: case 3: this.e(`core.halfConvert(${kind},${up},${d},${m});`); return;
-          case 4: this.e(`core.compare(s[${d}],s[${m}]);`); return;
-          case 5: this.e(`core.compare(s[${d}],0);`); return;
-          case 6: this.e(`s[${d}]=core.rint(s[${m}],${up ? 4 : 5});`); return; // VRINTZ, VRINTR
-          case 7: this.e(`s[${d}]=core.rint(s[${m}],5);`); return; // VRINTX
-          case 8: this.e(up ? `s[${d}]=si[${m}];` : `s[${d}]=si[${m}]>>>0;`); return;
-          case 12: this.e(`si[${d}]=core.toInt(${up ? '' : 'core.rint('}s[${m}]${up ? '' : ',5)'},0);`); return;
-          case 13: this.e(`si[${d}]=core.toInt(${up ? '' : 'core.rint('}s[${m}]${up ? '' : ',5)'},1);`); return;
+          case 1: if (up) { this.e(`core.vsqrt(${d},${m});`); this.cy += 13; } else this.e(`si[${d}]=si[${m}]^-2147483648;`); return;
+          case 2: case 3: this.e('core.halfConvert();'); return;
+          case 4: this.e(`core.vcmp(${d},${m});`); return;
+          case 5: this.e(`core.vcmp0(${d});`); return;
+          case 6: this.e(`core.vrint(${d},${m},${up ? 4 : 5});`); return; // VRINTZ, VRINTR
+          case 7: this.e(`core.vrint(${d},${m},5);`); return; // VRINTX
+          case 8: this.e(`core.fromInt(${d},${m},${up});`); return;
+          case 12: case 13: this.e(`si[${d}]=core.toInt(${m},${up ? 4 : 5},${kind & 1});`); return;
           case 10: case 11: case 14: case 15: {
             const wide = g & 0x80;
             const bits = (wide ? 32 : 16) - (((g & 15) << 1) | ((g >> 5) & 1));
