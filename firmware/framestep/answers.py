@@ -41,6 +41,7 @@ from framestep.protocol.checksum import check_bytes, fletcher16
 from framestep.protocol.frames import END, FILL, NEXT, TAKE
 from framestep.pulse import stepper
 from framestep.pulse.engine import MOTORS
+from framestep.virtual_axes.move import SETTLING, TAKING_UP
 
 _READER = const(0)  # addresses of the states of reader and writer
 _WRITER = const(1)
@@ -95,29 +96,41 @@ def _slow_down(controller, bits: int):
     does in its interrupt: a pass may carry the request out only milliseconds later. bits: for a
     STOP, of its motor; else of all.
 
-    Left to that pass are motors whose stop is planned: in a virtual motion, in a JOG_ALL, which
-    ends on a frame, within a jerk limit, and in homing.
+    A virtual motion slows down on its line, a motor with a jerk limit within that. Left to that
+    pass are motors in a JOG_ALL, which ends on a frame, and in homing.
     """
     words = controller.answers
     block = controller.safety.block
     operations = controller.operations
     operation = operations.operation
     state = int(operations.state)
-    virtual = int(controller.virtuals.move.owned)
-    spared = int(coupled(block, ptr32(words)[_SMOOTH]))
-    bits = int(coupled(block, bits))
-    if state > LEAVING:  # before, a STOP concerns one motor
-        taken = int(operation.bits)
-        if bits & taken:
+    taken = int(operation.bits)
+    move = controller.virtuals.move
+    virtual = int(move.owned)
+    spared = eased = int(coupled(block, ptr32(words)[_SMOOTH]))
+    if bits + 1 != 1 << int(controller.axes.count):
+        bits = int(coupled(block, bits))
+        if state > LEAVING and bits & taken:  # before, a STOP concerns one motor
             bits |= int(coupled(block, taken & (virtual ^ -1)))
-        if state == RUNNING:
-            spared = spared & (taken ^ -1) if operation.at_once else spared | taken
-    spared |= virtual | int(controller.interlock.homing)
+    if state == RUNNING:
+        eased &= taken ^ -1
+        spared = eased if operation.at_once else spared | taken
+    on_line = 0
+    if virtual and int(move.state) != TAKING_UP and int(move.state) != SETTLING:
+        spared |= virtual
+        on_line = virtual & bits
+    homing = int(controller.interlock.homing)
+    spared |= homing
+    eased &= bits & ((virtual | homing) ^ -1)
     bits &= int(coupled(block, spared)) ^ -1
     hal = controller.hal
     irq = hal.irq_off()
     stepper.halt(block, bits, _ANY_RATE, 1)
     hal.irq_on(irq)
+    if on_line:
+        move.begin_stop()
+    if eased:
+        controller.axes.begin_stop(eased)
 
 
 @micropython.viper
@@ -128,10 +141,11 @@ def _may_acknowledge(controller) -> int:
         return 0
     if int(controller.openings) != int(controller.port.openings):
         return 0
-    state = ptr32(controller.reader._state)
+    words = ptr32(controller.answers)
+    state = ptr32(words[_READER])
     if state[NEXT] != state[FILL]:
         return 0
-    state = ptr32(controller.writer._state)
+    state = ptr32(words[_WRITER])
     return 1 if state[TAKE] == state[END] else 0
 
 
@@ -170,16 +184,16 @@ def _go(controller, frames, at: int, place) -> int:
     operations = controller.operations
     if int(operations.state) != READY or int(operations.early_plan) != PLANNED:
         return 0
-    # So that it takes as long from each GO to the motion. Before all else, which then takes no time
-    # of its own.
-    hal = controller.hal
     header = controller.header
     state = ptr32(header)
-    if state[stepper.RUNNING] | state[stepper.CUE_READ_INDEX] - state[stepper.CUE_WRITE_INDEX] == 0:
-        hal.align()
     words = ptr32(controller.safety.words)
     if words[ACTIVE] | words[CAUGHT] or state[stepper.AWAKE_AT] >= 0:
         return 0
+    # So that it takes as long from each GO to the motion. Before the checks that take longer, which
+    # then take no time of their own.
+    hal = controller.hal
+    if state[stepper.RUNNING] | state[stepper.CUE_READ_INDEX] - state[stepper.CUE_WRITE_INDEX] == 0:
+        hal.align()
     if int(controller.interlock.homing) or int(_may_acknowledge(controller)) == 0:
         return 0
     drivers = controller.drivers
@@ -288,7 +302,9 @@ def answer(controller, questions, at: int, place) -> int:
         return 0
     operations = controller.operations
     state = int(operations.state)
-    if state == POSITIONING or state == ENDING or state == GONE:
+    if state == POSITIONING or state == ENDING:
+        return 0
+    if state == GONE and kind == m.MSG_MOTOR_GET_POSITION:  # whose time begins in adopt()
         return 0
     if state < READY and operations.rt_end_due:  # it goes out first
         return 0

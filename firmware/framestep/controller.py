@@ -189,6 +189,8 @@ class Controller:
             self.active_passes = _ACTIVE_PASSES
         if busy or self.unsent:
             self.unsent = self.port.send(self.writer)
+            if busy and self.unsent:
+                self.port.glance()  # what it waits for may have gone since the pass began
         news = self.io.poll(now)
         if news:
             if news & STOP:
@@ -203,6 +205,7 @@ class Controller:
         if self.run_outputs.busy:
             self.run_outputs.poll()
         if alarm and self.operations.state == RUNNING and self.operations.reached():
+            self.port.glance()
             self.reports.report_frame()
             self.active_passes = _ACTIVE_PASSES  # a run of lights only does not move anything
             self._housekeep(now, False, news)
@@ -244,6 +247,7 @@ class Controller:
             self.stops.check_board()
             if self.watchdog.check(now, self.reports.was_moving, self.was_open):
                 self.stops.on_host_lost()
+            self.port.glance()  # that took half a millisecond
         stepper.waking(self.header)  # often enough for its counter
         self.safety.poll_shared()
         if (now >> 7) & 15 != self.beat:

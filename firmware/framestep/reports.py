@@ -99,6 +99,7 @@ class Reports:
         if self.position and self.send_positions(None, self.frame):
             self.position = self.frame = False
             self.sent_at = now
+            self.axes.hal.port.look_for_stop()
             self.virtual = virtuals.configured  # sent in the next pass, as they take some computing
         if self.go:
             writer.begin(m.MSG_RT_GO, None)

@@ -235,13 +235,14 @@ class Stops:
             hard = True
         factor = self.rig.hard_stop_factor if hard else 1
         self.stop_all_at = now
+        if not hard:
+            virtuals.stop()  # first, as it takes most time
         self.interlock.stop_jogging()
         self._end_homing()
         landing = operations.stop(factor, not hard, True, spared=virtuals.owned)
         if hard:
             virtuals.halt(factor)
         else:
-            virtuals.stop()
             landing |= virtuals.owned
         self.axes.stop(factor, landing, not hard)
         return m.OK

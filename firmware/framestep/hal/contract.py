@@ -201,6 +201,11 @@ class Port:
         nothing is half done."""
         raise NotImplementedError
 
+    def look_for_stop(self):
+        """Begin a stop that has come since the pass began, as far as glance() would. Called where
+        something is half done."""
+        raise NotImplementedError
+
     def send(self, writer):
         """Begin to send what writer.take(buffer, limit) provides. Never waits.
 

@@ -142,6 +142,9 @@ class HostPort:
     def glance(self):
         pass
 
+    def look_for_stop(self):
+        pass
+
     def send(self, writer):
         while True:
             count = writer.take(self._buffer, len(self._buffer))

@@ -130,7 +130,7 @@ def meet(cubic: ptr32, block: ptr32, ticks: int):
         return
     q = ptr32(block[sw.QUEUE])
     k = ((block[sw.WRITE_INDEX] - 1) & _SLOTS) << 3
-    whole = q[k + sw.SEG_WHOLE]
+    whole = q[k + sw.SEG_WHOLE] - cubic[WHOLE]  # at the end of the range rounding may pass it
     rem = q[k + sw.SEG_FRACTION]
     v = q[k + sw.SEG_VELOCITY]
     a = q[k + sw.SEG_ACCEL]
@@ -143,7 +143,7 @@ def meet(cubic: ptr32, block: ptr32, ticks: int):
         a = a + jerk
         whole = whole + (rem >> 22)
         rem = rem & 0x3FFFFF
-    rem = rem + ((whole - cubic[WHOLE]) << 22) - (cubic[P] << 6) - (cubic[P + 1] >> 24)
+    rem = rem + (whole << 22) - (cubic[P] << 6) - (cubic[P + 1] >> 24)
     q[k + sw.SEG_VELOCITY] = q[k + sw.SEG_VELOCITY] - (rem + (ticks >> 1)) // ticks
 
 

@@ -6,7 +6,7 @@ from framestep.base.clock import after, reached
 from framestep.base.native import const
 from framestep.motors.axis import MOST_SEGMENTS, UNLIMITED, Axis
 from framestep.motors.backlash import BACKLASH
-from framestep.motors.feeder import ALL_BITS, coupled, emptiest_queue
+from framestep.motors.feeder import coupled, emptiest_queue
 from framestep.motors.positions import Positions
 from framestep.motors.queue_cut import queued
 from framestep.motors.samples import ALARM, choose, make_samples, renumber
@@ -102,7 +102,8 @@ class Axes:
             tail = axis.block[stepper.WRITE_INDEX]
             most = min((found & 31) + AHEAD, MOST_SEGMENTS) if left > 0 else LOW
             axis.feed(most, UNLIMITED, self.hal.port)
-            left -= ((axis.block[stepper.WRITE_INDEX] - tail) & ALL_BITS) + _CALL
+            # modulo, as a stop that comes meanwhile may cut the queue off (begin_stop)
+            left -= ((axis.block[stepper.WRITE_INDEX] - tail) & 31) + _CALL
         for backlash in self.with_backlash:
             backlash.refresh()
         bits = stepper.awaiting_target(state)
@@ -169,6 +170,12 @@ class Axes:
         irq = self.hal.irq_off()
         stepper.discard(self.kernel.state, bits)
         self.hal.irq_on(irq)
+
+    def begin_stop(self, bits):
+        """Let these motors slow down within their jerk limits; see Axis.begin_stop()."""
+        for i in range(self.count):
+            if (bits >> i) & 1 and not self.axes[i].leader:
+                self.axes[i].begin_stop(self.hal)
 
     def stop(self, factor=1, spared=0, smooth=False):
         """Ramp down all motors except those of the bits `spared` and their partners; see

@@ -38,6 +38,7 @@ MOST_SEGMENTS = const(14)  # leaves room in the ring for the two segments that e
 FIRST_TICKS = const(100)  # queued before a motion starts: the main loop may be away for that long
 SPLICE_TICKS = const(12)  # from a request to the beginning of the new plan
 ALL_SPLICE_TICKS = const(40)  # from a request to a new plan for all motors of a motion
+_HIGHEST_JERK = const(200000)  # 1000 steps/s³
 SLOW_SPLICE_TICKS = const(32)  # with a jerk limit, which an RP2040 plans in up to 20 ms
 
 # Registers of `numbers`, after those of rates.py
@@ -66,6 +67,7 @@ class Axis:
         self.own_velocity = 0  # set by set_speed(), steps/s
         self.own_acceleration = 0  # steps/s²
         self.own_jerk = 0  # 1000 steps/s³
+        self.jerk = 0  # the one in force in Q27 steps per tick³, or less
         self.velocity = 0  # in force: no more than a coupled motor can do as well
         self.acceleration = 0
         self.rates_outdated = True  # numbers derived from these settings must be computed again
@@ -150,6 +152,7 @@ class Axis:
         reals.put(r, MAX_JERK, jerk, 0)
         reals.divide(r, MAX_JERK, MAX_JERK, _Y)
         reals.divide(r, MAX_JERK, MAX_JERK, _Y)
+        self.jerk = min(jerk, _HIGHEST_JERK) * 134  # 2^27 / 10^6
         self.block[stepper.BRAKE] = kernel_rate(acceleration)
         if partner:
             # the same ramp for both, whatever stops them
@@ -452,7 +455,7 @@ class Axis:
         self.phases.clear()
         work = self.work
         work[feeder.LEFT] = work[feeder.PART] = work[feeder.MARKED] = 0
-        queue_cut.dropped(self.block, self.knot)
+        queue_cut.dropped(work, self.knot)
         work[feeder.AIMED] = work[feeder.MORE] = 1
         self.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
         return self.backlash.plan_from_cut(self.knot, positions, i)
@@ -547,6 +550,14 @@ class Axis:
         rate = bounds.stop_rate(self.block, self.bounds, rate, on_path)
         stepper.halt(self.block, bits, rate, 0)
         hal.irq_on(irq)
+
+    def begin_stop(self, hal):
+        """Slow down from the next tick on with the jerk limit, ahead of a smooth stop(), which has
+        to follow within EASY_TICKS."""
+        if self.jerk and not self.stopping_smoothly:
+            irq = hal.irq_off()
+            queue_cut.ease(self.block, 2 if self.partner else 1, self.jerk, self.reversed)
+            hal.irq_on(irq)
 
     def _stop_smoothly(self, hal):
         """Plan a stop within the jerk limit. Return False without a limit or a motion to stop."""

@@ -182,11 +182,12 @@ def emptiest_queue(m: ptr32, least: int, modes: int) -> int:
 def coupled(m: ptr32, bits: int) -> int:
     """Return these bits and the bits of the coupled motors. m: the block of the motor of bit 0."""
     pair = 3
-    while True:
+    while bits:
         if ptr32(m[stepper.WORK])[MIRRORED] and bits & pair:
             bits |= pair
         pair <<= 1
         a = m[stepper.NEXT]
         if a == 0:
-            return bits
+            break
         m = ptr32(a)
+    return bits

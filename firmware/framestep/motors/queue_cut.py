@@ -8,8 +8,10 @@ afterwards.
 from framestep.base.clock import HALF, WIDE_WRAP, elapsed
 from framestep.base.native import const, micropython, ptr32
 from framestep.motion import segments
-from framestep.motors.feeder import CUT
+from framestep.motors.feeder import CUT, MIRRORED
 from framestep.pulse import stepper as sw
+
+EASY_TICKS = const(96)  # of ease(): time for eight plans and a collection of the heap
 
 # Words of a motor's `work`, from CUT on: a state before the cut
 _WHOLE = const(CUT)  # steps
@@ -18,6 +20,19 @@ _VELOCITY = const(CUT + 2)  # Q22
 _ACCEL = const(CUT + 3)  # Q27
 _JERK = const(CUT + 4)  # Q27
 _TICKS = const(CUT + 5)  # from that state to the cut
+
+# Words of a motor's `work`, from CUT on, as well: how slow() makes it go on
+_HEAD = const(CUT)  # the first segment after that
+_NEW_VELOCITY = const(CUT + 1)
+_NEW_ACCEL = const(CUT + 2)
+_NEW_JERK = const(CUT + 3)
+# and where cut_at() has cut, as AT_ words
+_STEP = const(CUT + 4)
+_PART = const(CUT + 5)
+
+_MIRRORED = const(MIRRORED)
+_LONGEST_STOP = const(0x100000)  # ticks
+_GREATEST_CHANGE = const(0x10000000)  # of a velocity, Q22
 
 # Results of cut() that are not ticks
 TOO_SOON = const(-1)
@@ -157,15 +172,21 @@ def start_cubic(cubic: ptr32, work: ptr32):
     a = work[_ACCEL]
     j = work[_JERK]
     n = work[_TICKS]
+    steps = 0
     while n:
         n -= 1
         rem = rem + v
         v = v + (a >> 5)
         a = a + j
-        whole = whole + (rem >> 22)
+        steps = steps + (rem >> 22)
         rem = rem - ((rem >> 22) << 22)
-    cubic[segments.WHOLE] = whole + (rem >> 22)
+    steps = steps + (rem >> 22)
     rem = rem - ((rem >> 22) << 22)
+    low = -0x40000000
+    if whole < 0 and steps < 0 and whole - (low + low) + steps < 0:
+        steps = low + low - whole  # rounding took it just past the end of the range
+        rem = 0
+    cubic[segments.WHOLE] = whole + steps
     cubic[segments.P] = rem >> 6
     cubic[segments.P + 1] = (rem & 63) << 24
     a = a - j  # the kernel has it for the next tick already
@@ -209,15 +230,202 @@ def cut_at(m: ptr32, bits: int, tick: int, least: int) -> int:
                     return 0
                 if put:
                     m[sw.WRITE_INDEX] = head
+                    head = (head & (sw.SEGMENTS - 1)) << 3
+                    w = ptr32(m[sw.WORK])
+                    w[_STEP] = q[head + sw.SEG_WHOLE]
+                    w[_PART] = q[head + sw.SEG_FRACTION] >> 6
             todo >>= 1
         put += 1
     return 1
 
 
 @micropython.viper
-def dropped(m: ptr32, at: ptr32):
-    """at = where the first segment that cut_at() has dropped began, in AT_ words. m: the block."""
-    q = ptr32(m[sw.QUEUE])
-    k = (m[sw.WRITE_INDEX] & (sw.SEGMENTS - 1)) << 3
-    at[sw.AT_STEP] = q[k + sw.SEG_WHOLE]
-    at[sw.AT_PART] = q[k + sw.SEG_FRACTION] >> 6
+def dropped(work: ptr32, at: ptr32):
+    """at = where the first segment that cut_at() has dropped began, in AT_ words."""
+    at[sw.AT_STEP] = work[_STEP]
+    at[sw.AT_PART] = work[_PART]
+
+
+@micropython.viper
+def slow(m: ptr32, bits: int, tick: int) -> int:
+    """Find how these motors can slow down at once and together, until the segments that begin with
+    this tick, where a new plan can take over from cut_at().
+
+    Each motor gets one cubic that leads to the same place, `more` ticks later, and to its velocity
+    there times 1 - 2·more/(ticks + more). That is what the motors do if time passes ever more
+    slowly for them: their paths, and so the line that they follow together, stay the same.
+
+    Return `more`, as large as their accelerations (BRAKE) allow; 0 if one of them is too steep for
+    that already, or has no such segment. take_slow() puts it into force. m: the header.
+    """
+    ticks = elapsed(tick, m[sw.TICKS])
+    if ticks >= HALF:
+        return 0
+    first = m[sw.FIRST]
+    longest = 1  # ticks of the longest stop
+    todo = bits
+    a = first
+    while todo:
+        m = ptr32(a)
+        a = m[sw.NEXT]
+        if todo & 1:
+            n = ticks - m[sw.LEFT]
+            head = m[sw.READ_INDEX]
+            q = ptr32(m[sw.QUEUE])
+            while n > 0 and head != m[sw.WRITE_INDEX]:
+                n -= q[(head & (sw.SEGMENTS - 1)) << 3]
+                head = (head + 1) & WIDE_WRAP
+            if n or head == m[sw.WRITE_INDEX] or m[sw.MODE] != sw.RUN:
+                return 0
+            w = ptr32(m[sw.WORK])
+            w[_HEAD] = head
+            v = m[sw.VELOCITY]
+            if v < 0:
+                v = 0 - v
+            v = v // m[sw.BRAKE]
+            if v > longest:
+                longest = v
+        todo >>= 1
+    if longest > _LONGEST_STOP:
+        return 0
+    longest += (longest >> 3) + 1  # the rest is for the curves of the paths
+    # Time that slows down from full speed at a constant rate, to come to rest after `longest`
+    # ticks, has lost `more` ticks after n if n² = 2·more·longest.
+    more = 0
+    while 3 * more < ticks and (ticks + more + 1) * (ticks + more + 1) > 2 * longest * (more + 1):
+        more += 1
+    while more:
+        n = ticks + more
+        fits = 1
+        todo = bits
+        a = first
+        while todo and fits:
+            m = ptr32(a)
+            a = m[sw.NEXT]
+            if todo & 1:
+                w = ptr32(m[sw.WORK])
+                q = ptr32(m[sw.QUEUE])
+                k = (w[_HEAD] & (sw.SEGMENTS - 1)) << 3
+                # In Q22 per tick: the mean velocity u, how much more that is than the present
+                # velocity, and how much more the last one is.
+                d = q[k + sw.SEG_WHOLE] - m[sw.POSITION]
+                u = d // n
+                d = ((d - u * n) << 22) + q[k + sw.SEG_FRACTION] - m[sw.FRACTION]
+                u = (u << 22) + d // n
+                rise = u - m[sw.VELOCITY] + (m[sw.ACCEL] >> 6) - m[sw.JERK] // 96
+                v = q[k + sw.SEG_VELOCITY] - (q[k + sw.SEG_ACCEL] >> 6) + q[k + sw.SEG_JERK] // 96
+                d = v // n
+                v = v - 2 * more * d - 2 * more * (v - d * n) // n - u
+                if (rise + _GREATEST_CHANGE) >> 29 or (v + _GREATEST_CHANGE) >> 29:
+                    return 0
+                # The cubic begins with the acceleration 2·(2·rise - v)/n, ends with 2·(2·v -
+                # rise)/n, and has the jerk 6·(v - rise)/n².
+                limit = (m[sw.BRAKE] >> 1) + 1
+                d = rise + rise - v
+                g = d // n
+                e = (v + v - rise) // n
+                if g > limit or g + limit < 0 or e > limit or e + limit < 0:
+                    fits = 0
+                else:
+                    rest = d - g * n
+                    e = v - rise
+                    d = e // n
+                    jerk = (192 * d + (192 * (e - d * n) + (n >> 1)) // n + (n >> 1)) // n
+                    w[_NEW_VELOCITY] = u - rise + g + jerk // 192
+                    # The kernel rounds the acceleration down from Q27 to Q22: add half a unit.
+                    w[_NEW_ACCEL] = (g << 6) + (rest << 6) // n + jerk + 16
+                    w[_NEW_JERK] = jerk
+                    if w[_MIRRORED]:
+                        todo &= -3  # its partner does the same
+            todo >>= 1
+        if fits:
+            return more
+        more >>= 1
+    return 0
+
+
+@micropython.viper
+def take_slow(m: ptr32, bits: int, ticks: int):
+    """Let these motors go on as slow() has found, for `ticks` from now to their new plan.
+
+    To be called with interrupts off, in the tick of slow() and after cut_at(). m: the header.
+    """
+    a = m[sw.FIRST]
+    mirrored = 0
+    v = 0
+    acc = 0
+    jerk = 0
+    while bits:
+        m = ptr32(a)
+        a = m[sw.NEXT]
+        if bits & 1:
+            w = ptr32(m[sw.WORK])
+            if mirrored:
+                if mirrored - 1:
+                    # as segments.mirror() has it
+                    v = 0 - v
+                    acc = 31 - acc
+                    jerk = 0 - jerk
+                mirrored = 0
+            else:
+                v = w[_NEW_VELOCITY]
+                acc = w[_NEW_ACCEL]
+                jerk = w[_NEW_JERK]
+                mirrored = w[_MIRRORED]
+            m[sw.VELOCITY] = v
+            m[sw.ACCEL] = acc
+            m[sw.JERK] = jerk
+            m[sw.LEFT] = ticks
+            m[sw.READ_INDEX] = w[_HEAD]
+            m[sw.WRITE_INDEX] = w[_HEAD]
+            m[sw.SPAN] = m[sw.WHOLE_SPAN]
+            m[sw.PLANNED] = m[sw.PLANNED] & (-1 - sw.PLAN_SEGMENTS)  # feed no more of the old plan
+        bits >>= 1
+
+
+@micropython.viper
+def ease(m: ptr32, count: int, jerk: int, opposite: int):
+    """Let a motor slow down from the next tick on with this jerk (Q27 steps per tick³), or less if
+    its acceleration is low, for EASY_TICKS at most: a plan takes over from cut() before that.
+
+    It goes on as it is unless its velocity is constant: where it accelerates, less jerk than in its
+    plan would take it beyond its highest velocity. Likewise if it is about to rest. To be called
+    with interrupts off. m: the block of the motor; count: 2 if the next motor is coupled to it;
+    opposite: 1 if that turns in the opposite sense.
+    """
+    v = m[sw.VELOCITY]
+    acc = m[sw.ACCEL]
+    d = (m[sw.BRAKE] << 5) // EASY_TICKS
+    if jerk > d:
+        jerk = d
+    least = (jerk >> 5) * (EASY_TICKS * EASY_TICKS // 2)  # what it may lose
+    if m[sw.MODE] != sw.RUN or acc >> 5:
+        return
+    if v < 0:
+        if v + least >= 0:
+            return
+    else:
+        if v - least <= 0:
+            return
+        jerk = 0 - jerk
+    d = jerk - m[sw.JERK]
+    v = v + d // 192
+    acc = acc + d
+    while True:
+        m[sw.VELOCITY] = v
+        m[sw.ACCEL] = acc
+        m[sw.JERK] = jerk
+        m[sw.LEFT] = EASY_TICKS
+        m[sw.SPAN] = m[sw.WHOLE_SPAN]
+        m[sw.READ_INDEX] = m[sw.WRITE_INDEX]
+        m[sw.PLANNED] = m[sw.PLANNED] & (-1 - sw.PLAN_SEGMENTS)  # feed no more of the old plan
+        count -= 1
+        if count == 0:
+            break
+        a = m[sw.NEXT]
+        m = ptr32(a)
+        if opposite:
+            # as segments.mirror() has it
+            v = 0 - v
+            acc = 31 - acc
+            jerk = 0 - jerk

@@ -94,6 +94,7 @@ class OperationRunner:
         # for each motor: direction in which it starts, 1 up, -1 down, 0 unknown or not at all
         self.directions = None
         self.remaining = 0  # bits of motors yet to be sent there, or to get first phases
+        self.unseen = 0  # in LEAVING: bits of those for which it is not yet known whether they may
         self.early_plan = _NOT_YET
         self.hidden = 0  # bits of motors that need more queued than the early plan has
         self.gone_at = 0  # in GONE: the tick in which the motors start, modulo 2^29
@@ -156,18 +157,32 @@ class OperationRunner:
         return code
 
     def return_to_frame(self, frame, positions, among):
-        """Move motors to a frame after an operation: like send_to_frame(), but one in each pass.
+        """Move motors to a frame after an operation: like send_to_frame(), but each pass looks at
+        one motor, and then sends one.
 
         The next request that concerns motors sends the rest at once: send_waiting().
         """
-        if self._note_target(frame, positions, among) == OK:
-            self.start_positions = positions
-            self.directions = None
-            self.remaining = self.sent
-            self.state = LEAVING
+        self.sent_frame = frame
+        self.start_positions = positions
+        self.directions = None
+        self.remaining = self.unseen = among
+        self.state = LEAVING
+
+    def _look_ahead(self):
+        """In LEAVING: find where the next motor goes. If one may not, all stay."""
+        bit = self.unseen & -self.unseen
+        self.unseen ^= bit
+        code = find_positions(self.player, self.safety, self.sent_frame, bit, self.start_positions)
+        if code != OK:
+            self.remaining = self.unseen = 0
+        elif not self.unseen:
+            self.remaining &= self.player.motors()
+            self.sent = self.remaining
 
     def send_waiting(self):
         """In LEAVING: send the motors that still wait at once."""
+        while self.unseen:
+            self._look_ahead()
         while self.remaining:
             self._next_motor()
         self.state = IDLE
@@ -203,9 +218,11 @@ class OperationRunner:
             self.reported_frame = -1
             time = self.operation.play_head(tick, frame)
             if self.reported_frame >= 0:
+                self.axes.hal.port.look_for_stop()
                 fetch_positions(
                     self.store, self.operation.bits, self.reported_frame, self.axes.reported
                 )
+                self.axes.hal.port.look_for_stop()
             return time
         return self.move_time
 
@@ -328,7 +345,7 @@ class OperationRunner:
         if self.state == GONE:
             self.adopt()
         if self.state == LEAVING:
-            self.remaining = 0
+            self.remaining = self.unseen = 0
             self.state = IDLE  # the motors that have started are stopped like any others
         if self.state == IDLE:
             return 0
@@ -401,6 +418,9 @@ class OperationRunner:
                     return True
                 self._close()
             return False
+        if self.unseen:
+            self._look_ahead()
+            return True
         if self.remaining:
             self._next_motor()
             return True

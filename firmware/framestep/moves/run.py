@@ -304,6 +304,7 @@ class RunMove(Operation):
     def _append(self, bits):
         """Append the cubic up to the queued frame to these motors."""
         player = self.player
+        player.axes.hal.port.glance()
         player.append_frame(
             bits,
             self.first + self.step * self.queued,

@@ -52,6 +52,7 @@ TICK_COST_US = const(80)  # from a late tick's first line to the last motor's fi
 CUE_DELAY_US = const(12)  # from the beginning of a tick to its change of outputs
 COMMANDS = const(8)  # that can wait for each motor
 BATCH = const(1)  # most ticks done at a time
+SINGLES = const(0)  # most pulses of a tick that a ramp gives a command each; 0: 3, if there is room
 
 MOTORS = const(24)  # at most; the build puts the chip's own number here (boards/chips.json)
 

@@ -36,8 +36,9 @@ AHEAD = const(3)  # ticks painted, with the one that is played
 SHORT_US = const(0)
 TICK_COST_US = const(0)
 CUE_DELAY_US = const(-24)  # words wait in a FIFO for 36
-COMMANDS = const(8)
+COMMANDS = const(16)  # of two ticks, each with a pause for START, one for HOLD, and its pulses'
 BATCH = const(3)
+SINGLES = const(5)
 
 MOTORS = const(16)  # with a word of 32 bits
 

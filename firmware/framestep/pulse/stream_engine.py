@@ -38,6 +38,7 @@ TICK_COST_US = const(0)
 CUE_DELAY_US = const(0)
 COMMANDS = const(8)
 BATCH = const(48)
+SINGLES = const(0)
 
 MOTORS = const(24)
 

@@ -25,8 +25,8 @@ class Header(array):
     """The header words, with the tick function as a method: so the timer's callback gets the words
     as its first argument, and the interrupt looks up no attribute."""
 
-    # The code is written for the compiler: it keeps the first two variables in registers, and the
-    # others on the stack; a comparison costs about 12 cycles, a test for zero 5.
+    # Written for a compiler that keeps few variables in registers: on an ESP32 the first two, in an
+    # image those used most. A test for zero takes less than a comparison.
     @micropython.viper
     def tick(m: ptr32, _timer):
         h = m
@@ -267,8 +267,8 @@ class Header(array):
                     fifo = ptr32(m[sw.FIFO])
                     carry = m[sw.CARRY] - engine.COMMAND_CYCLES
                     bent = 0
-                    extra = 0
                     back = 0  # whole steps from this command's last pulse to the tick's last one
+                    extra = 0  # the same for the next command
                     if acc:
                         if (acc ^ (acc >> 31)) > (d - sw.ONE // 2) >> 7:
                             bent = 1
@@ -283,7 +283,11 @@ class Header(array):
                                 pass
                             else:
                                 back = n - (n >> 1)  # more commands follow the curve more closely
-                                if n - 3:
+                                if engine.SINGLES:
+                                    if n <= engine.SINGLES:
+                                        back = n - 1
+                                        extra = n - 2
+                                elif n - 3:
                                     pass
                                 elif carry > 0:
                                     extra = 1
@@ -412,7 +416,7 @@ class Header(array):
                             carry = (0 - period) * pulses + carry - engine.COMMAND_CYCLES
                             n = back
                             back = extra
-                            extra = 0
+                            extra -= 1
                             least = m[sw.SHORTEST]
                         else:
                             m[sw.CARRY] = (0 - period) * pulses + carry + cycles

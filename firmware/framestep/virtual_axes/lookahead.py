@@ -207,6 +207,7 @@ class LookAhead:
         if self.step == _PROBE:
             if self.closed or self.count >= (_RING - 1 if more else CELLS):
                 return False
+            self.port.glance()
             if not self._probe(self.port):
                 self.step = _RATE
                 return True
@@ -270,6 +271,8 @@ class LookAhead:
             reals.fetch(r, registers.CELL_LENGTH, cells, k + _LENGTH)
             compute(r, _LEAVE_CELL)
             reals.fetch(cells, k + _EXIT, r, registers.EXIT_V2)
+            if not i & 3:
+                self.port.glance()
             i -= 1
 
     def back(self):

@@ -13,21 +13,21 @@ Time in ticks, positions of motors in steps. Nothing allocates after constructio
 from array import array
 
 from framestep.base.clock import HALF, WRAP, after, elapsed
-from framestep.base.native import const
+from framestep.base.native import const, micropython, ptr32
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.motors.axis import ALL_SPLICE_TICKS
 from framestep.motors.feeder import coupled
-from framestep.motors.queue_cut import cut_at
+from framestep.motors.queue_cut import cut_at, slow, take_slow
 from framestep.pulse import stepper
 from framestep.virtual_axes import registers
 from framestep.virtual_axes.line import ROW
 from framestep.virtual_axes.point import (
-    advance,
     last_step,
     nearest_step,
     next_step,
+    place_knot,
     set_advance,
     velocity,
 )
@@ -68,6 +68,44 @@ _RATES = formula(
 )
 
 
+# Of `found`
+_KNOT = const(0)
+_TICKS = const(1)  # to it
+_NOW = const(2)  # tick from which they count
+
+
+@micropython.viper
+def _find_cut(state, bits: int, times, newest: int, last: int, begun: int, found) -> int:
+    """Find the first knot that is ALL_SPLICE_TICKS ahead or, up to `last`, one to which the motors
+    can slow down: set `found`. Return how many ticks later they reach it then, see slow(), or 0.
+
+    newest: the newest knot of `times`; begun: the tick in which the motion began.
+    """
+    at = ptr32(times)
+    now = ptr32(state)[stepper.TICKS]
+    knot = newest - (_KNOTS - 2)
+    if knot < 1:
+        knot = 1
+    least = elapsed(now, begun) + 1 + ALL_SPLICE_TICKS
+    while knot <= last and (at[knot & (_KNOTS - 1)] - least) & WRAP >= HALF:
+        knot += 1
+    least -= ALL_SPLICE_TICKS
+    out = ptr32(found)
+    out[_NOW] = now
+    out[_KNOT] = knot
+    out[_TICKS] = elapsed(at[knot & (_KNOTS - 1)], least)
+    more = 0
+    while knot <= last:
+        ticks = elapsed(at[knot & (_KNOTS - 1)], least)
+        more = int(slow(state, bits, after(now, ticks)))
+        if more:
+            out[_KNOT] = knot
+            out[_TICKS] = ticks
+            break
+        knot += 1
+    return more
+
+
 class LinearMove:
     """Mover along one line at a time, which has been begun and surveyed."""
 
@@ -81,9 +119,11 @@ class LinearMove:
         self.ahead = None  # of a jog: the LookAhead that surveys its line
         self.state = IDLE
         self.owned = 0  # bits of the motors in the motion, from its acknowledgement to its end
+        self.bits = 0  # the same, with the motors that are coupled to them
         self.speeds = array("i", [0] * (ROW * _KNOTS))  # reals: velocities of the motors at knots
         # reals: s and velocity of the point at each knot
         self.marks = array("i", [0] * (4 * _KNOTS))
+        self.found = array("i", [0] * 3)
         self.times = array("i", [0] * _KNOTS)  # ticks from the start of the motion to each knot
         # advance of each motor's path at the last knot queued (point.py)
         self.advances = array("i", [0] * registers.AXES)
@@ -93,6 +133,11 @@ class LinearMove:
         self.tick = 0  # tick in which the motion began
         self.closed = True  # no further knots follow
         self.stopping = 0  # or one of the two below
+        # The knot to which the motors slow down ahead of stop(), or 0; by how many ticks later they
+        # reach it, and in how many
+        self.slowed = 0
+        self.lost = 0
+        self.way = 0
 
     # ---------------------------------------------------------------- start and end
 
@@ -133,11 +178,13 @@ class LinearMove:
         self.queued = 0
         self.closed = False
         self.stopping = 0
+        self.slowed = 0
         self.state = STARTING
 
     def _release(self):
         """Start all motors in the same tick."""
         self.tick = self.axes.release(self.line.bits)
+        self.bits = coupled(self.axes.kernel.blocks[0], self.line.bits)
         self.state = MOVING
 
     def _settle(self):
@@ -265,7 +312,7 @@ class LinearMove:
             self._queue(knot - 1)
         elif self.queued < knot and reals.sign(r, registers.V) == 0:
             self._finish(knot)
-        elif advance(r, self.survey, self.ahead, self.stopping):
+        elif place_knot(r, self.survey, self.ahead, self.stopping):
             knot += 1
             self.axes.hal.port.glance()
             if self.line.positions_at(registers.S, ROW * (knot % _KNOTS)):
@@ -299,6 +346,7 @@ class LinearMove:
         word = self.word
         speeds = self.speeds
         port = self.axes.hal.port
+        port.glance()
         for i in range(registers.AXES):
             motor = self.motor[i]
             if motor:
@@ -353,41 +401,103 @@ class LinearMove:
 
     # ---------------------------------------------------------------- changing the plan
 
+    def begin_stop(self):
+        """Slow down from the next tick on, ahead of stop(), which has to follow soon.
+
+        What is planned until then is in vain. Does nothing where the motors cannot slow down, and
+        where stop() is to do more. Also for an interrupt between two pieces of a plan.
+        """
+        if self.state == MOVING and not self.stopping and not self.slowed:
+            self._drop(True)
+
+    def _drop(self, slow_only=False):
+        """Drop the plan from the first knot on that is far enough ahead, and get there ever more
+        slowly, from the next tick on, or to a later one if that has more room. If the motors
+        cannot, only drop it, or do nothing (slow_only).
+
+        Return the knot, or 0 if nothing was dropped.
+        """
+        hal = self.axes.hal
+        state = hal.kernel.state
+        found = self.found
+        last = (self.knot if self.closed else self.queued) - 1
+        dropped = -1
+        while dropped < 0:
+            more = _find_cut(state, self.bits, self.times, self.knot, last, self.tick, found)
+            knot = found[_KNOT]
+            if knot > last or slow_only and not more:
+                return 0
+            ticks = found[_TICKS]
+            irq = hal.irq_off()
+            if state[stepper.TICKS] == found[_NOW]:  # else slow() may have mixed two states
+                dropped = cut_at(state, self.bits, after(found[_NOW], ticks), _CUT_TICKS)
+                if dropped and more:
+                    take_slow(state, self.bits, ticks + more)
+            hal.irq_on(irq)
+        if not dropped:
+            return 0
+        if more:
+            self.slowed = knot
+            self.lost = more
+            self.way = ticks + more
+        return knot
+
     def _cut(self):
-        """Drop the plan from the first knot on that is far enough ahead. Return False if there is
-        none."""
+        """Drop the plan from the first knot on that is far enough ahead, and slow down on the way
+        to it. Return False if there is none."""
         axes = self.axes
-        for i in range(registers.AXES):
-            if self.motor[i]:
-                axes[self.motor[i] - 1].feed()
-        last = self.knot - 1 if self.closed else self.queued
-        knot = max(self.knot - _KNOTS + 2, 1)
-        while knot <= last and self._ticks_to(knot) < ALL_SPLICE_TICKS:
-            knot += 1
-        if knot > last:
-            return False
-        drop = knot != self.queued or self.closed
-        if drop:
-            kernel = axes.kernel
-            state = kernel.state
-            bits = coupled(kernel.blocks[0], self.line.bits)
-            tick = after(self.tick, self.times[knot % _KNOTS] - 1)
+        knot = self.slowed
+        drop = True
+        if not knot:
+            knot = self._drop()
+            if not knot:
+                for i in range(registers.AXES):
+                    if self.motor[i]:
+                        axes[self.motor[i] - 1].feed()
+                knot = self._drop()
+            if not knot:
+                knot = self.queued
+                if self.closed or self._ticks_to(knot) < ALL_SPLICE_TICKS:
+                    return False
+                drop = False
+        k = knot % _KNOTS
+        if self.slowed:
+            # begin_stop() may have come while a segment was being queued
             hal = axes.hal
             irq = hal.irq_off()
-            drop = cut_at(state, bits, tick, _CUT_TICKS)
+            stepper.discard(hal.kernel.state, self.bits)
             hal.irq_on(irq)
-            if not drop:
-                return False
+            self._lose(k)
+            self.slowed = 0
         r = self.r
-        reals.fetch(r, registers.S, self.marks, 4 * (knot % _KNOTS))
-        reals.fetch(r, registers.V, self.marks, 4 * (knot % _KNOTS) + 2)
+        reals.fetch(r, registers.S, self.marks, 4 * k)
+        reals.fetch(r, registers.V, self.marks, 4 * k + 2)
         if drop:
             for i in range(registers.AXES):
                 if self.motor[i]:
-                    row = ROW * (knot % _KNOTS) + 2 * i
+                    row = ROW * k + 2 * i
                     part = axes[self.motor[i] - 1].resume_at_phase_end(self.word, 0)
                     set_advance(self.advances, i, self.word, 0, part, self.rows, row)
         self.knot = knot
         self.queued = knot
         self.closed = False
         return True
+
+    def _lose(self, k):
+        """Adapt a knot to being reached `lost` ticks later, as slow() has it. k: its place."""
+        r = self.r
+        self.times[k] = after(self.times[k], self.lost)
+        reals.put(r, registers.SPARE, self.way - 2 * self.lost, 0)
+        reals.put(r, registers.V_HERE, self.way, 0)
+        reals.divide(r, registers.SPARE, registers.SPARE, registers.V_HERE)
+        self._share(self.marks, 4 * k + 2)
+        for i in range(registers.AXES):
+            if self.motor[i]:
+                self._share(self.speeds, ROW * k + 2 * i)
+
+    def _share(self, kept, i):
+        """Multiply the real number kept[i] by SPARE."""
+        r = self.r
+        reals.fetch(r, registers.V_HERE, kept, i)
+        reals.multiply(r, registers.V_HERE, registers.V_HERE, registers.SPARE)
+        reals.fetch(kept, i, r, registers.V_HERE)

@@ -57,12 +57,15 @@ _STOP_WITHIN_TICKS = formula(
 )
 
 
-def advance(r, survey, ahead, stopping):
+def place_knot(r, survey, ahead, stopping):
     """Find S and V of the next knot, and TICKS to it. Return False if that is not yet possible.
 
     ahead: the LookAhead of a jog, or None; stopping: come to rest as soon as possible.
     """
-    surveyed = not ahead or ahead.load_limits()
+    surveyed = True
+    if ahead:
+        surveyed = ahead.load_limits()
+        ahead.port.glance()
     compute(r, _TO_END)
     if not ahead:
         reals.copy(r, LEFT, TO_END)

@@ -291,6 +291,7 @@ class VirtualAxes:
                 rig.joint(i, self.axes.reported, motor - 1)
             else:
                 reals.copy(self.r, JOINT + 2 * i, HOME + 2 * i)
+            self.axes.hal.port.look_for_stop()
         rig.forward()
 
     # ---------------------------------------------------------------- configuration
@@ -340,14 +341,16 @@ class VirtualAxes:
         Unasked it has the moment of the last report of the motors' positions (field note 4.6).
         """
         writer = self.writer
+        port = self.axes.hal.port
         if reader:
             self.axes.choose_sample()
         self.locate()
         if not reader:
-            self.axes.hal.port.glance()
+            port.glance()
         writer.begin(m.MSG_VIRT_GET_POSITION, reader)
         for i in range(AXES):
             self.line.rig.to_host(self.word, 0, i)
+            port.look_for_stop()
             writer.put_i32s_from(self.word, 0, 1)
         if self.capabilities & m.CAP_AIM_POINT:
             writer.u8(1 if self.line.aiming else 0)

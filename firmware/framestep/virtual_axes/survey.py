@@ -332,9 +332,9 @@ class Survey:
         for i in range(registers.AXES):
             if self._load_motor(i):
                 compute(r, _LIMIT_V)
+            if port and i & 1:
+                port.glance()
         compute(r, _LIMIT_V_IN_BENDS)
-        if port:
-            port.glance()
         self.span = SPAN
         for i in range(registers.AXES):
             if self.motor[i] and self.curve[2 * i + 1]:
@@ -344,6 +344,8 @@ class Survey:
         for i in range(registers.AXES):
             if self._load_motor(i):
                 compute(r, _LIMIT_A)
+            if port and i & 1:
+                port.glance()
         compute(r, _IN_UNITS)
 
     def _smoothen(self, i):

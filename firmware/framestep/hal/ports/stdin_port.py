@@ -351,6 +351,9 @@ class StdinPort:
     def glance(self):
         pass
 
+    def look_for_stop(self):
+        pass
+
     def send(self, writer):
         """Send what `writer.take(buffer, limit) -> count` provides, as far as there is room. Never
         waits.

@@ -1,12 +1,10 @@
-"""The protocol on a USB serial port of its own, in addition to the built-in one with the REPL
-(machine.USBDevice).
+"""The protocol on a USB serial port of its own, beside the REPL's built-in one (machine.USBDevice).
 
 usb_transfers.py explains how bytes come in and go out, and how the port survives a soft reset.
 
 Callbacks come from MicroPython's scheduler, or within a pass from glance(). They are viper
-functions: they run to their end (neither a Ctrl-C nor a lack of stack can end them) and allocate
-nothing. Callbacks own what the driver does; `poll()` and `send()` own what the main loop has taken
-and given.
+functions, which allocate nothing and run to their end (neither a Ctrl-C nor a lack of stack ends
+them). They own what the driver does; `poll()` and `send()` what the main loop has taken and given.
 """
 
 import select
@@ -450,8 +448,6 @@ class UsbPort:
         of it, answer a further question, and let the next one come. Called where the pass has
         nothing half done.
 
-        Otherwise the task would wait for the end of the pass, as it comes from the scheduler. A
-        first question does not need it: the packet is there, and its length is known to the chip.
         Sections of an uploaded move are left to the task, since storing one takes long.
         """
         if not chip:
@@ -463,14 +459,17 @@ class UsbPort:
             s[INSIDE] = 0
         elif s[ARMED] and s[TAKE] == s[FILL] and s[AT] | s[STALE] == 0:
             at = (s[FILL] & 1) * PLACE
-            frame = ptr8(s[RX] + at)
-            if ptr32(frame)[0] != MARK_0 and self.answer and self.open:
-                kind = frame[6] | (frame[7] << 8)
-                if s[SENDING] and (kind < _STOP or kind >= _GET_POSITION):
-                    pass
-                elif frame[7] == 0 or kind == _GO:
-                    if int(chip.arrived(s[EP_OUT])) == QUESTION + frame[8]:
-                        _reply(self, at)
+            if ptr32(s[RX] + at)[0] != MARK_0:
+                _begin(self, at, s[SENDING])
+
+    @micropython.viper
+    def look_for_stop(self):
+        """As glance(), but begin a stop only. Called where a pass has a report half done."""
+        s = ptr32(self._state)
+        if chip and s[ARMED] and s[TAKE] == s[FILL] and s[AT] | s[STALE] == 0:
+            at = (s[FILL] & 1) * PLACE
+            if ptr32(s[RX] + at)[0] != MARK_0:
+                _begin(self, at, 1)
 
     def _run_task(self):
         """Run MicroPython's USB task. It keeps a Ctrl-C that has come on the REPL's port for the
@@ -573,9 +572,22 @@ def _at_once(port):
 
 
 @micropython.viper
+def _begin(port, at: int, stops: int):
+    """Begin what is coming in at this offset in the slots, if it is there. stops: a stop only."""
+    s = ptr32(port._state)
+    frame = ptr8(s[RX] + at)
+    kind = frame[6] | (frame[7] << 8)
+    if stops and (kind < _STOP or kind >= _GET_POSITION):
+        return
+    if frame[7] == 0 or kind == _GO:
+        if port.answer and port.open:
+            if int(chip.arrived(s[EP_OUT])) == QUESTION + frame[8]:
+                _reply(port, at)
+
+
+@micropython.viper
 def _reply(port, at: int) -> int:
-    """Answer the question, or store the section, at this offset in the slots. Return 0 if it is
-    left to the next pass."""
+    """Answer the question, or store the section, at this offset in the slots; 0: a pass does."""
     count = int(port.answer(port._rx, at, port._tx))
     if count:
         s = ptr32(port._state)

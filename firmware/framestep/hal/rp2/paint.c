@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 enum { // pulse/register_engine.py
-    COMMANDS = 8,
+    COMMANDS = 16,
     CYCLES = 128000,
     WORDS = 250,
     WORD_BITS = 9,
