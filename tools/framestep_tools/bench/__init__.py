@@ -10,4 +10,6 @@ moves      the moves to play
 session    a board that plays them, and the judgement of its edges
 measure    the measurement of each figure
 main_loop  passes of the main loop
+
+pico2, shift_registers and esp32 have the figures of other boards.
 """

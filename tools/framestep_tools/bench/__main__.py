@@ -13,12 +13,13 @@ from rich.console import Console
 from ..building import images
 from ..building.board_files import ROOT
 from ..errors import Command
-from . import esp32, pico2, tick_cost
+from . import esp32, pico2, shift_registers, tick_cost
 from .figures import FIGURES, TRUST, all_missed, keyed, missed, plain_table, table
 from .main_loop import loop_table, loops
 from .measure import measure
 from .record import RECORD, comparison, record, recorded, worse
 
+BOARDS = ("pico", pico2.BOARD, shift_registers.BOARD)
 RESULT = ROOT / "build" / "bench.json"
 _WIDTH = 150  # of the table, if the output is not a terminal
 
@@ -47,7 +48,7 @@ def main(
     if not console.is_terminal:
         console.width = _WIDTH
     console.print("making the frozen image, if it is not there (two minutes)")
-    for board in ("pico", pico2.BOARD):
+    for board in BOARDS:
         images.frozen(board)
     began = time.monotonic()
 
@@ -60,14 +61,15 @@ def main(
 
     with ThreadPoolExecutor(2) as pool:
         newer = pool.submit(pico2.measured, saying("Pico 2"))
+        registers = pool.submit(shift_registers.measured, saying("Pico 2 with shift registers"))
         slow, fast, ideal = pool.map(run, (125, 200, 125), (True, True, False))
-    on_pico2 = newer.result()
+    on_pico2, on_registers = newer.result(), registers.result()
     modelled = {125: slow, 200: fast}
     parts = tick_cost.both()
     passes = loops()
     console.print("the simulated ESP32")
     chain = esp32.measure()
-    values = keyed(modelled) | on_pico2 | chain
+    values = keyed(modelled) | on_pico2 | on_registers | chain
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(json.dumps(values, indent=2) + "\n")
     console.print(table(modelled, ideal, explain))
@@ -75,13 +77,17 @@ def main(
     console.print(tick_cost.table(parts))
     console.print(TRUST)
     console.print(plain_table(pico2.TITLE, pico2.FIGURES, on_pico2, explain))
+    console.print(
+        plain_table(shift_registers.TITLE, shift_registers.FIGURES, on_registers, explain)
+    )
     console.print(plain_table(esp32.TITLE, esp32.FIGURES, chain, explain))
     console.print(f"figures with the cache model in {out}")
     lines = missed(modelled) + all_missed(pico2.FIGURES, on_pico2)
+    lines += all_missed(shift_registers.FIGURES, on_registers)
     if renew:
         record(values)
         console.print(f"recorded in {RECORD}")
-    figures = (*FIGURES, *pico2.FIGURES, *esp32.FIGURES)
+    figures = (*FIGURES, *pico2.FIGURES, *shift_registers.FIGURES, *esp32.FIGURES)
     if page:
         page.write_text(comparison(figures, values, recorded(), image_sizes()))
     lines += all_missed(esp32.FIGURES, chain)
@@ -91,8 +97,7 @@ def main(
 def image_sizes() -> dict[str, tuple[int, int]]:
     """Return {board: (bytes of its image, bytes of flash left)} for a board of each chip."""
     firmware = {
-        board: images.frozen(board).with_name("firmware.bin").read_bytes()
-        for board in ("pico", pico2.BOARD)
+        board: images.frozen(board).with_name("firmware.bin").read_bytes() for board in BOARDS
     }
     return {name: (len(found), images.flash_left(found)) for name, found in firmware.items()}
 

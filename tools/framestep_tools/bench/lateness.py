@@ -29,7 +29,6 @@ from ..payloads import (
     VirtMove,
     VirtStop,
 )
-from .moves import MOTORS
 from .session import Session
 
 _STATE = "__import__('framestep.boot').boot.hal.kernel.state"
@@ -45,7 +44,7 @@ def worst_late_us(session: Session, arm: Rig, speed: tuple[int, int]) -> float:
     """
     client = session.client
     session.repl(f"{_STATE}[{stepper.WORST_LATE}] = 0")
-    _single(client)
+    _single(session)
     _uploaded(session)
     _virtual(client, arm, speed)
     return float(session.repl(f"print({_STATE}[{stepper.WORST_LATE}])"))
@@ -57,27 +56,28 @@ def _ask_all(client: Client) -> None:
     client.code(GioOut(0))
 
 
-def _single(client: Client) -> None:
+def _single(session: Session) -> None:
     """Send to all motors: moves, new targets, limits, jogs, each kind of stop."""
-    for motor in range(1, MOTORS + 1):
+    client, motors = session.client, range(1, session.info.motors + 1)
+    for motor in motors:
         client.request(MotorSetSpeed(motor, *_SPEED))
         client.request(MotorResetPosition(motor, 0))
-    stops = ([MotorStopAll()], 2 * [MotorStopAll()], [MotorStop(n) for n in range(1, MOTORS + 1)])
+    stops = ([MotorStopAll()], 2 * [MotorStopAll()], [MotorStop(n) for n in motors])
     for stop in stops:
-        for motor in range(1, MOTORS + 1):
+        for motor in motors:
             client.request(MotorMove(motor, 30_000))
         client.pump(0.25)
-        for motor in range(1, MOTORS + 1):
+        for motor in motors:
             client.request(MotorMove(motor, -5000))
             client.request(MotorSetLimits(motor, 1, -100_000, 1, 100_000))
         _ask_all(client)
         for request in stop:
             client.code(request)
         client.wait_idle()
-        for motor in range(1, MOTORS + 1):
+        for motor in motors:
             client.request(MotorJog(motor, 10_000, _FAR))
         client.wait_idle()  # the jog is not repeated, so it ends
-        for motor in range(1, MOTORS + 1):
+        for motor in motors:
             client.request(MotorSetLimits(motor, 0, 0, 0, 0))
             client.request(MotorMove(motor, 0))
         client.wait_idle()
@@ -91,10 +91,7 @@ def _uploaded(session: Session) -> None:
     client.upload_move(
         1,
         _FRAMES,
-        {
-            n: stands[n] + np.rint(100 * n * np.sin(frames / 20)).astype(int)
-            for n in range(1, MOTORS + 1)
-        },
+        {n: stands[n] + np.rint(100 * n * np.sin(frames / 20)).astype(int) for n in stands},
     )
     for stop in ([MotorStopAll()], [MotorStop(1)], 2 * [MotorStopAll()]):
         client.request(RtRunMove(24_000, 1, _FRAMES, 500, 500))

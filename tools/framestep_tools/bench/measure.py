@@ -42,7 +42,7 @@ from .moves import MOTORS, STEADY_RATES, STEEPEST, WINDOW, mixed_move
 from .rates import rates_by_edges, top_rate
 from .session import Session
 from .smoothness import smoothing_figures
-from .stops import stop_times
+from .stops import planned_stops, stops_in_moves, stops_in_run
 from .virtual_cost import virtual_update_us
 
 _CHANNELS = 512
@@ -86,16 +86,22 @@ ARM = Rig(
 # steps of its motors in that pose: boom at 3 degrees, swing at 10
 ARM_STANDS = (750, 3_000, 0, -2_500, -750, 0)
 ARM_SPEED = (20_000, 50_000)  # steps/s, steps/s²
+# What virtual_stops() stops, and after how many seconds
+_ON_LINE = (
+    (VirtMove(messages.VIRT_MOTOR_EW, 98 * 100_000), 0.2),
+    (VirtJogOnLine(messages.LINE_X, -8000), 0.6),
+)
 
 
 def upload_rate(
     session: Session, frames: int, during: AbstractContextManager[Any] | None = None
 ) -> float:
-    """Return bytes per second of an upload for eight motors, while they all move."""
+    """Return bytes per second of an upload for all motors, while they move."""
     client = session.client
     t = np.arange(frames)
     positions = {
-        motor: (100 * motor * np.sin(t / 300)).astype(np.int64) for motor in range(1, MOTORS + 1)
+        motor: (100 * motor * np.sin(t / 300)).astype(np.int64)
+        for motor in range(1, session.info.motors + 1)
     }
     requests = list(upload_requests(1, frames, positions))
     size = sum(len(encode(request.TYPE, request.pack(), 1)) for request in requests[1:-1])
@@ -206,7 +212,10 @@ def measure(
         figures["go_ms_median"] = float(np.median(times))
         figures["go_ms_spread"] = max(times) - min(times)
         say("stops")
-        figures["stop_ms_worst"] = max(stop_times(session))
+        times = stops_in_moves(session)
+        times += stops_in_run(session, mixed_move(), max(STEADY_RATES) * 11 // 10)
+        figures["stop_ms_worst"] = max(times)
+        figures["virtual_stop_ms_worst"] = max(virtual_stops(session))
         say("virtual axes")
         figures["virtual_update_us"] = virtual_update_us(session.repl)
         figures["virtual_reply_ms_max"] = max(virtual_replies(session))
@@ -249,18 +258,36 @@ class Asker:
             self()
 
 
-def virtual_replies(session: Session) -> list[float]:
-    """Return the delays of answers while a rig moves along lines, in ms."""
+def _take_arm(session: Session) -> None:
+    """Configure the rig ARM with its motors at ARM_STANDS."""
     client = session.client
     for axis, step in zip(ARM.axes, ARM_STANDS, strict=True):
         client.request(MotorSetSpeed(axis.motor, *ARM_SPEED))
         client.request(MotorResetPosition(axis.motor, step))
     client.request(VirtConfig.unpack(ARM.payload()))
+
+
+def virtual_stops(session: Session) -> list[float]:
+    """Return how long it takes from STOP_ALL, or a STOP, until a rig is slower that moves or jogs
+    along a line, in ms."""
+    times = []
+    for start, steady_s in _ON_LINE:
+        _take_arm(session)
+        times += planned_stops(session, [start], steady_s)
+        session.client.request(VirtConfig.unpack(b"\0"))
+    return times
+
+
+def virtual_replies(session: Session) -> list[float]:
+    """Return the delays of answers while a rig moves along lines, in ms."""
+    client = session.client
+    _take_arm(session)
     ask = Asker(client)
-    client.request(VirtMove(messages.VIRT_MOTOR_EW, 98 * 100_000))
+    (move, _), (on_line, _) = _ON_LINE
+    client.request(move)
     ask.until_idle()
     jog = Asker(client)
-    client.request(VirtJogOnLine(messages.LINE_X, -8000))
+    client.request(on_line)
     begun = client.clock()
     while client.clock() - begun < 1:
         jog()

@@ -27,7 +27,7 @@ TOP_RATES = (
     250_000,
     200_000,
 )
-STEADY_US = 0.5  # a rate counts as reached if every edge is this close to the ideal
+STEADY_US = 0.5  # by default a rate counts as reached if every edge is this close to the ideal
 LEVEL_US = 1.5  # how long the step input needs each level
 PULSES = tuple(rate for rate in TOP_RATES if rate <= 300_000)  # with widths as the engine has them
 COUNTS = (8, 4, 2, 1)
@@ -59,17 +59,19 @@ def top_rate(
     motors: int,
     say: Callable[[str], None],
     rates: Sequence[int] = TOP_RATES,
+    within_us: float = STEADY_US,
+    setting: int = TOP_RATES[0],
 ) -> float:
-    """Return the highest of these rates at which `motors` motors play a move with every edge
-    right."""
+    """Return the highest of these rates at which `motors` motors play a move with every edge this
+    close to the ideal. setting: the highest velocity that can be set."""
     for wanted in rates:
         say(f"{motors} motors at {wanted} steps/s")
         positions = session.prepare(
-            steady_move(wanted, motors), min(wanted + wanted // 100, 500_000)
+            steady_move(wanted, motors), min(wanted + wanted // 100, setting)
         )
         played = session.play(positions)
         worst = float(np.nanmax(played.errors_us(ramps=False)))
-        if not played.complaints and worst <= STEADY_US:
+        if not played.complaints and worst <= within_us:
             return played.rate()
         say(f"  not reached: worst edge {worst:.2f} µs; {'; '.join(played.complaints[:2])}")
         session.client.wait_idle()

@@ -5,6 +5,7 @@ figure that is not in the record is not compared: it joins with the next --renew
 """
 
 import json
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -98,7 +99,7 @@ def comparison(
 
 def tolerance(key: str) -> float:
     """Return by what part of the recorded figure one may be worse."""
-    return _BY_PLACE.get(key.removesuffix("_200").removesuffix("_pico2"), TOLERANCE)
+    return _BY_PLACE.get(re.sub("_(200|pico2|pico2_595)$", "", key), TOLERANCE)
 
 
 def _kind(kinds: Mapping[str, Figure], key: str) -> Figure:

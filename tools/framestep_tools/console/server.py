@@ -58,11 +58,13 @@ class ConsoleServer:
     def __init__(self, device: ConsoleDevice):
         self.device = device
         self.url = self.lan_url = ""
+        self.offer_s = _TURN_S  # how long nobody has the device before a page that watches gets it
         self._token = secrets.token_urlsafe(24)
         self._turn = asyncio.Lock()
         self._visit: Visit | None = None  # the page that has the device
         self._coming = 0  # pages that wait for it
         self._watchers: dict[int, Watcher] = {}
+        self._offering: asyncio.TimerHandle | None = None
         self._hosts: set[str] = set()
         self._server: Any = None
         self._ending: asyncio.Future[None] | None = None  # of a page's watching
@@ -222,8 +224,10 @@ class ConsoleServer:
     def _offer_later(self) -> None:
         """Let the first page that watches have a device that nobody has. The page that had it may
         be loading again, so it comes first."""
+        if self._offering:
+            self._offering.cancel()
         if not self._visit:
-            asyncio.get_running_loop().call_later(_TURN_S, self._offer)
+            self._offering = asyncio.get_running_loop().call_later(self.offer_s, self._offer)
 
     def _offer(self) -> None:
         if self._visit or self._coming or not self._watchers:

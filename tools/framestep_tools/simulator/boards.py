@@ -5,8 +5,9 @@ decides the speed. `Board.edges` returns edges in no particular order, but all o
 """
 
 import base64
+import contextlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -296,6 +297,18 @@ class EmulatedBoard:
             raise BoardHalted(
                 f"the emulated board has stopped at {self._now * 1e-9:.6f} s: {state['halted']}"
             )
+
+    @contextlib.contextmanager
+    def undone(self) -> Iterator[None]:
+        """Put the board back afterwards to what it is now. Within, its client may send, but read
+        nothing."""
+        now = self._now
+        self.emulator.cmd("keep", name="undone")
+        try:
+            yield
+        finally:
+            self.emulator.cmd("rewind", name="undone")
+            self._now = now
 
     def edges(self) -> list[Edge]:
         return self._decoder.feed(self.emulator.trace_read()) if self._tracing else []
