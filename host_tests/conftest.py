@@ -27,10 +27,9 @@ from framestep_emulator import Emulator, Pool
 from framestep_tools.building import images
 from framestep_tools.building.board_files import CACHE, FIRMWARE, ROOT, compiled_tree
 from host_tests import targets
-from host_tests.covering import fewer_examples, left_out_repeats
-from host_tests.near import Near
 from host_tests.processor_time import ProcessorTime
 from host_tests.runtimes import Runtime
+from host_tests.selection import Near, fewer_examples, left_out_repeats
 
 FAILED = ROOT / "build" / "failed"  # logs of tests that failed
 _IN_CI = bool(os.environ.get("CI"))
@@ -102,15 +101,9 @@ def pytest_configure(config):
 # Long tests begin first, so that no processor waits for another one at the end. Other files are
 # ordered by name. The console's tests wait for real time: they are spread among the long ones.
 _FIRST = (
-    "targets/",
-    "board/test_flash.py",
-    "board/test_image.py",
-    "board/",
-    "runtime/",
-    "fuzz/",
-    "emulator/",
-    "esp32/",
-)
+    "targets/", "board/test_flash.py", "board/test_image.py", "board/", "runtime/", "fuzz/",
+    "emulator/", "esp32/",
+)  # fmt: skip
 _WAITS = "console/"
 
 

@@ -1,5 +1,5 @@
-"""Session scripts: what happens to a board from its start, as text that both CPython and
-MicroPython read.
+"""Session scripts: what happens to a board from its start, as text. script_player.py
+plays them.
 
     # what the script shows
     board pico                    of boards/, fitted to the rig; "host" for hal.host.BOARD
@@ -25,7 +25,7 @@ Times are whole milliseconds of the board's clock, ascending. In a millisecond i
 first, in the order of the lines; then its tick, then one pass of the main loop. Millisecond 0 is
 the first.
 
-Nothing here needs CPython, and it imports nothing of this package.
+Nothing here imports the core: fuzz.py does when its kernels have become machine code.
 """
 
 import json
@@ -100,7 +100,7 @@ def event(line):
         elif verb != "end" and verb not in VERBS:
             raise ValueError
     except (ValueError, IndexError):
-        raise ScriptError("not a line of a session script: " + line)  # noqa: B904 - MicroPython knows no "from None"
+        raise ScriptError("not a line of a session script: " + line) from None
     return ms, verb, argument
 
 

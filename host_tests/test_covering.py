@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import hypothesis
 from hypothesis import strategies
 
-from host_tests.covering import (
+from host_tests.selection import (
     by_test,
     fewer_examples,
     left_out_repeats,

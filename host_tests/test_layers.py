@@ -177,17 +177,9 @@ def test_files_have_one_subject():
 # The parts of a controller. Each is passed by name to those that use it. Io only groups lights,
 # inputs and outputs, so it is not listed.
 PARTS = {
-    "faults",
-    "interlock",
-    "homing",
-    "motors",
-    "moves",
-    "operations",
-    "reports",
-    "safety",
-    "stops",
+    "faults", "interlock", "homing", "motors", "moves", "operations", "reports", "safety", "stops",
     "virtuals",
-}
+}  # fmt: skip
 # Modules that put the parts together, or run or show the whole; answers is a method of the
 # controller in a file of its own
 WHOLE = ("controller", "answers", "runner", "boot", "texts", "hal.host_board", "repl")

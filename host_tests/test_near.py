@@ -7,13 +7,13 @@ import sys
 import pytest
 
 from framestep_tools.building.board_files import ROOT
-from host_tests.near import distances, importers, nearest
+from host_tests.selection import distances, importers, nearest
 
 # A project of three files, the first of which is nearest to what has changed
 CONFTEST = """
 import time
 from pathlib import Path
-from host_tests import near
+from host_tests import selection as near
 
 near.ROOT = Path(__file__).parent
 near.changed = lambda since: set()
@@ -33,7 +33,7 @@ def test_imports_are_found_in_each_way_of_writing_them():
     assert (
         "tools/framestep_tools/simulator/boards.py" in by["tools/framestep_tools/errors.py"]
     )  # relative
-    assert "host_tests/near.py" in by["tools/framestep_tools/building/board_files.py"]
+    assert "host_tests/selection.py" in by["tools/framestep_tools/building/board_files.py"]
     assert "tools/framestep_emulator/__init__.py" in by["tools/framestep_emulator/emulator.py"]
 
 

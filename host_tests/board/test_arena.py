@@ -50,8 +50,7 @@ def test_two_thousand_frames_with_lights_and_triggers():
         session.ready(run_request(FPS, FIRST, LAST, 500, 500, sync_dmx=1))
         wire = Wire(board)
         wire.emulator.trace_start([DMX_PIN, 26, 27])
-        session.accept(p.RtGo())
-        session.client.wait_event(p.RtEnd, 20)
+        session.accept(p.RtGo()).until(p.RtEnd, 20)
         records = wire.emulator.trace_read()
     sent = [slots[1 : CHANNELS + 1] for _, _, _, slots, _ in wire.frames(records)]
     rows = [bytes(levels[:, at].tolist()) for at in range(FIRST - 1, LAST)]

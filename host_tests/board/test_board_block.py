@@ -41,23 +41,19 @@ def with_size(content, size):
     [
         pytest.param(lambda c: changed(c, b"\xff" * 2048), "has no board's data", id="none"),
         pytest.param(flipped, "are damaged", id="a bit"),
-        pytest.param(
-            lambda c: changed(c, struct.pack("<12xI", 64)),
-            "has no board's data",
-            id="64 Hz",
-        ),
+        pytest.param(lambda c: changed(c, struct.pack("<12xI", 64)), "has no board's data",
+         id="64 Hz"),
         pytest.param(lambda c: with_size(c, 2029), "are damaged", id="too long"),
         pytest.param(lambda c: with_size(c, 0xFFFFFFFF), "are damaged", id="no number"),
-        pytest.param(
-            lambda c: changed(c, block_of(b'["x", {"chip": "rp2350"}]')), "another chip", id="chip"
-        ),
+        pytest.param(lambda c: changed(c, block_of(b'["x", {"chip": "rp2350"}]')), "another chip",
+         id="chip"),
         pytest.param(
             lambda c: changed(c, block_of(b'["x", {"chip": "rp2040", "engine": "registers"}]')),
             "another chip or engine",
             id="engine",
         ),
     ],
-)
+)  # fmt: skip
 def test_wrong_data_are_told_and_no_pin_is_touched(tmp_path, change, said):
     firmware = tmp_path / "firmware.bin"
     firmware.write_bytes(change(images.frozen("pico").read_bytes()))

@@ -6,15 +6,8 @@ import pytest
 
 from framestep.motors import positions
 from framestep.protocol import messages as m
+from framestep_tools import payloads as p
 from framestep_tools.building.board_files import board_data
-from framestep_tools.payloads import (
-    DeviceInfo,
-    GetCondition,
-    HardStop,
-    MotorMove,
-    MotorResetPosition,
-    MotorStopAll,
-)
 from framestep_tools.simulator import driver_chips as chip
 from host_tests.board.test_drivers import DrivenBoard
 from host_tests.end_to_end.session import Session
@@ -82,19 +75,15 @@ def test_the_driver_counts_what_the_board_reports(talk):
     for motor in (1, 2, 3, 4):
         talk.speed(motor, 20_000, 200_000)
     for places in ((1, 1, 1, -1), (0, 2, 5, -800), (2001, -1000, 2000, 777), (3, 3, 3, 3)):
-        talk.accept(*(MotorMove(motor, at) for motor, at in enumerate(places, 1)))
-        talk.wait_idle()
+        talk.accept(*(p.MotorMove(motor, at) for motor, at in enumerate(places, 1))).wait_idle()
         assert [board.counts(motor) for motor in (1, 2, 3, 4)] == list(places)
         assert [board.emulator.pin(STEP[i]) for i in (0, 1, 3)] == [
             places[i] & 1 for i in (0, 1, 3)
         ]
     for after in (0.011, 0.083):
-        talk.accept(*(MotorMove(motor, 20_000) for motor in (1, 2, 3, 4)))
-        talk.run(0.15)
-        talk.accept(*(MotorMove(motor, -20_000) for motor in (1, 2, 3, 4)))
-        talk.run(after)
-        talk.accept(MotorStopAll())
-        talk.wait_idle()
+        talk.accept(*(p.MotorMove(motor, 20_000) for motor in (1, 2, 3, 4))).run(0.15)
+        talk.accept(*(p.MotorMove(motor, -20_000) for motor in (1, 2, 3, 4))).run(after)
+        talk.accept(p.MotorStopAll()).wait_idle()
         for motor in (1, 2, 3, 4):
             assert talk.position(motor) == board.counts(motor)
 
@@ -103,22 +92,18 @@ def test_a_soft_reset_is_no_step(talk):
     """At rest with a high level the pin keeps it, and so it does while framestep starts."""
     board = talk.board
     for motor in (1, 2, 3, 4):
-        talk.accept(MotorMove(motor, 101 - motor // 4))
+        talk.accept(p.MotorMove(motor, 101 - motor // 4))
     talk.wait_idle()
     before = [board.counts(motor) for motor in (1, 2, 3, 4)]
     assert before == [101, 101, 101, 100]
     board.repl.receive(b"\r\x03\r\x02\x04")
-    talk.run(AGAIN_S)
-    talk.leave()
-    talk.run(0.1)
+    talk.run(AGAIN_S).leave().run(0.1)
     talk.client.events.clear()
-    talk.come_back()
-    talk.client.wait_event(DeviceInfo)
-    talk.run(SET_UP_S)
+    talk.come_back().until(p.DeviceInfo).run(SET_UP_S)
     assert [board.counts(motor) for motor in (1, 2, 3, 4)] == before
     assert [board.emulator.pin(pin) for pin in STEP] == [1, 1, 0, 0]
     for motor in (1, 2, 3, 4):
-        talk.accept(MotorResetPosition(motor, 0), MotorMove(motor, 5 * motor))
+        talk.accept(p.MotorResetPosition(motor, 0), p.MotorMove(motor, 5 * motor))
     talk.wait_idle()
     counts = [board.counts(motor) for motor in (1, 2, 3, 4)]
     assert [now - was for now, was in zip(counts, before, strict=True)] == [5, 10, 15, 20]
@@ -127,18 +112,15 @@ def test_a_soft_reset_is_no_step(talk):
 def test_a_driver_that_forgets_its_setting_stops_its_motor(talk):
     """Its supply broke down: it would make half the steps until it is set up again."""
     board = talk.board
-    talk.accept(*(MotorResetPosition(motor, 0) for motor in (1, 2)))
-    talk.accept(MotorMove(1, 30_000))
-    talk.run(0.3)
+    talk.accept(*(p.MotorResetPosition(motor, 0) for motor in (1, 2)))
+    talk.accept(p.MotorMove(1, 30_000)).run(0.3)
     board.chips[0].reset()
     talk.run(0.5)
-    assert [message for _, message in talk.events(HardStop)] == [HardStop(m.HARD_STOP_FAULT)]
-    trust = talk.ask(GetCondition()).positions[0]
+    assert [message for _, message in talk.events(p.HardStop)] == [p.HardStop(m.HARD_STOP_FAULT)]
+    trust = talk.ask(p.GetCondition()).positions[0]
     assert (trust.state, trust.reason) == (positions.LOST, positions.DRIVER)
-    talk.refuse(m.ERR_GENERAL, MotorMove(1, 0))
-    talk.run(1.5)
+    talk.refuse(m.ERR_GENERAL, p.MotorMove(1, 0)).run(1.5)
     assert board.chips[0].registers[chip.CHOPCONF] & DEDGE
     before = board.counts(1)
-    talk.accept(MotorResetPosition(1, 0), MotorMove(1, 7))
-    talk.wait_idle()
+    talk.accept(p.MotorResetPosition(1, 0), p.MotorMove(1, 7)).wait_idle()
     assert board.counts(1) - before == 7

@@ -10,18 +10,11 @@ import pytest
 
 from framestep.motors.positions import KNOWN, LOST, SET, STEPS
 from framestep.protocol import messages as m
-from framestep_tools.payloads import (
-    DeviceInfo,
-    GetCondition,
-    HardStop,
-    MotorMove,
-    MotorResetPosition,
-    RtGo,
-)
+from framestep_tools import payloads as p
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.modules import board_modules
-from host_tests.covering import sweep
 from host_tests.end_to_end.session import Session, run_request
+from host_tests.selection import sweep
 
 STEP, DIRECTION = 14, 15  # of motor 7 on a Pico
 B1 = ("--chip", "B1")
@@ -31,15 +24,9 @@ AWAY = (
     "callback=lambda _: sum(range(60000)))"
 )
 MODULES = (
-    "__init__",
-    "base/__init__",
-    "base/native",
-    "hal/__init__",
-    "hal/rp2/__init__",
-    "hal/rp2/pins",
-    "hal/rp2/pin_guard",
-    "hal/rp2/pulses",
-)
+    "__init__", "base/__init__", "base/native", "hal/__init__", "hal/rp2/__init__", "hal/rp2/pins",
+    "hal/rp2/pin_guard", "hal/rp2/pulses",
+)  # fmt: skip
 # Claims pins as an engine does, some microseconds after a request
 CLAIM = """
 import time
@@ -112,13 +99,12 @@ def rig():
     found = Session(EmulatedBoard(args=B1), motors=8, reply_s=0.1)
     with found.board:
         for motor in (1, 7):
-            found.speed(motor, 2000, 200_000)
-            found.accept(MotorResetPosition(motor, 0))
+            found.speed(motor, 2000, 200_000).accept(p.MotorResetPosition(motor, 0))
         yield found
 
 
 def trust(found):
-    return [(each.state, each.reason) for each in found.ask(GetCondition()).positions]
+    return [(each.state, each.reason) for each in found.ask(p.GetCondition()).positions]
 
 
 def comes_back(found):
@@ -128,8 +114,7 @@ def comes_back(found):
     found.leave()
     found.board.run_until(emulator.ns + 30_000_000)
     found.client.events.clear()
-    found.come_back()
-    found.client.wait_event(DeviceInfo)
+    found.come_back().until(p.DeviceInfo)
 
 
 @pytest.mark.parametrize("late", sweep([True, False], False))
@@ -141,14 +126,12 @@ def test_a_bus_reset_in_motion(rig, late):
     frames = 120
     rig.upload({7: [3 * (i & 1) for i in range(frames)]})
     for after_ms in range(0, 17, 5 if late else 9):
-        rig.accept(MotorResetPosition(7, 0))
-        rig.ready(run_request(fps=60, end=frames, pre=100))
-        rig.forget()
+        rig.accept(p.MotorResetPosition(7, 0))
+        rig.ready(run_request(fps=60, end=frames, pre=100)).forget()
         place = rig.position(7)
         if late:
             emulator.repl().exec(AWAY)
-        rig.accept(RtGo())
-        rig.run(0.55)
+        rig.accept(p.RtGo()).run(0.55)
         emulator.advance(after_ms)
         begun = emulator.ns
         emulator.cmd("usb_reset")
@@ -170,24 +153,21 @@ def test_a_pin_that_something_else_takes(rig, asked):
     """The pin is restored before the motor moves again, at its next request or soon after; its
     position is lost, because pulses may be missing."""
     emulator = rig.board.emulator
-    rig.accept(MotorResetPosition(1, 0), MotorResetPosition(7, 0))
-    rig.forget()
+    rig.accept(p.MotorResetPosition(1, 0), p.MotorResetPosition(7, 0)).forget()
     repl = emulator.repl()
     if asked:
         # The call in C after it holds the main loop up until the request is there
         repl.start("from machine import Pin\nPin(15, Pin.IN), sum(range(60000))")
-        rig.refuse(m.ERR_GENERAL, MotorMove(7, 50))
+        rig.refuse(m.ERR_GENERAL, p.MotorMove(7, 50))
         repl.finish()
     else:
         repl.exec("from machine import Pin\nPin(15, Pin.IN)")
     rig.run(0.2)
-    assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
+    assert [message for _, message in rig.events(p.HardStop)] == [p.HardStop(100)]
     assert trust(rig)[6] == (LOST, STEPS)
     assert trust(rig)[0] == (KNOWN, SET)
     assert emulator.pins()[DIRECTION]["function"] == 7
-    rig.forget()
-    rig.accept(MotorResetPosition(7, 0), MotorMove(7, 50))
-    rig.wait_idle()
+    rig.forget().accept(p.MotorResetPosition(7, 0), p.MotorMove(7, 50)).wait_idle()
     assert rig.position(7) == 50
     assert rig.made(7) == 50
 
@@ -199,8 +179,7 @@ def test_a_bus_reset_in_motion_with_one_port():
     found = Session(EmulatedBoard({"ports": 1, "motor_count": 7}, args=B1), motors=7, reply_s=0.1)
     with found.board:
         emulator = found.board.emulator
-        found.speed(7, 2000, 20_000)
-        found.accept(MotorResetPosition(7, 0), MotorMove(7, 20_000))
+        found.speed(7, 2000, 20_000).accept(p.MotorResetPosition(7, 0), p.MotorMove(7, 20_000))
         found.run(0.5)
         failed = emulator.ns
         emulator.cmd("usb_reset")
@@ -210,5 +189,5 @@ def test_a_bus_reset_in_motion_with_one_port():
         assert found.steps(7)[0][-1] * 1e9 - failed < 130e6
         assert found.position(7) == found.made(7)
         assert not found.moving
-        assert not found.events(HardStop)
+        assert not found.events(p.HardStop)
         assert trust(found)[6] == (KNOWN, SET)

@@ -11,9 +11,9 @@ from framestep_tools.building.board_files import board_data
 from framestep_tools.payloads import Ack, Dmx, GetCondition, HardStop, MotorMove, MotorSetSpeed
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_io import Wire, check_timing
-from host_tests.covering import sweep
 from host_tests.end_to_end.runs.moves import FRAMES, MOVE, assert_played
 from host_tests.end_to_end.session import Session, run_request
+from host_tests.selection import sweep
 
 STUCK = """
 import framestep.hal.rp2.pins as pins
@@ -40,8 +40,7 @@ def test_runs_and_lights_at_each_clock(mhz):
         assert_played(session, before, MOVE, 24)
         wire = Wire(board)
         levels = bytes((7 * c + 3) & 0xFF for c in range(512))
-        session.accept(Dmx(0, 1, list(levels)))
-        session.run(0.1)
+        session.accept(Dmx(0, 1, list(levels))).run(0.1)
         wire.emulator.trace_read()
         session.run(0.1)
         frames = wire.frames(wire.emulator.trace_read())
@@ -92,8 +91,7 @@ def test_long_and_short_pulses_together():
             session.accept(MotorSetSpeed(motor, speed, 10 * speed))
         emulator.trace_start(board.pins.pins)
         ways = [speed * 3 // 10 for speed in speeds]
-        session.accept(*(MotorMove(motor, way) for motor, way in enumerate(ways, 1)))
-        session.wait_idle()
+        session.accept(*(MotorMove(motor, way) for motor, way in enumerate(ways, 1))).wait_idle()
         edges = emulator.trace_read()
     for motor, (us, speed, way) in enumerate(zip(pulses, speeds, ways, strict=True)):
         step = edges[edges["pin"] == board.pins.step[motor]][1:]
@@ -113,8 +111,7 @@ def test_a_driver_gets_its_time_to_wake_up():
         session = Session(board)
         enable = board_data("pico")["enable"]
         emulator.trace_start([enable, *board.pins.step])
-        session.accept(MotorMove(1, 50), MotorMove(2, 50))
-        session.wait_idle()
+        session.accept(MotorMove(1, 50), MotorMove(2, 50)).wait_idle()
         edges = emulator.trace_read()
     on = edges["t"][(edges["pin"] == enable) & (edges["level"] == 0)][0]
     for motor in (0, 1):
@@ -167,8 +164,7 @@ def test_a_program_that_changes_the_clock_causes_one_fault(disturb):
         assert not session.ask(GetCondition()).bits & m.CONDITION_CLOCK
         session.forget()
         before = session.made(1)
-        session.accept(MotorMove(1, session.position(1) + 500))
-        session.wait_idle()
+        session.accept(MotorMove(1, session.position(1) + 500)).wait_idle()
         assert session.made(1) - before == 500
         assert session.events(HardStop) == []
 

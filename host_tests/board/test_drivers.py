@@ -7,14 +7,8 @@ import pytest
 from framestep.motors import positions
 from framestep.protocol import messages as m
 from framestep.pulse import stepper
+from framestep_tools import payloads as p
 from framestep_tools.building.board_files import board_data
-from framestep_tools.payloads import (
-    GetCondition,
-    HardStop,
-    MotorMove,
-    MotorResetPosition,
-    MotorStatus,
-)
 from framestep_tools.simulator import driver_chips as chip
 from framestep_tools.simulator.boards import EmulatedBoard
 from framestep_tools.simulator.driver_chips import Chip, Chips
@@ -101,8 +95,8 @@ def test_nothing_moves_before_the_drivers_answer(talk):
     talk.run(1.3)
     said = board.said()
     assert said.count("gets no echo on the wire") == 4, said
-    talk.refuse(m.ERR_GENERAL, MotorMove(1, 100))
-    assert talk.ask(GetCondition()).bits & m.CONDITION_DRIVER
+    talk.refuse(m.ERR_GENERAL, p.MotorMove(1, 100))
+    assert talk.ask(p.GetCondition()).bits & m.CONDITION_DRIVER
     assert [board.emulator.pin(pin) for pin in ENABLE] == [1, 1, 1, 1]
 
 
@@ -115,7 +109,7 @@ def test_set_up_then_enabled(talk):
     talk.run(2.0)
     assert not enables(talk)
     assert board.said().count("works again") == 4
-    assert talk.ask(GetCondition()).bits & m.CONDITION_DRIVER == 0
+    assert talk.ask(p.GetCondition()).bits & m.CONDITION_DRIVER == 0
     for motor, driver in enumerate(board.chips, 1):
         assert driver.damaged == 0
         assert len(driver.writes) == 12
@@ -129,8 +123,7 @@ def test_set_up_then_enabled(talk):
     within = np.diff(starts)[np.diff(starts) < 2 * BYTE_NS]
     assert within.size > 100
     assert within == pytest.approx(BYTE_NS, rel=0.01)
-    talk.accept(MotorMove(1, 100))
-    talk.run(0.3)
+    talk.accept(p.MotorMove(1, 100)).run(0.3)
     assert [(motor, level) for motor, level, _ in enables(talk)] == [(1, 0)]
     assert talk.made(1) == 100
 
@@ -140,15 +133,14 @@ def test_watching_delays_neither_tick_nor_reply(moving):
     constant intervals. Answers come within the 10 ms allowed in motion."""
     talk = moving
     for motor in (2, 3):
-        talk.speed(motor, 10_000, 100_000)
-        talk.accept(MotorResetPosition(motor, 0))
+        talk.speed(motor, 10_000, 100_000).accept(p.MotorResetPosition(motor, 0))
     talk.forget()
     asked = len(talk.board.bytes)
-    talk.accept(MotorMove(2, 4000), MotorMove(3, 4000))
+    talk.accept(p.MotorMove(2, 4000), p.MotorMove(3, 4000))
     took = []
     while not took or talk.moving:
         before = talk.now
-        talk.ask(MotorStatus())
+        talk.ask(p.MotorStatus())
         took.append(talk.now - before)
         talk.run(0.003)
     talk.run(0.05)
@@ -171,28 +163,25 @@ def test_watching_delays_neither_tick_nor_reply(moving):
 def test_a_fault_in_motion(moving):
     talk, board = moving, moving.board
     for motor in (2, 3):
-        talk.speed(motor, 10_000, 100_000)
-        talk.accept(MotorResetPosition(motor, 0))
+        talk.speed(motor, 10_000, 100_000).accept(p.MotorResetPosition(motor, 0))
     board.said()
-    talk.forget()
-    talk.accept(MotorMove(2, 30_000), MotorMove(3, 30_000))
-    talk.run(0.4)
+    talk.forget().accept(p.MotorMove(2, 30_000), p.MotorMove(3, 30_000)).run(0.4)
     at = talk.now
     board.chips[1].status |= 0x02
     board.chips[1].gstat |= 0x02
     talk.run(0.8)
     assert not talk.moving
-    assert [message for _, message in talk.events(HardStop)] == [HardStop(m.HARD_STOP_FAULT)]
+    assert [message for _, message in talk.events(p.HardStop)] == [p.HardStop(m.HARD_STOP_FAULT)]
     assert "framestep: driver of motor 2 has switched off, too hot" in board.said()
     times, signs = talk.steps(3)
     assert times[-1] - at < 0.25 + 0.1 + 0.02
     assert deceleration(times, signs, times[-1] - 0.09) == pytest.approx(100_000, rel=0.1)
     assert [(motor, level) for motor, level, t in enables(talk) if t > at] == [(2, 1)]
-    trust = [(each.state, each.reason) for each in talk.ask(GetCondition()).positions]
+    trust = [(each.state, each.reason) for each in talk.ask(p.GetCondition()).positions]
     assert trust[1] == (positions.LOST, positions.DRIVER)
     assert trust[2] == (positions.KNOWN, positions.SET)
     assert talk.position(3) == talk.made(3)
-    talk.refuse(m.ERR_GENERAL, MotorMove(2, 0))
+    talk.refuse(m.ERR_GENERAL, p.MotorMove(2, 0))
     # cooled down: set up again, and at rest until the next request
     talk.forget()
     board.chips[1].status &= ~0x02
@@ -201,8 +190,7 @@ def test_a_fault_in_motion(moving):
     assert len(board.chips[1].writes) >= 24
     assert not enables(talk)
     assert not talk.made(2)
-    talk.accept(MotorMove(2, talk.position(2) + 10))
-    talk.run(0.2)
+    talk.accept(p.MotorMove(2, talk.position(2) + 10)).run(0.2)
     assert talk.made(2) == 10
     assert [(motor, level) for motor, level, _ in enables(talk)] == [(2, 0)]
 
@@ -215,15 +203,15 @@ def test_one_port_prints_it_with_ctrl_c():
         talk = Session(board, motors=4, reply_s=0.1)
         talk.run(1.3)
         board.connect()
-        talk.run(2.0)
-        talk.accept(MotorMove(2, 30_000))
-        talk.run(0.3)
+        talk.run(2.0).accept(p.MotorMove(2, 30_000)).run(0.3)
         board.chips[1].status |= 0x02
         board.chips[1].gstat |= 0x02
         talk.run(0.8)
-        assert [message for _, message in talk.events(HardStop)] == [HardStop(m.HARD_STOP_FAULT)]
-        assert talk.ask(GetCondition()).bits & m.CONDITION_DRIVER
-        talk.accept(MotorMove(1, 100))  # the LED no longer shows the fault
+        assert [message for _, message in talk.events(p.HardStop)] == [
+            p.HardStop(m.HARD_STOP_FAULT)
+        ]
+        assert talk.ask(p.GetCondition()).bits & m.CONDITION_DRIVER
+        talk.accept(p.MotorMove(1, 100))  # the LED no longer shows the fault
         talk.run(0.3)
         assert talk.bytes_for(b"", 0.1) == []
         talk.port.write(b"\r\x03")

@@ -11,8 +11,8 @@ import pytest
 from framestep.protocol import messages as m
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.judge.judge import judge
-from framestep_tools.payloads import Ack, HardStop, MotorMove, RtEnd, RtGo
-from host_tests.board.chips import on_pico
+from framestep_tools.payloads import HardStop, RtEnd, RtGo
+from host_tests.board.conftest import on_pico
 from host_tests.end_to_end.session import Session, run_request
 
 FRAMES = 40
@@ -65,46 +65,9 @@ def test_repl_beside_a_run(session):
         repl.exec("x = [bytearray(40) for _ in range(50)]\ngc.collect()")
         turns += 1
     assert turns >= 2
-    session.client.wait_event(RtEnd, 10)
-    session.run(0.1)
+    session.until(RtEnd, 10).run(0.1)
     assert_played(session, stands, positions)
     assert repl.eval("boot.runner.failure") is None
-
-
-@pytest.mark.repeats
-def test_nothing_is_allocated(session):
-    """Over a whole session the heap grows by no byte, apart from the bytes for the REPL itself,
-    which are measured first."""
-    positions = move(session)
-    repl = session.board.emulator.repl()
-    repl.exec("import gc")
-
-    def taken():
-        return repl.eval("gc.mem_alloc()")
-
-    def between(work):
-        """Return the bytes allocated by work(), including garbage: nothing is collected."""
-        repl.exec("gc.collect()\ngc.disable()")
-        before = taken()
-        work()
-        after = taken()
-        repl.exec("gc.enable()")
-        return after - before
-
-    def whole_session():
-        stands = load(session, positions)
-        session.accept(RtGo())
-        session.client.wait_event(RtEnd, 10)
-        session.run(0.1)
-        assert_played(session, stands, positions)
-        session.ask(MotorMove(1, int(positions[1][0]) - 500))
-        session.run(0.2)
-        session.refuse(Ack.ERR_RANGE, MotorMove(9, 2**30))
-        session.wait_idle()
-
-    whole_session()  # allocates whatever is made once
-    own = between(lambda: session.run(2.0))
-    assert between(whole_session) == own
 
 
 @pytest.mark.repeats
@@ -115,9 +78,7 @@ def test_one_port(chip):
         session = Session(board)
         positions = move(session, (1, 2))
         stands = load(session, positions)
-        session.accept(RtGo())
-        session.client.wait_event(RtEnd, 10)
-        session.run(0.1)
+        session.accept(RtGo()).until(RtEnd, 10).run(0.1)
         assert_played(session, stands, positions)
 
         def typed(text):

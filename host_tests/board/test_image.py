@@ -5,7 +5,6 @@ import os
 import struct
 import subprocess
 
-import numpy as np
 import pytest
 
 from framestep_emulator import Emulator
@@ -93,33 +92,6 @@ def test_it_boots(firmware):
         assert repl.eval("double(21)") == 42
         # what neopixel, onewire, ds18x20 and dht need, which `mpremote mip install` adds
         repl.exec("import _onewire; from machine import bitstream, dht_readinto")
-
-
-@pytest.mark.repeats
-def test_the_longest_move_that_is_promised(firmware):
-    """As many frames as HI reports, for all motors, with steps per frame that always change by
-    511."""
-    with Emulator(firmware) as emu:
-        emu.wait_usb(10_000, ports=2)
-        with Client(emu.serial(1)) as client:
-            info = client.request(Hi())
-            frames = np.arange(info.upload_frames)
-            changes = 511 * np.sign(np.sin(np.outer(np.arange(info.motors) + 1, frames) / 20))
-            moves = changes.cumsum(1).cumsum(1).astype(int)
-            client.upload_move(1, info.upload_frames, dict(enumerate(moves, 1)), 4)
-        wanted = [
-            int(motor[frame]) for motor in moves for frame in (0, 5555, info.upload_frames - 1)
-        ]
-        code = (
-            "import framestep.boot as boot, array; words = array.array('i', (0,)); "
-            "store = boot.controller.moves.store"
-        )
-        emu.repl().exec(code)
-        read = (
-            "[store.position(m, f, words, 0) and words[0] "
-            f"for m in range({info.motors}) for f in (0, 5555, {{}})]"
-        )
-        assert emu.repl().eval(read.format(info.upload_frames - 1)) == wanted
 
 
 def test_a_main_py_on_the_board_goes_first(firmware):

@@ -1,15 +1,12 @@
 """No tick comes late and no queue runs dry, whatever is requested in motion: on the emulated board
 with its flash cache, at the slower clock."""
 
-import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
 from framestep_tools.judge.virtual_reference import Axis, Rig
-from host_tests.board.chips import on_pico
-from host_tests.covering import sweep
-from host_tests.end_to_end.session import Session, run_request
+from host_tests.end_to_end.session import Session
 from host_tests.end_to_end.virtual_axes.judging import BOOM_NODAL, XYZ
 from host_tests.observers.timing import Timing
 
@@ -40,8 +37,7 @@ def configured(session, rig, velocity=VELOCITY, acceleration=ACCELERATION):
         if axis.motor:
             session.speed(axis.motor, velocity, acceleration)
             session.accept(p.MotorResetPosition(axis.motor, axis.step))
-    session.accept(p.VirtConfig.unpack(rig.payload()))
-    session.forget()
+    session.accept(p.VirtConfig.unpack(rig.payload())).forget()
 
 
 @pytest.mark.parametrize(
@@ -58,29 +54,9 @@ def test_a_virtual_move_is_stopped(session, rig, stop):
     configured(session, rig)
     with session.timing.judged():
         for moment in (0.3, 0.41, 0.52):
-            session.accept(p.VirtMove(m.VIRT_MOTOR_EW, 120 * 100_000))
-            session.run(moment)
-            session.accept(stop)
-            session.wait_idle()
-            session.accept(p.VirtMove(m.VIRT_MOTOR_EW, 0))
-            session.wait_idle()
-
-
-@on_pico
-@pytest.mark.repeats
-@pytest.mark.parametrize("velocity", sweep([5000, VELOCITY], VELOCITY))
-def test_a_virtual_jog_is_let_go(session, velocity):
-    """By a VIRT_STOP, and by lack of repetition."""
-    configured(session, BOOM_NODAL, velocity, 20_000 if velocity == 5000 else ACCELERATION)
-    with session.timing.judged():
-        for number in (m.VIRT_MOTOR_TRACK, m.VIRT_MOTOR_EW):
-            for sign, moment in ((1, 0.3), (-1, 0.43)):
-                session.accept(p.VirtJog(number, 10_000, sign * FAR))
-                session.run(moment)
-                session.accept(p.VirtStop(number))
-                session.wait_idle()
-                session.accept(p.VirtJog(number, 10_000, sign * FAR))
-                session.wait_idle()
+            session.accept(p.VirtMove(m.VIRT_MOTOR_EW, 120 * 100_000)).run(moment)
+            session.accept(stop).wait_idle()
+            session.accept(p.VirtMove(m.VIRT_MOTOR_EW, 0)).wait_idle()
 
 
 @pytest.mark.parametrize("kind", [1, 3])
@@ -104,35 +80,8 @@ def test_a_virtual_jog_of_fast_motors_is_planned_in_time(
             for _ in range(5):
                 session.accept(p.VirtJog(m.VIRT_MOTOR_EW, 10_000, sign * FAR))
                 session.timing.run(0.25)
-            session.accept(p.VirtStop(m.VIRT_MOTOR_EW))
-            session.wait_idle()
+            session.accept(p.VirtStop(m.VIRT_MOTOR_EW)).wait_idle()
         assert session.timing.least_queued >= QUEUED_MS
-
-
-@pytest.mark.repeats
-def test_jog_all_comes_to_rest_on_a_frame(session):
-    session.accept(p.VirtConfig.unpack(b"\0"))
-    speeds(session, 50_000, 200_000)
-    frames = np.arange(240)
-    begins = session.positions
-    session.upload(
-        {
-            n: (begins[n] + np.round(100 * n * np.sin(frames * 0.05))).astype(int).tolist()
-            for n in MOTORS
-        }
-    )
-    with session.timing.judged():
-        session.play(run_request(24, 1, 12))
-        for to, moment, stop in (
-            (200, 0.8, p.MotorStopAll()),
-            (20, 1.5, p.MotorStop(1)),
-            (200, 2.1, p.MotorStop(1)),
-            (20, 2.7, p.MotorStopAll()),
-        ):
-            session.accept(p.RtJogAll(24_000, to))
-            session.run(moment)
-            session.accept(stop)
-            session.wait_idle()
 
 
 def test_runs_moves_and_stops(session):
@@ -148,8 +97,7 @@ def test_runs_moves_and_stops(session):
                 session.accept(
                     p.MotorStop(motor) if factor == 1 else p.MotorMove(motor, begins[motor])
                 )
-            session.accept(p.MotorStopAll())
-            session.wait_idle()
+            session.accept(p.MotorStopAll()).wait_idle()
         for motor in MOTORS:
             session.accept(p.MotorJog(motor, 10_000, FAR))
         session.wait_idle()

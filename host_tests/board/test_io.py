@@ -8,9 +8,8 @@ from framestep.protocol import messages as m
 from framestep.pulse import stepper
 from framestep_tools import payloads as p
 from framestep_tools.client.wire import encode
-from host_tests import dmx_wire
-from host_tests.board.chips import on_both, on_pico, on_pico2
-from host_tests.end_to_end.session import Session, deceleration, run_request
+from host_tests.board.conftest import on_both, on_pico, on_pico2
+from host_tests.end_to_end.session import Session, deceleration, dmx_frames, run_request
 
 DMX_PIN, ESTOP_PIN = 0, 19
 EIGHT = tuple(range(1, 9))
@@ -31,9 +30,9 @@ class Wire:
         self.emulator.trace_read()
 
     def frames(self, records):
-        """See dmx_wire.frames."""
+        """See dmx_frames."""
         mine = records[records["pin"] == DMX_PIN]
-        return dmx_wire.frames(mine["t"].astype(np.int64), mine["level"])
+        return dmx_frames(mine["t"].astype(np.int64), mine["level"])
 
 
 def test_dmx_on_the_wire(chip):
@@ -43,8 +42,7 @@ def test_dmx_on_the_wire(chip):
     with board:
         wire = Wire(board)
         levels = bytes((7 * c + 3) & 0xFF for c in range(512))
-        board_session.accept(p.Dmx(0, 1, list(levels)))
-        board_session.run(0.1)
+        board_session.accept(p.Dmx(0, 1, list(levels))).run(0.1)
         wire.emulator.trace_read()
         board_session.run(0.1)
         frames = wire.frames(wire.emulator.trace_read())
@@ -55,10 +53,8 @@ def test_dmx_on_the_wire(chip):
         # A ramp while eight motors move: each frame is one state of the lights, and they follow
         # the line
         for motor in EIGHT:
-            board_session.speed(motor, 50_000, 200_000)
-            board_session.accept(p.MotorMove(motor, 20_000))
-        board_session.accept(p.Dmx(0, 1, [0] * 512))
-        board_session.run(0.1)
+            board_session.speed(motor, 50_000, 200_000).accept(p.MotorMove(motor, 20_000))
+        board_session.accept(p.Dmx(0, 1, [0] * 512)).run(0.1)
         begin = board_session.now
         board_session.accept(p.Dmx(1, 1, [250] * 512))
         wire.emulator.trace_read()
@@ -92,8 +88,7 @@ def test_dmx_beside_eleven_motors(chip):
         wire = Wire(board)
         board_session.accept(p.Dmx(0, 1, list(levels)))
         for motor in eleven:
-            board_session.speed(motor, 50_000, 200_000)
-            board_session.accept(p.MotorMove(motor, 10_000))
+            board_session.speed(motor, 50_000, 200_000).accept(p.MotorMove(motor, 10_000))
         board_session.run(0.1)
         wire.emulator.trace_read()
         board_session.run(0.1)
@@ -127,8 +122,7 @@ def ramp_edges(chip, rig):
         board_session.forget()
         if rig is None:
             board_session.accept(p.Dmx(1, 1, [250] * 512))
-        board_session.accept(*(p.MotorMove(motor, 4000) for motor in motors))
-        board_session.wait_idle()
+        board_session.accept(*(p.MotorMove(motor, 4000) for motor in motors)).wait_idle()
         look = (
             "import framestep.boot as b; "
             f"print(b.controller.axes.kernel.state[{stepper.WORST_LATE}])"
@@ -197,8 +191,7 @@ def test_estop(chip):
             board_session.speed(motor, 20_000, 100_000)
         board_session.run(0.05)
         start = begin(board_session)
-        board_session.accept(*(p.MotorMove(motor, 100_000) for motor in EIGHT))
-        board_session.run(0.3)
+        board_session.accept(*(p.MotorMove(motor, 100_000) for motor in EIGHT)).run(0.3)
         pressed = pull(board_session, board)
         last = []
         for motor in EIGHT:
@@ -215,12 +208,10 @@ def test_estop(chip):
 
         path = [0, 0, 0] + [round(2500 * (1 - np.cos(np.pi * k / 30))) for k in range(31)]
         board_session.upload({1: path, 2: path})
-        board_session.accept(p.MotorMove(2, 0))
-        board_session.wait_idle()
+        board_session.accept(p.MotorMove(2, 0)).wait_idle()
         board_session.ready(run_request(end=len(path), pre=100))
         start = begin(board_session)
-        board_session.accept(p.RtGo())
-        board_session.run(0.75)
+        board_session.accept(p.RtGo()).run(0.75)
         pressed = pull(board_session, board)
         for motor in (1, 2):
             times, _ = stopped(board_session, motor, start)
@@ -290,8 +281,7 @@ def stopped(board_session, motor, start):
 
 
 def release(board_session, board):
-    board_session.refuse(m.ERR_GENERAL, p.MotorMove(1, 0), p.RtGo())
-    board_session.forget()
+    board_session.refuse(m.ERR_GENERAL, p.MotorMove(1, 0), p.RtGo()).forget()
     board.emulator.set_pin(ESTOP_PIN, 0)
     board_session.run(0.2)
     assert not any(board_session.made(motor) for motor in EIGHT)  # nothing starts by itself
@@ -321,7 +311,6 @@ def test_an_exception(chip):
             times, signs = board_session.steps(motor)
             assert deceleration(times, signs, times[-1] - 0.15) == pytest.approx(50_000, rel=0.1)
             assert times[-1] - failed < 0.25
-        board_session.forget()
-        board_session.run(0.3)
+        board_session.forget().run(0.3)
         assert not board_session.made(1)
         assert not board_session.made(2)

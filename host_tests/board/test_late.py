@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from framestep_tools import payloads as p
-from host_tests.covering import sweep
 from host_tests.end_to_end.session import Session
+from host_tests.selection import sweep
 
 VELOCITIES = {1: 333, 2: 700, 3: 1011, 4: 3700, 5: 20_000}
 EDGE_US = 5
@@ -36,8 +36,7 @@ def test_a_late_tick_moves_no_edge(session, us):
     for motor, velocity in VELOCITIES.items():
         session.speed(motor, velocity, 200_000)
     before = session.positions
-    session.forget()
-    session.accept(*(p.MotorMove(n, before[n] + v) for n, v in VELOCITIES.items()))
+    session.forget().accept(*(p.MotorMove(n, before[n] + v) for n, v in VELOCITIES.items()))
     for k in range(14):
         session.run(0.0437)
         session.repl.exec(f"light({k * 71}, {us})")

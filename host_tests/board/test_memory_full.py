@@ -4,18 +4,8 @@ says so."""
 import pytest
 
 from framestep.protocol import messages as m
+from framestep_tools import payloads as p
 from framestep_tools.building import images
-from framestep_tools.payloads import (
-    Ack,
-    DeviceInfo,
-    GetCondition,
-    GioOut,
-    HardStop,
-    MotorMove,
-    MotorStopAll,
-    RtEnd,
-    RtGo,
-)
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_end_to_end import assert_played, load, move
 from host_tests.end_to_end.session import Session, assert_within
@@ -72,10 +62,8 @@ def full(board):
     session = Session(board, reply_s=0.1)
     session.positions_before = move(session, frames=40)
     session.stands = load(session, session.positions_before)
-    session.accept(MotorStopAll())  # the run is uploaded and ends before it began
-    session.run(0.3)
-    session.forget()
-    session.speed(8, VELOCITY, ACCELERATION)
+    session.accept(p.MotorStopAll())  # the run is uploaded and ends before it began
+    session.run(0.3).forget().speed(8, VELOCITY, ACCELERATION)
     repl = session.repl = board.emulator.repl()
     repl.enter()
     repl.leave()  # nothing unasked is printed in raw mode
@@ -85,9 +73,7 @@ def full(board):
 
 
 def under_way(session, steps=20_000):
-    session.accept(MotorMove(8, session.position(8) + steps))
-    session.forget()
-    session.run(0.4)
+    session.accept(p.MotorMove(8, session.position(8) + steps)).forget().run(0.4)
     assert session.moving == [8]
 
 
@@ -97,28 +83,18 @@ def at_rest(session):
     assert not session.moving
 
 
-@pytest.mark.repeats
-def test_a_stop(full):
-    under_way(full)
-    full.accept(MotorStopAll())
-    at_rest(full)
-    under_way(full)
-    full.accept(MotorStopAll(), MotorStopAll())
-    at_rest(full)
-
-
 def test_the_estop(full):
     emulator = full.board.emulator
     under_way(full)
     emulator.set_pin(ESTOP, 1)
     at_rest(full)
-    assert [message for _, message in full.events(HardStop)] == [HardStop(0)]
-    full.refuse(Ack.ERR_GENERAL, MotorMove(8, 0))
-    assert full.ask(GetCondition()).bits & m.CONDITION_ESTOP
+    assert [message for _, message in full.events(p.HardStop)] == [p.HardStop(0)]
+    full.refuse(p.Ack.ERR_GENERAL, p.MotorMove(8, 0))
+    assert full.ask(p.GetCondition()).bits & m.CONDITION_ESTOP
     emulator.set_pin(ESTOP, 0)
     full.run(0.3)
     under_way(full, -20_000)
-    full.accept(MotorStopAll())
+    full.accept(p.MotorStopAll())
     at_rest(full)
 
 
@@ -126,31 +102,24 @@ def test_a_lost_host(full):
     under_way(full)
     full.leave()
     full.board.run_until(full.board.now_ns + 800_000_000)
-    full.come_back()
-    full.client.wait_event(DeviceInfo)
+    full.come_back().until(p.DeviceInfo)
     at_rest(full)
 
 
 def test_a_run(full):
     positions = full.positions_before
     stands = load(full, positions)
-    full.accept(RtGo())
-    full.client.wait_event(RtEnd, 10)
-    full.run(0.3)
+    full.accept(p.RtGo()).until(p.RtEnd, 10).run(0.3)
     assert_played(full, stands, positions)
 
 
 def test_a_fault_and_words_for_all_of_it(full):
     """Texts need no memory, either."""
     under_way(full)
-    full.accept(GioOut(1))
-    full.run(0.4)
-    assert [message for _, message in full.events(HardStop)] == [HardStop(100)]
-    full.wait_idle(5)
-    full.accept(GioOut(0))
-    full.run(0.1)
-    full.accept(GioOut(1))
-    full.run(0.2)
+    full.accept(p.GioOut(1)).run(0.4)
+    assert [message for _, message in full.events(p.HardStop)] == [p.HardStop(100)]
+    full.wait_idle(5).accept(p.GioOut(0)).run(0.1)
+    full.accept(p.GioOut(1)).run(0.2)
     said = full.repl.expect(b"free\r\n", 60).decode()
     assert said.splitlines() == [*WORDS, "free"]
     assert full.repl.eval("__import__('framestep.boot').boot.runner.failure") is None

@@ -129,8 +129,6 @@ def test_set_up_over_one_pin_each():
             assert driver.gstat == 0
             assert run_ma - 55 < driver.run_ma() <= run_ma
         assert abs(np.mean(board.bit_lengths) / BIT_NS - 1) < 0.01
-        talk.forget()
-        talk.accept(MotorMove(1, 300), MotorMove(2, -200))
-        talk.wait_idle()
+        talk.forget().accept(MotorMove(1, 300), MotorMove(2, -200)).wait_idle()
         assert (talk.made(1), talk.made(2)) == (300, -200)
         assert talk.ask(GetCondition()).bits == 0

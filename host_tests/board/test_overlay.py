@@ -10,7 +10,7 @@ from framestep_tools.building import images
 from framestep_tools.client.client import Client
 from framestep_tools.payloads import GetCondition, Hi, MotorMove
 from host_tests.board.modules import edited, ident_of, on_board
-from host_tests.covering import sweep
+from host_tests.selection import sweep
 
 BACKLASH = "framestep/motors/backlash.mpy"
 TICK = "framestep/pulse/tick.mpy"

@@ -48,6 +48,5 @@ def test_no_click_is_lost_beside_motors_and_a_host(session, quarter_us):
     for _ in range(10):
         hand.turn(30, quarter_us)
         session.ask(p.MotorStatus())
-    session.wait_idle()
-    session.run(0.3)
+    session.wait_idle().run(0.3)
     assert session.position(1) - before == 300

@@ -11,8 +11,7 @@ import pytest
 from framestep.pulse import stepper
 from framestep_emulator import Emulator, edge_times
 from framestep_tools.building import images
-from host_tests.pulse.engine import PER_TICK, PER_US, Bench
-from host_tests.pulse.profiles import ONE, Profile, trapezoid
+from host_tests.pulse.engine import ONE, PER_TICK, PER_US, Bench, Profile, trapezoid
 
 MOTORS = 8
 NS = 8  # per cycle
@@ -118,11 +117,8 @@ def test_ramp(pulses):
         # near rest the last bit of the position takes long
         assert abs(error[-1]) < 50
     assert (board.place, board.spread, board.faults, board.mode) == (
-        profile.end,
-        0,
-        0,
-        stepper.IDLE,
-    )
+        profile.end, 0, 0, stepper.IDLE,
+    )  # fmt: skip
     # all motors are in step: two of them differ by the microsecond of the clock and the code
     # between
     first = np.array([board.rises(motor) for motor in range(MOTORS)])

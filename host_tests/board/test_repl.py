@@ -1,17 +1,15 @@
 """The operator's side on the emulated board: bench commands during a run, LED, faults in words, how
 to prevent the start."""
 
-from types import SimpleNamespace
-
 import pytest
 
 from framestep_emulator import Emulator
 from framestep_tools.building import images
-from framestep_tools.payloads import Ack, GetLoad, HardStop, Hi, MotorMove, RtEnd, RtGo, RtJogAll
+from framestep_tools.payloads import HardStop, Hi, MotorMove, RtEnd, RtGo
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_end_to_end import assert_played, load, move
-from host_tests.end_to_end.io.test_led import CONNECTED, FAULT, MOVING
-from host_tests.end_to_end.session import Session, run_request
+from host_tests.end_to_end.io.test_led import FAULT
+from host_tests.end_to_end.session import Session
 
 LED, JUMPER = 25, 27
 
@@ -37,105 +35,6 @@ def led(board, levels=16):
 def shows(pattern, shown):
     """Whether the LED showed a piece of that pattern, repeated."""
     return shown in 3 * pattern
-
-
-# ---- beside a run of four motors: an import, printing, measuring and collecting
-
-BYTES_KEPT = 3000  # by framestep.repl, once it is imported
-
-
-@pytest.fixture(scope="module")
-def beside(session):
-    """What commands have said during a run whose every edge was in its place."""
-    board = session.board
-    repl = board.emulator.repl()
-    led_before = led(board)
-    positions = move(session, frames=80)
-    stands = load(session, positions)
-    session.accept(RtGo())
-    before = repl.eval("(__import__('gc').collect(), __import__('gc').mem_free())[1]")
-    session.ask(GetLoad())
-    repl.exec("import framestep.repl")
-    said = SimpleNamespace(motors=list(positions), led_before=led_before)
-    said.status = repl.exec("status()").splitlines()
-    said.move = repl.exec("move(8, 200)")
-    said.timing = repl.exec("timing()").splitlines()
-    said.load = session.ask(GetLoad())
-    said.led = led(board, 3)
-    repl.exec("import gc, json; gc.collect()")
-    assert session.client.wait_event(RtEnd, 10)
-    session.run(0.1)
-    assert_played(session, stands, positions)
-    said.kept = before - repl.eval("(gc.collect(), gc.mem_free())[1]")
-    said.why = repl.exec("why()")
-    return said
-
-
-@pytest.mark.repeats
-def test_the_led_shows_a_connection_and_a_run(beside):
-    assert shows(CONNECTED, beside.led_before)
-    assert shows(MOVING, beside.led)
-
-
-@pytest.mark.repeats
-def test_bench_commands_keep_little_memory(beside):
-    assert beside.kept < BYTES_KEPT
-
-
-@pytest.mark.repeats
-def test_status_says_that_a_run_is_on_and_what_is_lost(beside):
-    assert beside.status[2].startswith("a run is on, at frame ")
-    assert "lost" in beside.status[3]
-
-
-@pytest.mark.repeats
-def test_a_command_that_moves_is_refused_during_a_run(beside):
-    assert beside.move.startswith("refused: a run is on")
-    assert beside.why.startswith("refused: a command of the REPL, as ")
-
-
-@pytest.mark.repeats
-def test_the_load_of_a_run_is_known_to_the_host(beside):
-    load = beside.load
-    assert 0.2 < load.interrupt_us / load.ms / 10 < 12, "percent"
-    assert 1 < load.passes_us / load.ms / 10 < 60, "percent"
-    assert load.late_us < 200
-
-
-@pytest.mark.repeats
-def test_timing_shows_interrupts_load_and_each_motor_that_moved(beside):
-    interrupts, late, load, *motors = beside.timing
-    assert interrupts.startswith("interrupts: ")
-    mean, _, longest = [int(w) for w in interrupts.replace(",", "").split() if w.isdigit()][:3]
-    assert 10 < mean < 120, "us"
-    assert mean <= longest < 400, "us"
-    assert int(late.split(": ")[1].split()[0]) < 100
-    assert load.startswith("load of the last ")
-    assert [line.split(":")[0] for line in motors] == [f"motor {i}" for i in beside.motors]
-
-
-@pytest.mark.repeats
-def test_help_and_settings_can_be_read(beside, session):
-    repl = session.board.emulator.repl()
-    assert "why the last request was refused" in repl.exec("help()")
-    assert "object framestep.boot is of type" in repl.exec("help(framestep.boot)").replace(
-        "<module 'framestep.boot' from 'framestep/boot.py'>", "framestep.boot"
-    )
-    assert repl.exec("rig()").splitlines() == [
-        *(f"outputs[{i}].pin = {pin}" for i, pin in enumerate((22, 26), 1)),
-        *(f"inputs[{i}].pin = {pin}" for i, pin in enumerate((27, 28), 1)),
-        "all else is at its default",
-    ]
-    assert "output 1, pin 22: off" in repl.exec("io()")
-
-
-@pytest.mark.repeats
-def test_after_the_run_a_command_moves_a_motor(beside, session):
-    repl = session.board.emulator.repl()
-    there = session.position(8) + 200
-    assert repl.exec(f"move(8, {there})") == ""
-    session.wait_idle()
-    assert session.position(8) == there
 
 
 def test_tracing_beside_a_run(session):
@@ -295,24 +194,6 @@ def test_nothing_unasked_in_the_raw_repl():
         said = repl.expect(b"\x04>")
         assert said.strip(b"\x01") == b"\x04pasted\r\n\x04\x04>"
         assert repl.unasked() == "framestep: the E-stop was pressed\n"
-
-
-@pytest.mark.repeats
-def test_a_move_that_asks_too_much_is_reported_unasked():
-    """Field note 5.5: which motor and where, on the REPL; status() says by how much."""
-    with EmulatedBoard() as board:
-        session = Session(board, reply_s=0.1)
-        repl = board.emulator.repl()
-        repl.exec("import time")
-        session.speed(2, 1000, 20000)
-        session.upload({1: [10 * k for k in range(20)], 2: [0] * 10 + [100] * 10})
-        line = "framestep: the last move exceeds a limit of motor 2 at frame 11 - see status()"
-        session.refuse(Ack.ERR_RANGE, run_request(fps=24, end=20))
-        assert repl.unasked() == line + "\n"
-        session.accept(RtJogAll(24000, 20))
-        assert repl.unasked() == line + "\n"
-        session.client.wait_idle(60, 0.1)
-        assert "JOG_ALL goes at" in repl.exec("import framestep.repl; status()")
 
 
 def test_bootsel_and_jumper_keep_it_from_starting():

@@ -9,19 +9,11 @@ import ast
 import pytest
 
 from framestep_tools.simulator.boards import EmulatedBoard
-from host_tests.covering import sweep
+from host_tests.selection import sweep
 
 COMMANDS = (
-    "status()",
-    "move(1, 200)",
-    "stop()",
-    "io()",
-    "timing()",
-    "rig()",
-    "home(1)",
-    "why()",
-    "help()",
-)
+    "status()", "move(1, 200)", "stop()", "io()", "timing()", "rig()", "home(1)", "why()", "help()",
+)  # fmt: skip
 # Asks about an object, then prints what it contains, each as (expression, identity, type).
 # Of the entries of a list three are enough. The memory for moves takes a second to print.
 LOOK = """

@@ -56,9 +56,7 @@ def test_long_and_short_pulses_in_one_run(session):
     before = session.positions
     emulator = session.board.emulator
     emulator.trace_start(session.board.pins.pins)
-    session.accept(p.RtGo())
-    session.client.wait_event(p.RtEnd, 20)
-    session.wait_idle()
+    session.accept(p.RtGo()).until(p.RtEnd, 20).wait_idle()
     edges = emulator.trace_read()
     for motor, us in enumerate(PULSES, 1):
         step, direction = session.board.pins.step[motor - 1], session.board.pins.dir[motor - 1]
@@ -79,10 +77,7 @@ def test_drivers_go_off_at_rest(session):
     emulator = session.board.emulator
     session.accept(p.MotorResetPosition(1, 0), p.MotorMove(1, 200))
     emulator.trace_start([BOARD["enable"], *session.board.pins.pins])
-    session.wait_idle()
-    session.run(2.5)
-    session.accept(p.MotorMove(1, 0))
-    session.wait_idle()
+    session.wait_idle().run(2.5).accept(p.MotorMove(1, 0)).wait_idle()
     edges = emulator.trace_read()
     (off,), (on,) = at(edges, BOARD["enable"], 1), at(edges, BOARD["enable"], 0)[-1:]
     steps = at(edges, session.board.pins.step[0], 1)
@@ -97,17 +92,14 @@ def test_a_button_shoots_the_next_frame(session):
     paths = upload(session)
     emulator = session.board.emulator
     session.ready(p.RtShootFrame2(7, EXPOSURE_MS, 0, 180, []))
-    session.accept(p.RtGo())
-    session.client.wait_event(p.RtEnd, 20)
-    session.wait_idle()
+    session.accept(p.RtGo()).until(p.RtEnd, 20).wait_idle()
     emulator.trace_start([BOARD["shutter"]])
     for frame in (8, 9):
         session.forget()
         emulator.set_pin(BUTTON, 0)
         session.run(0.1)
         emulator.set_pin(BUTTON, 1)
-        session.client.wait_event(p.RtEnd, 20)
-        session.wait_idle()
+        session.until(p.RtEnd, 20).wait_idle()
         assert session.position(2) == paths[2][frame - 1]
     edges = emulator.trace_read()
     opened, closed = at(edges, BOARD["shutter"], 1), at(edges, BOARD["shutter"], 0)

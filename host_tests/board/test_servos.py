@@ -11,8 +11,7 @@ from framestep_tools import payloads as p
 from framestep_tools.building import images
 from framestep_tools.client.client import Client
 from framestep_tools.simulator.boards import EmulatedBoard
-from host_tests.end_to_end.motors.servo_pulses import assert_follows, pulses
-from host_tests.end_to_end.session import Session, run_request
+from host_tests.end_to_end.session import Session, assert_follows, pulses, run_request
 
 PIN = 22  # one of the board's general pins
 RIG = {"motors": [{}, {"servo": {"pin": PIN}}, {}]}
@@ -40,9 +39,7 @@ def test_it_follows_the_path_that_a_step_motor_takes():
         assert_follows(session, before[1], 2, farthest=True)
         # its end, held by the range
         session.refuse(m.ERR_SOFT_UP, p.MotorMove(2, 1001))
-        session.accept(p.MotorMove(2, 1000))
-        session.wait_idle()
-        session.run(0.1)
+        session.accept(p.MotorMove(2, 1000)).wait_idle().run(0.1)
         assert pulses(session)[1][-1] == pytest.approx(2000, abs=0.05)
         assert session.events(p.HardStop) == []
 

@@ -2,16 +2,7 @@
 stops, outputs."""
 
 from framestep.protocol import messages as m
-from framestep_tools.payloads import (
-    GioCam,
-    GioIn,
-    GioOut,
-    HardStop,
-    Hi,
-    MotorConfigure,
-    MotorMove,
-    MotorSetLimits,
-)
+from framestep_tools import payloads as p
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session
 
@@ -31,34 +22,32 @@ def test_pins():
         board.wire_switches()
         session = Session(board, motors=4, reply_s=0.1)
         session.run(0.1)
-        assert session.ask(Hi()).motors == 4
+        assert session.ask(p.Hi()).motors == 4
         assert levels(*ENABLE) == [1, 1, 1, 1], "a driver is on before its motor is to move"
         session.forget()
         for motor, target in ((1, 400), (2, -300), (3, 200)):
-            session.ask(MotorMove(motor, target))
+            session.accept(p.MotorMove(motor, target))
         session.wait_idle()
         assert levels(*ENABLE) == [0, 0, 0, 1]
         assert [session.made(motor) for motor in (1, 2, 3, 4)] == [400, -300, 200, 0]
         assert [session.position(motor) for motor in (1, 2, 3, 4)] == [400, -300, 200, 0]
-        session.accept(MotorConfigure(2, 0), MotorConfigure(4, m.MOTOR_ENABLED))
+        session.accept(p.MotorConfigure(2, 0), p.MotorConfigure(4, m.MOTOR_ENABLED))
         assert levels(*ENABLE) == [0, 1, 0, 0]
 
-        session.accept(GioOut(0b101), GioCam(1))
+        session.accept(p.GioOut(0b101), p.GioCam(1))
         assert levels(20, 21, 23, 17, 18) == [1, 0, 1, 1, 0]
         emulator.set_pin(PROBE, 0)
         session.run(0.05)
-        assert session.ask(GioIn()).levels == 1
+        assert session.ask(p.GioIn()).levels == 1
 
-        session.accept(MotorSetLimits(1, 0, 0, 0, 0, 1))
+        session.accept(p.MotorSetLimits(1, 0, 0, 0, 0, 1))
         emulator.set_pin(X_STOP, 1)
-        session.run(0.05)
-        session.refuse(m.ERR_HARD_LOW, MotorMove(1, 0))
-        session.ask(MotorMove(3, 20_000))
-        session.run(0.3)
+        session.run(0.05).refuse(m.ERR_HARD_LOW, p.MotorMove(1, 0))
+        session.accept(p.MotorMove(3, 20_000)).run(0.3)
         session.client.events.clear()
         emulator.set_pin(ESTOP, 1)
         session.run(0.3)
-        assert [message for _, message in session.events(HardStop)] == [HardStop(0)]
+        assert [message for _, message in session.events(p.HardStop)] == [p.HardStop(0)]
         assert not session.moving
         assert levels(20, 21, 23, 17) == [0, 0, 0, 0]
         assert session.made(3) == session.position(3)

@@ -10,7 +10,7 @@ import pytest
 from framestep_emulator import edge_times
 from framestep_tools.client.client import Client
 from framestep_tools.payloads import Hi, MotorMove, MotorResetPosition, MotorSetSpeed, MotorStatus
-from host_tests.board.chips import on_both, on_pico
+from host_tests.board.conftest import on_both, on_pico
 
 PATIENCE_S = 600
 AGAIN_MS = 1800  # framestep is back after 1500

@@ -5,14 +5,7 @@ nothing is written below the stack, where the heap ends.
 import pytest
 
 from framestep.hal import DEEPEST, REPL_STACK, STACK
-from framestep_tools.payloads import (
-    HardStop,
-    MotorMove,
-    MotorStatus,
-    MotorStopAll,
-    RtEnd,
-    RtGo,
-)
+from framestep_tools import payloads as p
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_end_to_end import assert_played, load, move
 from host_tests.end_to_end.session import Session, assert_within
@@ -76,14 +69,12 @@ def test_what_the_largest_pass_takes(session, at_once, trace):
         repl.exec("import framestep.boot\nframestep.boot.hal.port.answer = False")
     positions = move(session, frames=40)
     stands = load(session, positions)
-    session.accept(RtGo())
-    assert session.client.wait_event(RtEnd, 10)
+    session.accept(p.RtGo())
+    assert session.client.wait_event(p.RtEnd, 10)
     session.run(0.1)
     assert_played(session, stands, positions)
-    session.accept(MotorMove(1, 2000), MotorMove(2, -2000))
-    session.run(0.1)
-    session.accept(MotorStopAll(), MotorStopAll())
-    session.wait_idle()
+    session.accept(p.MotorMove(1, 2000), p.MotorMove(2, -2000)).run(0.1)
+    session.accept(p.MotorStopAll(), p.MotorStopAll()).wait_idle()
     if trace:
         assert "RT_GO" in repl.exec("trace()\ntrace(0)")
     low = repl.eval("low()")
@@ -97,11 +88,11 @@ def test_a_runaway_recursion_while_a_motor_moves(session):
     session.repl.exec(LOW)
     session.forget()
     begin = session.position(8)
-    session.accept(MotorMove(8, begin + STEPS))
+    session.accept(p.MotorMove(8, begin + STEPS))
     session.repl.start(RUNAWAY)
     session.wait_idle(20)
     session.repl.finish()
-    assert session.events(HardStop) == []
+    assert session.events(p.HardStop) == []
     assert session.made(8) == session.position(8) - begin == STEPS
     assert_within(*session.steps(8), VELOCITY * 1.001, ACCELERATION * 1.05)
     assert session.repl.eval("__import__('framestep.boot').boot.runner.alive") is True
@@ -117,7 +108,7 @@ def test_the_estop_acts_in_a_runaway_recursion(session):
     for turn in range(6):
         session.forget()
         begin = session.position(8)
-        session.accept(MotorMove(8, begin + STEPS))
+        session.accept(p.MotorMove(8, begin + STEPS))
         session.repl.start(RUNAWAY)
         session.run(0.15 + turn * 0.0913)  # within a second, so that every timer expires sometimes
         session.board.emulator.set_pin(ESTOP, 1)
@@ -125,7 +116,7 @@ def test_the_estop_acts_in_a_runaway_recursion(session):
         session.board.emulator.set_pin(ESTOP, 0)
         session.repl.finish()
         session.run(0.1)
-        assert [stop.reason for _, stop in session.events(HardStop)] == [0]
+        assert [stop.reason for _, stop in session.events(p.HardStop)] == [0]
         assert session.made(8) == session.position(8) - begin < STEPS
     assert session.repl.eval("low()") <= TOP - BOTTOM - SPARE
 
@@ -191,7 +182,7 @@ def test_a_ctrl_c_while_something_is_reported(session):
     assert repl.eval("mem32[limit]") == REPL_STACK
     assert repl.eval("framestep.boot.runner.alive") is True
     session.run(0.1)  # the client's clock was stopped
-    assert session.client.request(MotorStatus()).moving == []
+    assert session.client.request(p.MotorStatus()).moving == []
 
 
 @pytest.mark.repeats

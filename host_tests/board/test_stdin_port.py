@@ -7,7 +7,7 @@ import pytest
 
 from framestep_emulator import Emulator, ReplError
 from framestep_tools.building import images
-from host_tests.board.ports import answered, frame, port_files, power_cycle, sealed, stop
+from host_tests.board.modules import answered, frame, port_files, power_cycle, sealed, stop
 
 STDIN_SETUP = """
 import gc, time, micropython

@@ -7,9 +7,9 @@ import pytest
 
 from framestep.protocol import messages as m
 from framestep_tools.client.wire import FrameDecoder, encode
-from host_tests.board.chips import on_pico
-from host_tests.board.ports import answered, frame, port_files, power_cycle, run, stop
-from host_tests.covering import sweep
+from host_tests.board.conftest import on_pico
+from host_tests.board.modules import answered, frame, port_files, power_cycle, run, stop
+from host_tests.selection import sweep
 
 SETUP = """
 import gc, time, micropython, sys

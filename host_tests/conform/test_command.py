@@ -13,7 +13,7 @@ from framestep_tools.conform.checks import edges
 from framestep_tools.errors import BROKEN_OFF, DONE, FAILED, INTERRUPTED, USAGE
 from framestep_tools.judge.trace import HEADER, TraceWriter
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
-from host_tests.conform.simulated import RIG, Hands
+from host_tests.conform.score import RIG, Hands
 
 
 class Port(LockstepPort):

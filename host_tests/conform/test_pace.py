@@ -12,7 +12,7 @@ from framestep_tools.conform.link import Failed, Link
 from framestep_tools.conform.pace import HELD_UP_S, HoldUps, PacedPort
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 from host_tests.conform import motion_faults
-from host_tests.conform.fault_proxy import Behaviour, FaultProxy
+from host_tests.conform.faults import Behaviour, FaultProxy
 
 
 class Held:

@@ -1,4 +1,5 @@
-"""The processor: instructions against rp2040js' own core, and the boot ROM's float library."""
+"""The processor: instructions against QEMU and rp2040js' own core, and the boot ROM's float
+library."""
 
 import math
 import random
@@ -9,7 +10,8 @@ import numpy as np
 import pytest
 
 RUNS = 100_000
-TRANSLATED_BLOCKS = 600
+ROUNDS = 60  # of 10 instructions
+BLOCKS = 600  # for which test/pieces.mjs has a record
 
 
 def test_instructions_agree_with_rp2040js(paths):
@@ -20,13 +22,22 @@ def test_instructions_agree_with_rp2040js(paths):
     assert int(result.stdout.split()[1]) > 0.9 * RUNS
 
 
-def test_translated_code_agrees_with_the_interpreter(paths):
-    """Registers, flags, memory, cycles, cache and edges."""
-    script = paths.root / "tools/framestep_emulator/board/test/translate.mjs"
-    command = ["node", script, str(TRANSLATED_BLOCKS), paths.rp2_firmware]
+def test_instructions_agree_with_qemu(paths):
+    """Instructions as the interpreter runs them, and as parts of pieces of code."""
+    script = paths.root / "tools/framestep_emulator/board/test/qemu.mjs"
+    command = ["node", script, "m0", str(ROUNDS)]
     result = subprocess.run(command, capture_output=True, text=True)
     assert result.returncode == 0, result.stdout + result.stderr
-    assert result.stdout.startswith("translate: ")
+    assert result.stdout == f"{10 * ROUNDS} cases of 10 groups, 0 differ\n"
+
+
+def test_pieces_of_code_agree_with_the_interpreter(paths):
+    """Registers, flags, memory, cycles, cache and edges."""
+    script = paths.root / "tools/framestep_emulator/board/test/pieces.mjs"
+    command = ["node", script, str(BLOCKS), paths.rp2_firmware]
+    result = subprocess.run(command, capture_output=True, text=True)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert result.stdout.startswith("pieces: ")
 
 
 FLOAT_CODE = """

@@ -34,8 +34,7 @@ def session():
         seen = [emulator.cmd("digest"), emulator.trace_read().tobytes(), emulator.ns]
         found = Session(board, motors=6)
         found.speed(1, 10_000, 50_000)
-        found.accept(p.Dmx(0, 1, [1, 2, 3]), p.GioOut(1), p.MotorMove(1, 500))
-        found.run(0.1)
+        found.accept(p.Dmx(0, 1, [1, 2, 3]), p.GioOut(1), p.MotorMove(1, 500)).run(0.1)
         repl = emulator.repl()
         seen.append(
             repl.exec("import os, gc; print(os.listdir('/'), gc.mem_free(), os.urandom(4))")
@@ -55,14 +54,9 @@ def session():
         emulator.wait_event("reset", 1000)
         emulator.advance(20)
         return [
-            *seen,
-            emulator.trace_read().tobytes(),
-            emulator.events(),
-            emulator.cycles(),
-            emulator.uart_read(0),
-            emulator.cmd("ports"),
-            emulator.cmd("digest"),
-        ]
+            *seen, emulator.trace_read().tobytes(), emulator.events(), emulator.cycles(),
+            emulator.uart_read(0), emulator.cmd("ports"), emulator.cmd("digest"),
+        ]  # fmt: skip
 
 
 @pytest.mark.repeats  # test_snapshots, and what every test of a board that was wound back sees

@@ -13,18 +13,29 @@ from framestep_tools.payloads import MotorMove
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session
 
-ROUNDS = 60  # of 96 instructions
+ROUNDS = 60  # of 99 instructions
+BLOCKS = 200  # for which test/pieces33.mjs has a record
 STEPS_PER_S = 20_000
 ACCELERATION = 100_000
 
 
 def test_instructions_agree_with_qemu(paths):
-    script = paths.root / "tools/framestep_emulator/board/test/m33.mjs"
-    result = subprocess.run(["node", script, str(ROUNDS)], capture_output=True, text=True)
+    script = paths.root / "tools/framestep_emulator/board/test/qemu.mjs"
+    command = ["node", script, "m33", str(ROUNDS)]
+    result = subprocess.run(command, capture_output=True, text=True)
     assert result.returncode == 0, result.stdout + result.stderr
     cases, _, _, groups, *_ = result.stdout.split()
-    assert int(cases) == 96 * ROUNDS
-    assert int(groups) >= 74
+    assert int(cases) == 99 * ROUNDS
+    assert int(groups) >= 77
+
+
+def test_functions_of_code_agree_with_its_steps(paths):
+    """Registers, flags, memory, cycles, cache and edges; for random code with a record as well."""
+    script = paths.root / "tools/framestep_emulator/board/test/pieces33.mjs"
+    command = ["node", script, str(BLOCKS), images.frozen("pico2")]
+    result = subprocess.run(command, capture_output=True, text=True)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert result.stdout.startswith("random blocks: ")
 
 
 @pytest.mark.parametrize(
@@ -213,9 +224,7 @@ def test_twelve_motors_keep_their_rate():
         session = Session(board, motors=12)
         for motor in range(1, 13):
             session.speed(motor, STEPS_PER_S, ACCELERATION)
-        session.forget()
-        session.accept(*(MotorMove(motor, 6_000) for motor in range(1, 13)))
-        session.wait_idle()
+        session.forget().accept(*(MotorMove(motor, 6_000) for motor in range(1, 13))).wait_idle()
         positions = session.ask_positions().steps
         assert positions == (6_000,) * 12
         for motor in range(1, 13):

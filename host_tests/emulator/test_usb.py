@@ -65,12 +65,8 @@ def test_what_a_host_sees_of_it(emulator):
     repl = emu.repl()
     second = emu.serial(1)
     for data, seen in (
-        (bytes(64), 0),
-        (b"", 64),
-        (bytes(64), 0),
-        (bytes(64), 128),
-        (bytes(63), 63),
-    ):
+        (bytes(64), 0), (b"", 64), (bytes(64), 0), (bytes(64), 128), (bytes(63), 63),
+    ):  # fmt: skip
         repl.exec(f"port.write({data!r})")
         emu.advance(5)
         assert len(second.read_all()) == seen

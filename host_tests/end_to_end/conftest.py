@@ -134,9 +134,7 @@ def standing():
     """Yield a session with the path of runs/moves.py, 1 to 241, at rest on frame 121, index 120."""
     session = realtime.rig()
     realtime.upload(session, PATH, frames=PATH_FRAMES)
-    session.accept(RtPositionFrame(121))
-    session.wait_idle()
-    session.forget()
+    session.accept(RtPositionFrame(121)).wait_idle().forget()
     return session
 
 

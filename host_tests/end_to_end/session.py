@@ -15,22 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from framestep.moves.operation_runner import READY
+from framestep_tools import payloads as p
 from framestep_tools.client.client import Client
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.judge import motion_limits
 from framestep_tools.judge.trace import Trace
-from framestep_tools.payloads import (
-    Ack,
-    DeviceInfo,
-    GioIn,
-    MotorGetPosition,
-    MotorSetSpeed,
-    MotorStatus,
-    Positions,
-    RtEnd,
-    RtGo,
-    RtRunMove,
-)
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 from framestep_tools.traffic.log import DEVICE, HOST, LogWriter, Recorder
 from framestep_tools.traffic.sniffer import describe_entry
@@ -93,6 +82,9 @@ def logs_of(test: str, folder: Path) -> str:
 class Session:
     """One board, one client, and every edge so far. Times are seconds of the board's clock.
 
+    What the host does and what passes time returns the session, so that a line can say what is
+    requested and how long it goes on: `session.accept(MotorMove(1, 100)).run(0.5)`.
+
     reply_s: how long `answer_to` waits for an answer.
     """
 
@@ -105,17 +97,19 @@ class Session:
         _ports.add(self.port)
         self.client = Client(self.port)
         self._trace = Trace({})  # the edges so far
-        self.client.wait_event(DeviceInfo, BOOT_S)  # field note 1.5
+        self.client.wait_event(p.DeviceInfo, BOOT_S)  # field note 1.5
 
     # ---- the host's end
 
     def leave(self):
         """Close the port, as the host."""
         self.port.channel.open_port(False)
+        return self
 
     def come_back(self):
         """Open it again."""
         self.port.channel.open_port(True)
+        return self
 
     # ---- time and messages
 
@@ -125,9 +119,10 @@ class Session:
 
     def run(self, seconds):
         self.client.pump(seconds)
+        return self
 
     def ask_positions(self):
-        return self.client.request(MotorGetPosition())
+        return self.client.request(p.MotorGetPosition())
 
     def ask(self, request):
         return self.client.request(request)
@@ -137,7 +132,7 @@ class Session:
 
     def accept(self, *requests):
         """Send requests; each must be accepted."""
-        self.refuse(Ack.OK, *requests)
+        return self.refuse(p.Ack.OK, *requests)
 
     def refuse(self, code, *requests):
         """Send requests; each must be refused with this code."""
@@ -148,6 +143,7 @@ class Session:
                 f"sent at {sent:.3f} s of the board's time: {request}; "
                 f"came: {_name(found)}; expected: {_name(code)}"
             )
+        return self
 
     def bytes_for(self, data, seconds=0.02):
         """Return the answer to raw bytes, as frames. Unasked messages are among them."""
@@ -169,7 +165,17 @@ class Session:
 
     def wait_idle(self, timeout_s=60):
         self.client.wait_idle(timeout_s, poll_s=0.02)
-        self.run(SETTLE_S)
+        return self.run(SETTLE_S)
+
+    def until(self, kind, timeout_s=None, where=None):
+        """Wait for an unasked message of a class (Client.wait_event)."""
+        self.client.wait_event(kind, timeout_s, where)
+        return self
+
+    def input(self, name, level):
+        """Set an input of a simulated board, by its name or its pin."""
+        self.board._board.set_input(name, level)
+        return self
 
     def events(self, kind):
         """Return [(time, message)] of the unasked messages of a class so far."""
@@ -184,23 +190,24 @@ class Session:
         self.client.events.clear()
         self.board.edges()
         self._trace = Trace({})
+        return self
 
     # ---- motors
 
     @property
     def positions(self):
         """Return {motor: reported position}."""
-        return dict(enumerate(self.ask(MotorGetPosition()).steps, 1))
+        return dict(enumerate(self.ask(p.MotorGetPosition()).steps, 1))
 
     def position(self, motor):
         return self.positions[motor]
 
     @property
     def moving(self):
-        return self.ask(MotorStatus()).moving
+        return self.ask(p.MotorStatus()).moving
 
     def speed(self, motor, velocity, acceleration):
-        self.accept(MotorSetSpeed(motor, velocity, acceleration))
+        return self.accept(p.MotorSetSpeed(motor, velocity, acceleration))
 
     def trace(self):
         """Return all edges so far."""
@@ -223,11 +230,11 @@ class Session:
     def upload(self, positions, start_frame=1, window=4):
         frames = max(len(steps) for steps in positions.values())
         self.client.upload_move(start_frame, start_frame + frames - 1, positions, window)
+        return self
 
     def ready(self, run):
         """Send RUN_MOVE, and wait until the motors are where it begins."""
-        self.accept(run)
-        self.wait_idle()
+        return self.accept(run).wait_idle()
 
     def play(self, run, timeout_s=60):
         """Play a whole run. Return where the motors waited; the trace then has only the run's
@@ -235,21 +242,21 @@ class Session:
         self.ready(run)
         before = self.positions
         self.forget()
-        self.accept(RtGo())
-        self.client.wait_event(RtEnd, timeout_s)
+        self.accept(p.RtGo())
+        self.client.wait_event(p.RtEnd, timeout_s)
         self.run(0.3)
         self.wait_idle()  # on the end frame again (field note 6.11)
-        assert not self.events(RtEnd), "RT_END came twice"
+        assert not self.events(p.RtEnd), "RT_END came twice"
         return before
 
     def frames_reported(self):
         """MOVE TIMEs of the position reports, without repetitions."""
-        times = [message.move_time for _, message in self.events(Positions)]
+        times = [message.move_time for _, message in self.events(p.Positions)]
         return [t for i, t in enumerate(times) if i == 0 or times[i - 1] != t]
 
 
 def _name(code):
-    name = Ack(code).name if code in set(Ack) else "an unknown code"
+    name = p.Ack(code).name if code in set(p.Ack) else "an unknown code"
     return f"{name} (0x{code:04X})"
 
 
@@ -259,7 +266,7 @@ def simulated(rig=None, motors=8):
 
 
 def run_request(fps=24, start=1, end=2, pre=500, post=500, **more):
-    return RtRunMove(round(fps * 1000), start, end, pre, post, **more)
+    return p.RtRunMove(round(fps * 1000), start, end, pre, post, **more)
 
 
 # ---- switches and inputs of a simulated board ----------------------------------------------------
@@ -269,21 +276,16 @@ SWITCHES = {"limits": [{"high": 22, "low": 26}, {"high": 27, "low": 28, "contact
 
 
 def inputs(session):
-    return session.ask(GioIn()).levels
-
-
-def set_input(session, name, level):
-    session.board._board.set_input(name, level)
+    return session.ask(p.GioIn()).levels
 
 
 def calm(session, estop=False):
     """Close the switches, so that no input is active."""
     for pin in (22, 26):
-        set_input(session, pin, 0)
+        session.input(pin, 0)
     if estop:
-        set_input(session, "estop", 0)
-    session.run(0.05)
-    session.forget()
+        session.input("estop", 0)
+    session.run(0.05).forget()
 
 
 # ---- what edges show -----------------------------------------------------------------------------
@@ -378,3 +380,96 @@ def state(session):
         session.run(0.05)  # enough to plan again what any request drops
     walk(controller, "")
     return {path: value for path, value in found.items() if not _SCRATCH.search(path)}
+
+
+LATEST = 0.0022  # s after the end of a pulse until the path reaches its width
+
+
+def pulses(session, motor=2):
+    """Return the rises of a servo's pulses in s, and their widths in µs."""
+    none = np.array([], dtype=np.int64)
+    times, levels = session.trace().signals.get(f"servo{motor}", (none, none))
+    rises, falls = times[levels == 1], times[levels == 0]
+    if len(falls) and len(rises):
+        falls = falls[falls > rises[0]]
+    count = min(len(rises), len(falls))
+    return rises[:count] * 1e-9, (falls[:count] - rises[:count]) * 1e-3
+
+
+def assert_follows(
+    session, start, steps_per_us, motor=1, farthest=False, servo=2, sense=1, beside=None
+):
+    """Assert that each pulse has the width of a place of the step motor at its end or within
+    LATEST.
+
+    start: the motor's position before its first edge. Widths are 1500 µs at 0. farthest: only until
+    its highest position, the end of the post-roll, because each motor starts its way back on its
+    own. sense: -1 if the servo moves the other way. beside: the session with the step motor, if it
+    is another one with the same requests.
+    """
+    rises, widths = pulses(session, servo)
+    times, signs = (beside or session).steps(motor)
+    made = start + np.concatenate([[0], np.cumsum(signs)])
+    ends = rises + widths * 1e-6
+    if farthest:
+        ends = ends[ends < times[np.argmax(made) - 1]]
+        assert len(ends) > 40
+    first = np.searchsorted(times, ends)
+    last = np.searchsorted(times, ends + LATEST)
+    steps = (widths[: len(ends)] - 1500) * steps_per_us * sense
+    for k, (i, j) in enumerate(zip(first, last, strict=True)):
+        places = made[i : j + 1]
+        assert places.min() - 1.1 < steps[k] < places.max() + 1.1, (
+            f"at {ends[k]:.4f} s {steps[k]:.1f} steps, motor {places}"
+        )
+
+
+# ---- DMX512, from the edges of its pin alone -----------------------------------------------------
+
+BIT_NS = 4000
+SLOT_NS = 11 * BIT_NS
+_BREAK_NS = 80_000  # longer than any data
+
+
+def dmx_frames(times, levels):
+    """Return [(start of break, break, mark after break in ns, slots, longest gap between slots in
+    ns)] of a line's complete frames. times: of its edges, in ns; levels: after each."""
+    falls = times[levels == 0]
+    ends = np.append(times[1:], times[-1] + 1)[levels == 0]
+    found = []
+    breaks = np.flatnonzero(ends - falls > _BREAK_NS)
+    for k, at in enumerate(breaks[:-1]):
+        begin = ends[at]  # the mark's
+        until = falls[breaks[k + 1]]
+        inside = (times >= begin) & (times < until)
+        found.append(
+            (
+                int(falls[at]),
+                int(ends[at] - falls[at]),
+                int(falls[at + 1] - begin),
+                *_slots(times[inside], levels[inside]),
+            )
+        )
+    return found
+
+
+def _slots(times, levels):
+    """Return a frame's bytes, by samples in the middle of bits, and the longest gap between them;
+    8 data bits, two stop bits."""
+    slots = bytearray()
+    longest = 0
+    at = 1  # times[0] is the rise that begins the mark
+    previous = None
+    while at < len(times):
+        start = times[at]
+        if previous is not None:
+            longest = max(longest, int(start - previous - SLOT_NS))
+        previous = start
+        samples = start + BIT_NS * np.arange(0.5, 11)
+        index = np.searchsorted(times, samples, side="right") - 1
+        bits = levels[index]
+        assert bits[0] == 0, "no start or stop bit"
+        assert bits[9] == bits[10] == 1, "no start or stop bit"
+        slots.append(int(np.packbits(bits[1:9], bitorder="little")[0]))
+        at = int(np.searchsorted(times, start + 10 * BIT_NS))
+    return bytes(slots), longest

@@ -6,32 +6,16 @@ import pytest
 
 from framestep.motors.positions import BROKEN_OFF, HELD, LOST, RESTORED
 from framestep.rig import Rig, RigError
+from framestep_tools import payloads as p
 from framestep_tools.bench.esp32_memory import fits, memory
 from framestep_tools.board.rig_file import read
 from framestep_tools.building.board_files import ROOT, board_data, files_boards
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.judge.judge import frame_times_ns
-from framestep_tools.payloads import (
-    Ack,
-    GetCondition,
-    GioIn,
-    GioOut,
-    HardStop,
-    Hi,
-    MotorJog,
-    MotorMove,
-    MotorResetPosition,
-    MotorSetLimits,
-    MotorStatus,
-    MotorStopAll,
-    Positions,
-    RtEnd,
-    RtGo,
-)
 from framestep_tools.simulator.esp32_board import BOARD, Esp32Board
-from host_tests.covering import sweep
 from host_tests.end_to_end.runs.moves import FRAMES, MOVE, assert_played
 from host_tests.end_to_end.session import Session, deceleration, run_request
+from host_tests.selection import sweep
 
 QUEUE_S = 0.028  # from the tick to its pulses, at most: 24 buffers and two ticks
 REPLY_S = 0.06
@@ -73,15 +57,14 @@ def test_each_board_with_its_example(name):
         board.wire_switches()
         session.run(0.1)
         for motor in range(1, count + 1):
-            session.speed(motor, 20000, 100_000)
-            session.accept(MotorMove(motor, 100 * motor))
+            session.speed(motor, 20000, 100_000).accept(p.MotorMove(motor, 100 * motor))
         session.wait_idle()
         assert [session.made(motor) for motor in range(1, count + 1)] == [
             100 * motor for motor in range(1, count + 1)
         ]
         board.set_pin(board_data(name)["estop"], 1)
         session.run(0.1)
-        assert session.code(MotorMove(1, 0)) != Ack.OK
+        assert session.code(p.MotorMove(1, 0)) != p.Ack.OK
         levels = session.trace().signals
         lines = [line for line in levels if line.startswith("enable")]
         assert len(lines) == (count if isinstance(board_data(name)["enable"], list) else 1)
@@ -90,7 +73,7 @@ def test_each_board_with_its_example(name):
 
 def test_memory():
     """If there is too little, sentences say so and name the settings that help; these do help."""
-    assert fits({}, 268)
+    assert fits({}, 269)
     with Esp32Board(heap_kb=232) as board:
         board.run_until(board.now_ns + 300_000_000)
         said = board.transmit().decode()
@@ -99,7 +82,7 @@ def test_memory():
     assert said.endswith(">>> ")
     assert fits({"virtuals": 0}, 232)
     assert not fits({"virtuals": 0}, 200)
-    assert fits({"virtuals": 0, "motor_count": 1}, 208)
+    assert fits({"virtuals": 0, "motor_count": 1}, 209)
 
 
 def test_the_memory_that_is_measured():
@@ -116,42 +99,16 @@ def test_the_memory_that_is_measured():
 def test_it_starts_with_any_memory(board, length):
     """A word that looks like the address of a block kept this block, and there was no memory left
     for the upload; it depended on the length of a text in the rig file."""
-    assert board({"motors": [{"pulse_us": 1.0}] * 8, "name": "x" * length}).ask(Hi()).upload_frames
+    assert (
+        board({"motors": [{"pulse_us": 1.0}] * 8, "name": "x" * length}).ask(p.Hi()).upload_frames
+    )
 
 
 def test_who_it_is(board):
-    info = board({"name": "jib"}).ask(Hi())
+    info = board({"name": "jib"}).ask(p.Hi())
     assert (info.name, info.motors, info.dmx_channels) == ("jib", 8, 512)
     assert (info.outputs, info.inputs) == (4, 4)
-    assert board({"dmx": False}).ask(Hi()).dmx_channels == 0
-
-
-def test_all_motors_move_at_once(rig):
-    """Each reaches its step, and the positions are reported as they are played."""
-    targets = {motor: (-1) ** motor * 700 * motor for motor in range(1, 9)}
-    rig.accept(*[MotorMove(motor, steps) for motor, steps in targets.items()])
-    rig.wait_idle()
-    assert rig.positions == targets
-    assert {motor: rig.made(motor) for motor in targets} == targets
-    times, ways = rig.steps(8)
-    reported = [(time, message.steps[7]) for time, message in rig.events(Positions)]
-    assert len(reported) > 3
-    for time, position in reported:
-        # a report is on its way for some ms
-        there = [
-            ways[: np.searchsorted(times, time - late, side="right")].sum()
-            for late in (0, 0.004, 0.012)
-        ]
-        assert min(there) <= position <= max(there)
-
-
-def test_a_jog_ends_without_another(rig):
-    rig.accept(MotorJog(3, 3000, 100_000))
-    rig.run(1.5)
-    assert rig.moving == []
-    times, ways = rig.steps(3)
-    assert 2500 < ways.sum() == rig.position(3) < 2700
-    assert 0.5 < times[-1] - times[0] < 0.6
+    assert board({"dmx": False}).ask(p.Hi()).dmx_channels == 0
 
 
 @pytest.mark.parametrize("fps", sweep([23.976, 24, 60], 23.976, 60))
@@ -162,7 +119,7 @@ def test_a_run(rig, fps):
     verdict = assert_played(rig, before, MOVE, fps)
     times = (verdict.origin_ns + frame_times_ns(FRAMES, round(fps * 1000))) * 1e-9
     reported = {}
-    for time, message in rig.events(Positions):
+    for time, message in rig.events(p.Positions):
         reported.setdefault(message.move_time, time)
     late = [reported[1000 * (i + 1)] - times[i] for i in range(1, FRAMES)]
     assert min(late) >= 0
@@ -174,38 +131,34 @@ def test_a_run_with_pauses_of_the_main_loop(rig):
     rig.upload(MOVE)
     rig.ready(run_request(24, 1, FRAMES, 700, 300))
     before = rig.positions
-    rig.forget()
-    rig.accept(RtGo())
+    rig.forget().accept(p.RtGo())
     for _ in range(20):
         rig.board.pause(20)
         rig.run(0.08)
     rig.run(1)
-    assert len(rig.events(RtEnd)) == 1
+    assert len(rig.events(p.RtEnd)) == 1
     assert_played(rig, before, MOVE, 24)
-    assert not rig.events(HardStop)
+    assert not rig.events(p.HardStop)
 
 
 def test_a_pause_that_is_too_long(rig):
     """The motor ramps down, the host hears of it, the position is lost; each step was made once."""
-    rig.accept(MotorResetPosition(1, 0), MotorMove(1, 30_000))
-    rig.run(0.4)
+    rig.accept(p.MotorResetPosition(1, 0), p.MotorMove(1, 30_000)).run(0.4)
     rig.board.pause(60)
     rig.run(0.6)
     assert rig.moving == []
-    assert rig.events(HardStop)
+    assert rig.events(p.HardStop)
     assert rig.made(1) == rig.position(1) < 30_000
-    trust = rig.ask(GetCondition()).positions
+    trust = rig.ask(p.GetCondition()).positions
     assert (trust[0].state, trust[0].reason) == (0, 1)
-    rig.accept(MotorMove(1, 0))
-    rig.wait_idle()
+    rig.accept(p.MotorMove(1, 0)).wait_idle()
     assert rig.made(1) == 0
 
 
 @pytest.mark.parametrize("stops, factor", [(1, 1), (2, 4)])
 def test_a_stop_takes_the_queue_and_the_ramp(rig, stops, factor):
-    rig.accept(MotorMove(1, 30_000))
-    rig.run(0.5)
-    rig.accept(*[MotorStopAll()] * stops)
+    rig.accept(p.MotorMove(1, 30_000)).run(0.5)
+    rig.accept(*[p.MotorStopAll()] * stops)
     asked = rig.now
     rig.wait_idle()
     times, ways = rig.steps(1)
@@ -221,8 +174,7 @@ def test_the_e_stop(board):
     it, and positions are lost. After the release all continues."""
     session = board({"estop": "nc"})
     session.run(0.1)
-    session.speed(1, 20000, 100_000)
-    session.accept(MotorResetPosition(1, 0), MotorMove(1, 30_000))
+    session.speed(1, 20000, 100_000).accept(p.MotorResetPosition(1, 0), p.MotorMove(1, 30_000))
     session.run(0.4)
     session.board.set_pin(32, 1)
     struck = session.now
@@ -232,38 +184,31 @@ def test_the_e_stop(board):
     enable = session.trace().signals["enable"]
     assert enable[1][-1] == 1
     assert enable[0][-1] * 1e-9 < struck + 0.03
-    assert session.events(HardStop)
-    assert session.ask(GetCondition()).positions[0].state == 0
-    assert session.code(MotorMove(1, 0)) != Ack.OK
+    assert session.events(p.HardStop)
+    assert session.ask(p.GetCondition()).positions[0].state == 0
+    assert session.code(p.MotorMove(1, 0)) != p.Ack.OK
     session.board.set_pin(32, 0)
-    session.run(0.1)
-    session.forget()
-    session.accept(MotorResetPosition(1, 500), MotorMove(1, 1500))
-    session.wait_idle()
+    session.run(0.1).forget().accept(p.MotorResetPosition(1, 500), p.MotorMove(1, 1500)).wait_idle()
     assert session.made(1) == 1000
     assert session.position(1) == 1500
 
 
 def test_a_spike_is_no_e_stop(board):
     session = board({"estop": "nc"})
-    session.run(0.1)
-    session.forget()  # the input counts as active until its wire is there
-    session.speed(1, 20000, 100_000)
-    session.accept(MotorMove(1, 6000))
-    session.run(0.2)
+    session.run(0.1).forget()  # the input counts as active until its wire is there
+    session.speed(1, 20000, 100_000).accept(p.MotorMove(1, 6000)).run(0.2)
     session.board.set_pin(32, 1)
     session.board.set_pin(32, 0)
     session.wait_idle()
     assert session.made(1) == session.position(1) == 6000
-    assert not session.events(HardStop)
+    assert not session.events(p.HardStop)
 
 
 def test_an_e_stop_that_bounces_and_comes_again(board):
     """Whatever happens during the recovery, pulses come only after it."""
     session = board({"estop": "nc"})
     session.run(0.1)
-    session.speed(1, 20000, 100_000)
-    session.accept(MotorResetPosition(1, 0), MotorMove(1, 30_000))
+    session.speed(1, 20000, 100_000).accept(p.MotorResetPosition(1, 0), p.MotorMove(1, 30_000))
     session.run(0.4)
     struck = session.now
     for held, released in [(0.0005, 0.0005), (0.003, 0.02), (0.03, 0.001), (0.2, 0.1)]:
@@ -273,9 +218,7 @@ def test_an_e_stop_that_bounces_and_comes_again(board):
         session.run(released)
     times, _ = session.steps(1)
     assert times[-1] < struck + 0.002
-    session.accept(MotorResetPosition(1, 0), MotorMove(1, 1000))
-    session.forget()
-    session.wait_idle()
+    session.accept(p.MotorResetPosition(1, 0), p.MotorMove(1, 1000)).forget().wait_idle()
     assert session.made(1) == 1000
 
 
@@ -283,77 +226,39 @@ def test_the_e_stop_is_held_when_it_starts(board):
     session = board({"estop": "nc"})
     session.board.set_pin(32, 1)
     session.run(0.2)
-    assert session.code(MotorMove(1, 100)) != Ack.OK
+    assert session.code(p.MotorMove(1, 100)) != p.Ack.OK
     session.board.set_pin(32, 0)
-    session.run(0.1)
-    session.accept(MotorMove(1, 100))
-    session.wait_idle()
+    session.run(0.1).accept(p.MotorMove(1, 100)).wait_idle()
     assert session.made(1) == 100
-
-
-def test_a_limit_switch(board):
-    session = board({"limits": [{"high": 25}], "inputs": []})
-    session.run(0.1)
-    session.speed(2, 10000, 100_000)
-    session.accept(MotorSetLimits(2, 0, 0, 0, 0, 1), MotorMove(2, 20_000))
-    session.run(0.3)
-    session.board.set_pin(25, 1)
-    struck = session.now
-    session.run(0.5)
-    times, ways = session.steps(2)
-    assert times[-1] < struck + QUEUE_S + 10_000 / 400_000 + 0.01
-    assert ways.sum() == session.position(2)
-    assert [message.reason for _, message in session.events(HardStop)] == [1]
-    assert session.code(MotorMove(2, 20_000)) != Ack.OK
-    session.board.set_pin(25, 0)
-    session.accept(MotorMove(2, 0))
-    session.wait_idle()
-    assert session.made(2) == 0
-
-
-def test_outputs_and_inputs(rig):
-    rig.accept(GioOut(0b0101))
-    rig.run(0.06)
-    levels = rig.trace().signals
-    assert [int(levels[name][1][-1]) for name in ("out1", "out2", "out3", "out4")] == [1, 0, 1, 0]
-    rig.board.set_pin(26, 0)
-    rig.run(0.1)
-    assert rig.ask(GioIn()).levels == 0b0010
 
 
 def test_remembered_positions(board):
     """They survive a power cut at rest. In motion it loses them, and flash is not written."""
     session = board({"remember_positions": True})
-    session.speed(1, 20000, 100_000)
-    session.accept(MotorResetPosition(1, 100), MotorMove(1, 5100))
-    session.wait_idle()
-    session.run(2.5)  # STILL_MS, and the time to write
+    session.speed(1, 20000, 100_000).accept(p.MotorResetPosition(1, 100), p.MotorMove(1, 5100))
+    session.wait_idle().run(2.5)  # STILL_MS, and the time to write
     session.board.power_off()
     session.board.power_on()
     again = Session(session.board, reply_s=REPLY_S)
     assert again.position(1) == 5100
-    trust = again.ask(GetCondition()).positions[0]
+    trust = again.ask(p.GetCondition()).positions[0]
     assert (trust.state, trust.reason) == (HELD, RESTORED)
-    again.speed(1, 20000, 100_000)
-    again.accept(MotorMove(1, 0))
-    again.run(0.15)
+    again.speed(1, 20000, 100_000).accept(p.MotorMove(1, 0)).run(0.15)
     again.board.power_off()
     again.board.power_on()
     last = Session(again.board, reply_s=REPLY_S)
-    trust = last.ask(GetCondition()).positions[0]
+    trust = last.ask(p.GetCondition()).positions[0]
     assert (trust.state, trust.reason) == (LOST, BROKEN_OFF)
 
 
 def test_the_byte_of_ctrl_c_in_a_frame_is_data(rig):
-    rig.accept(MotorMove(3, 3), MotorMove(3, 0x0303))
-    rig.wait_idle()
+    rig.accept(p.MotorMove(3, 3), p.MotorMove(3, 0x0303)).wait_idle()
     assert rig.made(3) == 0x0303
 
 
 def test_ctrl_c_lands_the_motors(rig):
     """Whatever ends the firmware first brings the motors to rest; then the REPL has the port."""
-    rig.accept(MotorMove(1, 30_000))
-    rig.run(0.4)
+    rig.accept(p.MotorMove(1, 30_000)).run(0.4)
     rig.board.receive(b"\r\x03")
     rig.board.run_until(rig.board.now_ns + 1_000_000_000)
     said = rig.board.transmit().decode(errors="replace")
@@ -397,7 +302,7 @@ def test_the_commands_of_the_repl():
 
 def test_reading_the_upload_port_takes_no_step(rig):
     """An upload while a motor moves: 115 200 baud, without a lost byte or a late edge."""
-    rig.accept(MotorMove(5, 20_000))
+    rig.accept(p.MotorMove(5, 20_000))
     rig.client.upload_move(1, 200, {1: list(range(0, 2000, 10)), 2: [7] * 200})
     rig.wait_idle()
     assert rig.made(5) == 20_000
@@ -410,8 +315,7 @@ def test_reading_the_upload_port_takes_no_step(rig):
 def test_a_higher_rate(board, baud):
     """An upload while a motor moves, with pauses of the main loop: no byte is lost."""
     session = board({"uart_baud": baud}, baud)
-    session.speed(5, 20000, 100_000)
-    session.accept(MotorMove(5, 20_000))
+    session.speed(5, 20000, 100_000).accept(p.MotorMove(5, 20_000))
     began = session.now
     for first in (1, 101):
         session.board.pause(200 / baud * 10_000)  # MicroPython's ring holds 260 bytes
@@ -420,14 +324,14 @@ def test_a_higher_rate(board, baud):
     assert session.now - began < 6400 / baud * 10 + 0.2
     session.wait_idle()
     assert session.made(5) == 20_000
-    assert session.ask(Hi()).motors == 8
+    assert session.ask(p.Hi()).motors == 8
 
 
 @pytest.mark.parametrize("baud", [115200, 460800])
 def test_many_requests_at_once(board, baud):
     """Each is answered: sending does not keep the board from receiving."""
     session = board({"uart_baud": baud}, baud)
-    session.port.write(b"".join(encode(MotorStatus.TYPE, b"", 100 + i) for i in range(80)))
+    session.port.write(b"".join(encode(p.MotorStatus.TYPE, b"", 100 + i) for i in range(80)))
     session.board.run_until(session.board.now_ns + 400_000_000)
     session.port.timeout = 0
     answers = [frame.id for frame in FrameDecoder().feed(session.port.read(100_000))]
@@ -446,14 +350,14 @@ def test_the_rate_stays_after_ctrl_c_and_a_soft_reset(board):
     assert said(b"import os\r\nos.remove('/rig.json')\r\n").endswith(b">>> ")
     assert b"soft reboot" in said(b"\x04")  # and the file is gone, so the rate is the usual one
     there.baud = 115200
-    assert b"framestep" in said(encode(Hi.TYPE, b"", 1))
+    assert b"framestep" in said(encode(p.Hi.TYPE, b"", 1))
 
 
 def test_at_another_rate_nothing_gets_across():
     with Esp32Board({"uart_baud": 460800}) as there:
         there.run_until(there.now_ns + 200_000_000)
         there.transmit()
-        there.receive(encode(Hi.TYPE, b"", 1))
+        there.receive(encode(p.Hi.TYPE, b"", 1))
         there.run_until(there.now_ns + 200_000_000)
         assert not there.transmit()
 
@@ -468,23 +372,17 @@ def test_at_another_rate_nothing_gets_across():
         ({"inputs": [{"pin": 3}]}, r"found 3, which is the board's uart 2 already"),
         ({"motors": [{"servo": {}}]}, r"motors\[1\].servo.pin: found -1, expected is a pin of"),
         ({"motors": [{"servo": {"pin": 70}}]}, r"motors\[1\].servo.pin: found 70, allowed is"),
-        (
-            {"motors": [{"servo": {"pin": 18}}]},
-            "found 18, which is the board's shift registers' sck",
-        ),
-        (
-            {"motors": [{"servo": {"pin": p, "rate_hz": 40 + p}} for p in (12, 13, 14, 15, 19)]},
-            "found 19|rate_hz: found 5 different ones",
-        ),
+        ({"motors": [{"servo": {"pin": 18}}]},
+         "found 18, which is the board's shift registers' sck"),
+        ({"motors": [{"servo": {"pin": pin, "rate_hz": 40 + pin}} for pin in (12, 13, 14, 15, 19)]},
+         "found 19|rate_hz: found 5 different ones"),
         ({"ports": 2}, "ports: found 2, this board has 1"),
         ({"uart_baud": 57600}, "uart_baud: found 57600, allowed is one of 115200, 230400, 460800"),
         ({"inputs": [{"pin": 4}]}, "found 4, which is the board's DMX tx already"),
-        (
-            {"motors": [{}] * 4 + [{"driver": {"run_ma": 500}}]},
-            r"motors\[5\].driver: found an object, but .* that of motors 1 to 4",
-        ),
+        ({"motors": [{}] * 4 + [{"driver": {"run_ma": 500}}]},
+         r"motors\[5\].driver: found an object, but .* that of motors 1 to 4"),
     ],
-)
+)  # fmt: skip
 def test_settings_that_are_not_for_it(found, wanted):
     with pytest.raises(RigError, match=wanted):
         Rig(found, board_data(BOARD))

@@ -6,8 +6,7 @@ import pytest
 from framestep_tools.conform import kit
 from framestep_tools.conform.checks import every_check
 from framestep_tools.simulator.esp32_board import BOARD, PROCESSOR, RISC_V
-from host_tests.conform.score import alarms
-from host_tests.conform.simulated import results_on
+from host_tests.conform.score import alarms, results_on
 
 SHORT = {"framing", "lengths", "numbers"}
 LONG = {check.subject for check in every_check()} - SHORT

@@ -4,10 +4,10 @@ found in the firmware, and faults behind the shift registers are."""
 import pytest
 
 from framestep_tools.simulator.esp32_board import Esp32Board
-from host_tests.covering import sweep
 from host_tests.fuzz import fuzz
 from host_tests.fuzz.findings import Finding
 from host_tests.fuzz.sessions import Host, coupled, limited, moves, outputs_on, run
+from host_tests.selection import sweep
 
 SEED = "chip/72"
 RIG = {"motor_count": 2, "motors": [{"jerk": 200, "invert": True}]}

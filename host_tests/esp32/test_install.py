@@ -13,7 +13,7 @@ from framestep_tools.building.board_files import board_sources, compiled
 from framestep_tools.payloads import Hi, MotorMove
 from framestep_tools.simulator.esp32_board import BOARD, PROCESSOR, Esp32Board, installed, modules
 from host_tests.end_to_end.session import Session
-from host_tests.esp32.terminal import Terminal
+from host_tests.esp32.conftest import Terminal
 
 REPLY_S = 0.06
 ENOUGH = 10**6  # bytes of flash for every update
@@ -76,9 +76,7 @@ def power_cycle(board):
 def steps(board):
     """Return the pulses that 500 steps make after power-up, judged behind the shift registers."""
     session = power_cycle(board)
-    session.speed(1, 2000, 10_000)
-    session.accept(MotorMove(1, session.position(1) + 500))
-    session.wait_idle()
+    session.speed(1, 2000, 10_000).accept(MotorMove(1, session.position(1) + 500)).wait_idle()
     return session.made(1)
 
 

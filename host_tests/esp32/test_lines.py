@@ -4,20 +4,12 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
+from framestep_tools import payloads as p
 from framestep_tools.building.board_files import board_data
-from framestep_tools.payloads import (
-    Dmx,
-    GetCondition,
-    HardStop,
-    MotorMove,
-    MotorResetPosition,
-    MotorStatus,
-)
 from framestep_tools.simulator import driver_chips
 from framestep_tools.simulator.driver_chips import Chips
 from framestep_tools.simulator.esp32_board import BOARD, Esp32Board
-from host_tests import dmx_wire
-from host_tests.end_to_end.session import Session, run_request
+from host_tests.end_to_end.session import Session, dmx_frames, run_request
 
 REPLY_S = 0.06
 DMX_PIN = board_data(BOARD)["dmx"]["tx"]
@@ -56,29 +48,26 @@ def test_dmx_on_the_wire(board):
     lights."""
     session = board()
     levels = bytes((7 * c + 3) & 0xFF for c in range(512))
-    session.accept(Dmx(0, 1, list(levels)))
-    session.run(0.1)
+    session.accept(p.Dmx(0, 1, list(levels))).run(0.1)
     session.board.line(DMX_PIN)
     session.run(0.15)
-    frames = dmx_wire.frames(*session.board.line_edges(DMX_PIN))
+    frames = dmx_frames(*session.board.line_edges(DMX_PIN))
     assert len(frames) >= 4
     check_timing(frames)
     assert {frame[3] for frame in frames} == {b"\0" + levels}
     periods = np.diff([frame[0] for frame in frames])
     assert periods.max() <= 26_000_000
     for motor in EIGHT:
-        session.speed(motor, 20_000, 100_000)
-        session.accept(MotorMove(motor, 8000))
-    session.accept(Dmx(0, 1, [0] * 512))
-    session.run(0.1)
+        session.speed(motor, 20_000, 100_000).accept(p.MotorMove(motor, 8000))
+    session.accept(p.Dmx(0, 1, [0] * 512)).run(0.1)
     session.board.line(DMX_PIN)
     begin = session.now
-    session.accept(Dmx(1, 1, [250] * 512))
+    session.accept(p.Dmx(1, 1, [250] * 512))
     sending = []
     while session.now - begin < 0.7:
-        sending.append(session.ask(MotorStatus()).dmx)
+        sending.append(session.ask(p.MotorStatus()).dmx)
         session.run(0.05)
-    frames = dmx_wire.frames(*session.board.line_edges(DMX_PIN))
+    frames = dmx_frames(*session.board.line_edges(DMX_PIN))
     check_timing(frames)
     assert len(frames) >= 22
     assert (sending[0], sending[-1]) == (1, 0)
@@ -92,13 +81,12 @@ def test_dmx_on_the_wire(board):
 
 def test_a_late_main_loop_makes_long_marks_only(board):
     session = board()
-    session.accept(Dmx(0, 1, list(range(256)) * 2))
-    session.run(0.1)
+    session.accept(p.Dmx(0, 1, list(range(256)) * 2)).run(0.1)
     session.board.line(DMX_PIN)
     for pause in (3, 10, 23, 60, 1):
         session.board.pause(pause)
         session.run(0.09)
-    frames = dmx_wire.frames(*session.board.line_edges(DMX_PIN))
+    frames = dmx_frames(*session.board.line_edges(DMX_PIN))
     assert len(frames) >= 12
     check_timing(frames)
     assert {frame[3] for frame in frames} == {b"\0" + bytes(range(256)) * 2}
@@ -109,7 +97,7 @@ def test_the_lengths_of_break_and_mark(board, low_us, mark_us):
     """At least as the rig file says."""
     session = board({"dmx_break_us": low_us, "dmx_mark_us": mark_us})
     session.run(0.1)
-    frames = dmx_wire.frames(*session.board.line_edges(DMX_PIN))
+    frames = dmx_frames(*session.board.line_edges(DMX_PIN))
     assert len(frames) >= 2
     check_timing(frames, mark_us, low_us)
 
@@ -136,9 +124,8 @@ def driven(board):
     session = board(DRIVEN)
     chips = driver_chips.of(session.board.rig.board)
     wire = Chips(chips, lambda: session.board.now_ns)
-    session.run(0.5)
-    session.refuse(m.ERR_GENERAL, MotorMove(1, 100))
-    assert session.ask(GetCondition()).bits & m.CONDITION_DRIVER
+    session.run(0.5).refuse(m.ERR_GENERAL, p.MotorMove(1, 100))
+    assert session.ask(p.GetCondition()).bits & m.CONDITION_DRIVER
     session.forget()
     session.board.connect(wire)
     session.run(3)
@@ -149,14 +136,14 @@ def test_drivers_are_set_up_then_enabled(driven):
     """Every register arrives, complete and confirmed, and only then a driver is switched on."""
     session, chips = driven
     assert "enable" not in session.trace().signals
-    assert session.ask(GetCondition()).bits & m.CONDITION_DRIVER == 0
+    assert session.ask(p.GetCondition()).bits & m.CONDITION_DRIVER == 0
     for motor, driver in enumerate(chips, 1):
         assert driver.damaged == 0
         assert len(driver.writes) == 12
         assert driver.gstat == 0
         assert driver.microsteps == 2**motor
         assert 300 * motor - 55 < driver.run_ma() <= 300 * motor  # 1/32 of 1740 mA
-    session.accept(MotorMove(1, 100), MotorMove(8, 50))  # motor 8 has no driver settings
+    session.accept(p.MotorMove(1, 100), p.MotorMove(8, 50))  # motor 8 has no driver settings
     session.wait_idle()
     assert (session.made(1), session.made(8)) == (100, 50)
     assert 0 in session.trace().signals["enable"][1]
@@ -166,19 +153,17 @@ def test_a_driver_fails_in_motion(driven):
     session, chips = driven
     for motor in (2, 3):
         session.speed(motor, 10_000, 100_000)
-        session.accept(MotorResetPosition(motor, 0), MotorMove(motor, 30_000))
+        session.accept(p.MotorResetPosition(motor, 0), p.MotorMove(motor, 30_000))
     session.run(0.4)
     chips[1].status |= 0x02
     chips[1].gstat |= 0x02
     session.run(0.9)
     assert not session.moving
-    assert [message for _, message in session.events(HardStop)] == [HardStop(m.HARD_STOP_FAULT)]
+    assert [message for _, message in session.events(p.HardStop)] == [p.HardStop(m.HARD_STOP_FAULT)]
     assert session.made(3) == session.position(3) < 30_000
-    session.refuse(m.ERR_GENERAL, MotorMove(2, 0))
+    session.refuse(m.ERR_GENERAL, p.MotorMove(2, 0))
     chips[1].status &= ~0x02  # cooled down: set up again
-    session.run(2)
-    session.accept(MotorMove(2, session.position(2) + 10))
-    session.wait_idle()
+    session.run(2).accept(p.MotorMove(2, session.position(2) + 10)).wait_idle()
 
 
 # ---- the watchdog
@@ -186,31 +171,24 @@ def test_a_driver_fails_in_motion(driven):
 
 def test_the_watchdog_restarts_a_board_that_hangs_while_a_motor_moves(board):
     session = board()
-    session.speed(1, 1000, 10_000)
-    session.accept(MotorMove(1, 30_000))
-    session.run(0.5)
+    session.speed(1, 1000, 10_000).accept(p.MotorMove(1, 30_000)).run(0.5)
     session.board.pause(9000)
-    session.run(10)
-    session.forget()
-    assert session.ask(GetCondition()).bits & m.CONDITION_WATCHDOG_RESET
-    session.speed(1, 1000, 10_000)
-    session.accept(MotorMove(1, 100))
-    session.wait_idle()
+    session.run(10).forget()
+    assert session.ask(p.GetCondition()).bits & m.CONDITION_WATCHDOG_RESET
+    session.speed(1, 1000, 10_000).accept(p.MotorMove(1, 100)).wait_idle()
     assert session.made(1) == 100
 
 
 @pytest.mark.parametrize("rig, moves", [({}, False), ({"watchdog": False}, True)])
 def test_it_does_not_when_nothing_moves_or_the_rig_has_none(board, rig, moves):
     session = board(rig)
-    session.accept(MotorMove(1, 100))
-    session.wait_idle()
+    session.accept(p.MotorMove(1, 100)).wait_idle()
     if moves:
-        session.accept(MotorMove(1, 30_000))
-        session.run(0.2)
+        session.accept(p.MotorMove(1, 30_000)).run(0.2)
     session.board.pause(9000)
     session.run(10)
-    assert session.ask(GetCondition()).bits & m.CONDITION_WATCHDOG_RESET == 0
-    assert session.ask(MotorStatus()).moving == []
+    assert session.ask(p.GetCondition()).bits & m.CONDITION_WATCHDOG_RESET == 0
+    assert session.ask(p.MotorStatus()).moving == []
 
 
 # ---- servos
@@ -252,11 +230,9 @@ def test_a_servo_follows_the_path_that_a_step_motor_takes(board):
         first, last = np.searchsorted(times, [rise - PERIOD_S - 0.006, rise + 0.001])
         places = made[first : last + 1]
         assert places.min() - 1.5 < (width - 1500) * 2 < places.max() + 1.5
-    session.accept(MotorMove(2, 1000))
-    session.wait_idle()
-    session.run(0.1)
+    session.accept(p.MotorMove(2, 1000)).wait_idle().run(0.1)
     assert pulses(session)[1][-1] == pytest.approx(2000, abs=0.5)
-    assert not session.events(HardStop)
+    assert not session.events(p.HardStop)
 
 
 def test_a_servo_with_pulses_from_the_start(board):
@@ -274,15 +250,11 @@ def test_a_servo_that_is_let_go_at_the_e_stop(board):
     session = board({"dmx": False, "estop": "nc", "motors": [{"servo": servo, "invert": True}]})
     session.run(0.2)
     pulses(session)  # the E-stop counts as pressed until its wire is there
-    session.accept(MotorMove(1, 1), MotorMove(1, 0))
-    session.wait_idle()
-    session.run(0.2)
+    session.accept(p.MotorMove(1, 1), p.MotorMove(1, 0)).wait_idle().run(0.2)
     rises, widths = pulses(session)
     assert len(rises) > 5
     assert widths[-5:] == pytest.approx(1500, abs=0.5)
-    session.accept(MotorMove(1, 500))
-    session.wait_idle()
-    session.run(0.1)
+    session.accept(p.MotorMove(1, 500)).wait_idle().run(0.1)
     assert pulses(session)[1][-1] == pytest.approx(1250, abs=0.5)
     session.board.set_pin(32, 1)
     session.run(0.1)

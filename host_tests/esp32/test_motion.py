@@ -11,7 +11,7 @@ import pytest
 from framestep.pulse import stepper
 from framestep_tools.judge.trace import BoardPins, Trace
 from framestep_tools.simulator import shift_registers
-from host_tests.hal.streams import on_pio
+from host_tests.hal import streams
 
 REPLAY = Path(__file__).with_name("chain_replay.py")
 RATE = 250_000
@@ -54,7 +54,9 @@ def play(chip, tmp_path):
 
     def run(lines, buffers=BUFFERS, width=0):
         script = "".join(line + "\n" for line in [f"new 2 {width} {buffers}", *lines])
-        said = chip.run(REPLAY, tmp_path / "played", stdin=script.encode()).splitlines()
+        said = chip.run(
+            REPLAY, tmp_path / "played", path=[streams.REPLAY.parent], stdin=script.encode()
+        ).splitlines()
         rows = [(line.split()[0], [int(word) for word in line.split()[1:]]) for line in said]
         times, words = shift_registers.outputs(shift_registers.played(tmp_path / "played"), RATE)
         pins = BoardPins((0, 20), (1, 21), {1: "dir1", 21: "dir2", 24: "shutter"})
@@ -82,7 +84,7 @@ def check(found, lines, buffers=BUFFERS):
             same += [f"batch {count}"] if count else []
         else:
             same.append(line)
-    for motor, (wanted, ways) in enumerate(on_pio(same)):
+    for motor, (wanted, ways) in enumerate(streams.on_pio(same)):
         times, found_ways = found.steps(motor)
         assert np.array_equal(found_ways, ways), f"motor {motor}"
         assert found.positions[motor] == ways.sum()
@@ -238,7 +240,7 @@ def test_how_late_outputs_are(play, buffers):
 def test_a_ring_too_short_or_too_long_is_refused(chip, tmp_path, settings, wanted):
     script = f"new 2 {settings}\n".encode()
     with pytest.raises(pytest.fail.Exception, match=f"ValueError: {wanted}"):
-        chip.run(REPLAY, tmp_path / "played", stdin=script)
+        chip.run(REPLAY, tmp_path / "played", path=[streams.REPLAY.parent], stdin=script)
 
 
 def test_a_write_to_flash_at_rest_moves_nothing(play):

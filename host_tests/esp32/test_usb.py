@@ -9,6 +9,7 @@ import pytest
 
 from framestep.rig import Rig, RigError
 from framestep_tools import cli
+from framestep_tools import payloads as p
 from framestep_tools.board import file_install
 from framestep_tools.board.file_install import Package, main_py
 from framestep_tools.building.board_files import board_data
@@ -17,18 +18,10 @@ from framestep_tools.client.client import Client
 from framestep_tools.client.port_finder import PROTOCOL, PROTOCOL_PORT, REPL, Port
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.errors import PORT_BUSY
-from framestep_tools.payloads import (
-    Hi,
-    MotorMove,
-    MotorResetPosition,
-    MotorStatus,
-    Positions,
-)
 from framestep_tools.simulator.esp32_board import PROCESSOR, Esp32Board, modules
 from framestep_tools.simulator.usb_host import Function, UsbError, serial_functions
-from host_tests.end_to_end.runs.moves import FRAMES, MOVE, assert_played
-from host_tests.end_to_end.session import Session, deceleration, run_request
-from host_tests.esp32.terminal import Terminal
+from host_tests.end_to_end.session import Session, deceleration
+from host_tests.esp32.conftest import Terminal
 
 S3 = "esp32_s3_595"
 QUEUE_S = 0.028
@@ -44,9 +37,7 @@ def s3():
 @pytest.fixture
 def rig(s3):
     session = Session(s3, reply_s=0.02)
-    session.speed(1, 20000, 100_000)
-    session.accept(MotorResetPosition(1, 0))
-    session.forget()
+    session.speed(1, 20000, 100_000).accept(p.MotorResetPosition(1, 0)).forget()
     yield session
     session.port.close()
 
@@ -89,19 +80,9 @@ def test_mistakes_in_descriptors():
     assert Function._fields[-3:] == ("notify", "out", "into")
 
 
-def test_a_run(rig):
-    """Each motor is at its uploaded position at each frame's time."""
-    rig.upload(MOVE)
-    for motor in MOVE:
-        rig.speed(motor, 20000, 100_000)
-    before = rig.play(run_request(24, 1, FRAMES, 700, 300))
-    assert_played(rig, before, MOVE, 24)
-    assert len(rig.events(Positions)) >= FRAMES
-
-
 def test_many_requests_at_once(rig):
     """More than both buffers of the board hold: the host has to wait, and each is answered."""
-    rig.port.write(b"".join(encode(MotorStatus.TYPE, b"", 100 + i) for i in range(300)))
+    rig.port.write(b"".join(encode(p.MotorStatus.TYPE, b"", 100 + i) for i in range(300)))
     later(rig.board, 0.5)
     rig.port.timeout = 0
     answers = [f.id for f in FrameDecoder().feed(rig.port.read(100_000)) if f.id]
@@ -113,7 +94,7 @@ def test_frames_without_a_short_packet(rig, size):
     """A frame that fills its packets ends no transfer, and is answered all the same. Its last byte
     may look like what marks a free place."""
     for last in (0, 0x2B):
-        frame = encode(MotorStatus.TYPE, bytes((last,)) * (size - 12), 9)
+        frame = encode(p.MotorStatus.TYPE, bytes((last,)) * (size - 12), 9)
         assert len(frame) == size
         answers = rig.bytes_for(frame)
         assert [answer.id for answer in answers if answer.id] == [9]
@@ -121,9 +102,7 @@ def test_frames_without_a_short_packet(rig, size):
 
 def test_the_port_closes_while_a_motor_moves(rig):
     """It ramps down at once, as the host is lost; a new host finds the board at rest."""
-    rig.accept(MotorMove(1, 30_000))
-    rig.run(0.4)
-    rig.leave()
+    rig.accept(p.MotorMove(1, 30_000)).run(0.4).leave()
     left = rig.now
     rig.board.run_until(rig.board.now_ns + 600_000_000)
     times, ways = rig.steps(1)
@@ -138,8 +117,7 @@ def test_the_port_closes_while_a_motor_moves(rig):
 def test_a_host_that_starts_again(rig):
     """Its reset of the bus ends the session; a moving motor ramps down. It finds the
     board again."""
-    rig.accept(MotorMove(1, 30_000))
-    rig.run(0.4)
+    rig.accept(p.MotorMove(1, 30_000)).run(0.4)
     rig.board.host.reset_and_enumerate()
     later(rig.board, 0.5)
     times, ways = rig.steps(1)
@@ -147,16 +125,14 @@ def test_a_host_that_starts_again(rig):
     assert np.diff(times)[-1] > 5 * np.diff(times).min(), "a ramp"
     rig.board.protocol = rig.board.host.ports[1]
     again = Session(rig.board)
-    assert again.ask(Hi()).motors == 8
+    assert again.ask(p.Hi()).motors == 8
     assert again.position(1) == ways.sum()
     again.port.close()
 
 
 def test_the_cable_is_pulled(rig):
     """The chip does not notice: the motor ramps down when nothing has been read for 3 s."""
-    rig.speed(1, 1000, 100_000)
-    rig.accept(MotorMove(1, 30_000))
-    rig.run(0.4)
+    rig.speed(1, 1000, 100_000).accept(p.MotorMove(1, 30_000)).run(0.4)
     rig.board.host.plug(False)
     pulled = rig.now
     later(rig.board, 4)
@@ -174,7 +150,7 @@ def test_a_host_that_does_not_read(rig):
     """Its port is open, and nothing takes what is sent: nothing is lost, and all comes later."""
     host, into = rig.board.host, rig.port.channel.function.into & 15
     host.wire.usb("l", "BB", into, 0)
-    rig.port.write(b"".join(encode(MotorStatus.TYPE, b"", 100 + i) for i in range(10)))
+    rig.port.write(b"".join(encode(p.MotorStatus.TYPE, b"", 100 + i) for i in range(10)))
     later(rig.board, 0.5)
     host.wire.usb("l", "BB", into, 1)
     later(rig.board, 0.1)
@@ -188,9 +164,7 @@ def test_the_repl():
     nothing. After a soft reset the board comes back with both ports."""
     with Esp32Board({}, S3) as board:
         session = Session(board)
-        session.speed(1, 20000, 100_000)
-        session.accept(MotorMove(1, 30_000))
-        session.run(0.4)
+        session.speed(1, 20000, 100_000).accept(p.MotorMove(1, 30_000)).run(0.4)
         terminal = board.host.ports[0]
         terminal.open_port(True)
         assert typed(terminal, board, b"print(1)\r\n\x04\x01") == ""
@@ -202,20 +176,20 @@ def test_the_repl():
         assert np.diff(times)[-1] > 5 * np.diff(times).min(), "a ramp"
         assert typed(terminal, board, b"6*7\r\n").endswith("42\r\n>>> ")
         assert typed(board.repl, board, b"6*9\r\n").endswith("54\r\n>>> ")
-        assert not session.bytes_for(encode(MotorStatus.TYPE, b"", 1))
+        assert not session.bytes_for(encode(p.MotorStatus.TYPE, b"", 1))
 
         typed(board.repl, board, b"\x04", 0.02)
         later(board, 1)
         assert terminal not in board.host.ports
         assert [port.function.name for port in board.host.ports] == ["Board CDC", PROTOCOL_PORT]
         board.protocol = board.host.ports[1]
-        assert Session(board).ask(Hi()).motors == 8
+        assert Session(board).ask(p.Hi()).motors == 8
 
 
 def test_one_port():
     """With "ports": 1 the protocol is on the REPL's UART, at the rate that the rig file sets."""
     with Esp32Board({"ports": 1, "uart_baud": 460800}, S3, baud=460800) as board:
-        assert Session(board, reply_s=0.06).ask(Hi()).motors == 8
+        assert Session(board, reply_s=0.06).ask(p.Hi()).motors == 8
         assert [port.function.name for port in board.host.ports] == ["Board CDC"]
 
 
@@ -279,11 +253,11 @@ def test_a_command_for_the_repl_while_another_program_moves_motors(shell):
     """Getting to the REPL would end framestep, so the command changes nothing."""
     with shell(Esp32Board({}, S3)) as run:
         with Client.open(port_finder.protocol_port()) as client:
-            client.request(MotorMove(1, 30_000))
+            client.request(p.MotorMove(1, 30_000))
             status, said = run("flash")
             assert status == PORT_BUSY, said
             assert "getting to the REPL would end framestep under the program that uses it" in said
-            assert client.request(MotorStatus()).moving == [1]
+            assert client.request(p.MotorStatus()).moving == [1]
         assert run("status")[0] == 0
 
 

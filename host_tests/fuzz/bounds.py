@@ -43,6 +43,7 @@ class Motor:
         self.homing = False
         self.goals: tuple[int, ...] = ()  # it comes to rest on one of these, if known
         self.renumbered = False  # homing has ended and may have changed its position
+        self.uploaded = False  # a section of its path, whose answer was lost: it may be in force
         # a fault: the main loop may have missed where it turned, and so where the load is
         self.loose = False
 
@@ -71,8 +72,8 @@ class Motor:
         self.top = [(ms, self.velocity)]
         self.steep = [(ms, self.acceleration)]
         self.least = self.acceleration
-        self.jerky = False
-        self.free = self.renumbered
+        self.jerky = self.uploaded
+        self.free = self.renumbered or self.uploaded
         self.fresh = True
         self.sent = 0
         self.low = self.high = self.at

@@ -41,11 +41,8 @@ def header_of(script: Script) -> Script:
     head.target = script.target
     head.rig, head.rig_text = script.rig, script.rig_text
     head.motors, head.memory, head.flash, head.says = (
-        script.motors,
-        script.memory,
-        script.flash,
-        script.says,
-    )
+        script.motors, script.memory, script.flash, script.says,
+    )  # fmt: skip
     return head
 
 

@@ -11,33 +11,14 @@ from .repl_work import WORK
 from .trial import Trial
 
 ODD = (
-    0,
-    1,
-    -1,
-    2,
-    -2,
-    255,
-    10_000,
-    2**30 - 1,
-    2**30,
-    -(2**30),
-    -(2**30) - 1,
-    2**31 - 1,
-    -(2**31),
-    2**31 - 2,
-    1 - 2**31,
-)
+    0, 1, -1, 2, -2, 255, 10_000, 2**30 - 1, 2**30, -(2**30), -(2**30) - 1, 2**31 - 1, -(2**31),
+    2**31 - 2, 1 - 2**31,
+)  # fmt: skip
 WORD = 0xFFFFFFFF
 QUESTIONS = (
-    m.MSG_HI,
-    m.MSG_MOTOR_STATUS,
-    m.MSG_MOTOR_STATUS,
-    m.MSG_MOTOR_GET_POSITION,
-    m.MSG_GIO_IN,
-    m.MSG_VIRT_GET_POSITION,
-    m.MSG_CONDITION,
-    0x300,
-)
+    m.MSG_HI, m.MSG_MOTOR_STATUS, m.MSG_MOTOR_STATUS, m.MSG_MOTOR_GET_POSITION, m.MSG_GIO_IN,
+    m.MSG_VIRT_GET_POSITION, m.MSG_CONDITION, 0x300,
+)  # fmt: skip
 
 
 def signed(value):
@@ -253,16 +234,10 @@ class Actions:
         self.world = world
         self.host = host = world.host
         self.dice, self.trial, self.rig, self.motors = (
-            world.dice,
-            world.trial,
-            world.rig,
-            world.motors,
-        )
+            world.dice, world.trial, world.rig, world.motors,
+        )  # fmt: skip
         self.send, self.ask, self.query, self.close = host.send, host.ask, host.query, host.close
         self.tick, self.pause, self.settle, self.halt = (
-            host.tick,
-            host.pause,
-            host.settle,
-            host.halt,
-        )
+            host.tick, host.pause, host.settle, host.halt,
+        )  # fmt: skip
         self.motor, self.here, self.target = host.motor, host.here, host.target

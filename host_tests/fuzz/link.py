@@ -35,12 +35,8 @@ class Request:
 
     def __init__(self, number, kind, payload, sent, deadline):
         self.number, self.kind, self.payload, self.sent, self.deadline = (
-            number,
-            kind,
-            payload,
-            sent,
-            deadline,
-        )
+            number, kind, payload, sent, deadline,
+        )  # fmt: skip
         self.copies = 1
         self.order = 0
 

@@ -45,6 +45,8 @@ class Runs(Part):
         start, end = request.words("ii")
         self.upload = Upload(start, end)
         self.prepared = False
+        for motor in self.motors:
+            motor.uploaded = False
 
     def _upload_axis(self, request, payload):
         i, index = request.words("BI")
@@ -90,14 +92,9 @@ class Runs(Part):
         )
         fps /= 1000
         self.run = {
-            "fps": fps,
-            "start": start,
-            "end": end,
-            "pre": pre,
-            "post": post,
-            "flags": flags,
+            "fps": fps, "start": start, "end": end, "pre": pre, "post": post, "flags": flags,
             "shot": False,
-        }
+        }  # fmt: skip
         self.prepared = True
         self.lost = False
         self.going = None

@@ -13,14 +13,8 @@ from framestep_tools.building.board_files import ROOT
 )
 def test_sessions(first, sessions):
     command = [
-        sys.executable,
-        "-m",
-        "host_tests.fuzz.fuzz",
-        "--seed",
-        "make test",
-        "--seconds",
-        "inf",
-    ]
+        sys.executable, "-m", "host_tests.fuzz.fuzz", "--seed", "make test", "--seconds", "inf",
+    ]  # fmt: skip
     command += ["--first", str(first), "--sessions", str(sessions)]
     result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert result.returncode == 0, result.stdout + result.stderr

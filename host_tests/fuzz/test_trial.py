@@ -19,6 +19,7 @@ from framestep.motors.axis import Axis
 from framestep.motors.requests import Motors
 from framestep.moves.operation_runner import OperationRunner
 from framestep.moves.requests import Moves
+from framestep.moves.upload.store import UploadStore
 from framestep.protocol import messages as m
 from framestep.reports import Reports
 from framestep.stops import Stops
@@ -69,7 +70,7 @@ def ends_without_play(monkeypatch):
 
 def limit_forgotten(monkeypatch):
     """The stop of a virtual jog no longer knows the limits ahead."""
-    load_limits, advance = LookAhead.load_limits, move.advance
+    load_limits, place_knot = LookAhead.load_limits, move.place_knot
     now = {"stopping": False}
 
     def forgetful(self):
@@ -80,10 +81,10 @@ def limit_forgotten(monkeypatch):
 
     def noted(r, survey, ahead, stopping):
         now["stopping"] = stopping
-        return advance(r, survey, ahead, stopping)
+        return place_knot(r, survey, ahead, stopping)
 
     monkeypatch.setattr(LookAhead, "load_limits", forgetful)
-    monkeypatch.setattr(move, "advance", noted)
+    monkeypatch.setattr(move, "place_knot", noted)
 
 
 def play_in_the_ramp(monkeypatch):
@@ -116,29 +117,49 @@ def test_faults_that_were_there_are_found(fault, script, monkeypatch):
 # ---- each rule -----------------------------------------------------------------------------------
 
 
-def faster(monkeypatch):
+def replaced(owner, name, by):
+    """Return a fault: a method is another one."""
+    return lambda monkeypatch: monkeypatch.setattr(owner, name, by)
+
+
+def scaled(name, factor):
+    """Return a fault: a motor's own speed or acceleration is applied as another one."""
     apply = Axis._apply
 
     def wrong(self):
-        before, self.own_velocity = self.own_velocity, self.own_velocity * 11 // 10
+        before = getattr(self, name)
+        setattr(self, name, int(before * factor))
         apply(self)
-        self.own_velocity = before
+        setattr(self, name, before)
 
-    monkeypatch.setattr(Axis, "_apply", wrong)
-
-
-def steeper(monkeypatch):
-    apply = Axis._apply
-
-    def wrong(self):
-        before, self.own_acceleration = self.own_acceleration, self.own_acceleration * 5 // 4
-        apply(self)
-        self.own_acceleration = before
-
-    monkeypatch.setattr(Axis, "_apply", wrong)
+    return replaced(Axis, "_apply", wrong)
 
 
-def jerkier(monkeypatch):
+def reported(steps, moving_only):
+    """Return a fault: the first motor's position is reported so many steps ahead."""
+    tell = OperationRunner.sample_move_time
+
+    def wrong(self, frame):
+        time = tell(self, frame)
+        if self.axes.moving_bits() or not moving_only:
+            self.axes.reported[0] += steps
+        return time
+
+    return replaced(OperationRunner, "sample_move_time", wrong)
+
+
+def handled(kind, changed):
+    """Return a fault: changed(handler) answers a type."""
+    original = Controller.__init__
+
+    def init(self, *args):
+        original(self, *args)
+        self.handlers[kind] = changed(self.handlers[kind])
+
+    return replaced(Controller, "__init__", init)
+
+
+def with_jerk_ignored(monkeypatch):
     monkeypatch.setattr(Axis, "set_jerk", lambda self, jerk: None)
 
 
@@ -149,52 +170,15 @@ def harder_stop(monkeypatch):
     )
 
 
-def past_the_limit(monkeypatch):
-    monkeypatch.setattr(bounds, "clamp", lambda axis, target, i: None)
+def rests_too_soon(self):
+    self.writer.begin(m.MSG_MOTOR_STATUS, self.reader)
+    self.writer.u32(0)
+    self.writer.u8(0)
+    self.writer.end()
+    return 0
 
 
-def reported_wrong(monkeypatch):
-    tell = OperationRunner.sample_move_time
-
-    def wrong(self, frame):
-        time = tell(self, frame)
-        self.axes.reported[0] += 1
-        return time
-
-    monkeypatch.setattr(OperationRunner, "sample_move_time", wrong)
-
-
-def reported_ahead(monkeypatch):
-    """Reports positions of the queue, not of the pins."""
-    tell = OperationRunner.sample_move_time
-
-    def wrong(self, frame):
-        time = tell(self, frame)
-        if self.axes.moving_bits():
-            self.axes.reported[0] += 30
-        return time
-
-    monkeypatch.setattr(OperationRunner, "sample_move_time", wrong)
-
-
-def rests_too_soon(monkeypatch):
-    def status(self):
-        self.writer.begin(m.MSG_MOTOR_STATUS, self.reader)
-        self.writer.u32(0)
-        self.writer.u8(0)
-        self.writer.end()
-        return 0
-
-    monkeypatch.setattr(Controller, "_status", status)
-
-
-def never_rests(monkeypatch):
-    monkeypatch.setattr(Axis, "stop", lambda self, hal, factor=1, smooth=False: None)
-
-
-def steps_off(monkeypatch, steps=3):
-    from framestep.moves.upload.store import UploadStore
-
+def steps_off(steps):
     positions = UploadStore.positions
 
     def wrong(self, motor, index, count, to, at):
@@ -202,11 +186,7 @@ def steps_off(monkeypatch, steps=3):
         if count in (5, 17) and index <= 10 < index + count:  # the windows of a path
             to[at + 10 - index] += steps
 
-    monkeypatch.setattr(UploadStore, "positions", wrong)
-
-
-def one_step_off(monkeypatch):
-    steps_off(monkeypatch, -1)
+    return replaced(UploadStore, "positions", wrong)
 
 
 def ends_twice(monkeypatch):
@@ -245,35 +225,6 @@ def false_fault(monkeypatch):
     monkeypatch.setattr(Stops, "stop_all", wrong)
 
 
-def silent(monkeypatch):
-    original = Controller.__init__
-
-    def init(self, *args):
-        original(self, *args)
-        self.handlers[m.MSG_HI] = lambda: 0
-
-    monkeypatch.setattr(Controller, "__init__", init)
-
-
-def answers_twice(monkeypatch):
-    original = Controller.__init__
-
-    def init(self, *args):
-        original(self, *args)
-        status = self.handlers[m.MSG_MOTOR_STATUS]
-        self.handlers[m.MSG_MOTOR_STATUS] = lambda: status() or status()
-
-    monkeypatch.setattr(Controller, "__init__", init)
-
-
-def outputs_left_on(monkeypatch):
-    monkeypatch.setattr(Io, "safe", lambda self: None)
-
-
-def estop_ignored(monkeypatch):
-    monkeypatch.setattr(Interlock, "may_move", lambda self, motor: m.OK)
-
-
 def couple_apart(monkeypatch):
     """The coupled motor loses the first step of each motion."""
     put = PulseModel.__setitem__
@@ -308,17 +259,6 @@ def noise(monkeypatch):
     monkeypatch.setattr(HostPort, "send", wrong)
 
 
-def breaks_off(monkeypatch):
-    def wrong(self):
-        raise IndexError("by a fault")
-
-    monkeypatch.setattr(Motors, "end_jogs", wrong)
-
-
-def stop_ignored(monkeypatch):
-    monkeypatch.setattr(Motors, "_stop", lambda self: m.OK)
-
-
 def jogs_forgotten(monkeypatch):
     original = Interlock.prepare
 
@@ -327,10 +267,6 @@ def jogs_forgotten(monkeypatch):
         original(self, bits)
 
     monkeypatch.setattr(Interlock, "prepare", wrong)
-
-
-def begins_in_motion(monkeypatch):
-    monkeypatch.setattr(Moves, "may_begin", lambda self: m.OK)
 
 
 def falls_short(monkeypatch):
@@ -343,33 +279,37 @@ def falls_short(monkeypatch):
     monkeypatch.setattr(bounds, "clamp", wrong)
 
 
+def breaks_off(self):
+    raise IndexError("by a fault")
+
+
 # a fault, a session, what is found
 RULES = (
     (falls_short, moves, "goal"),
-    (faster, moves, "velocity"),
-    (steeper, moves, "acceleration"),
-    (jerkier, moves, "jerk"),
+    (scaled("own_velocity", 1.1), moves, "velocity"),
+    (scaled("own_acceleration", 1.25), moves, "acceleration"),
+    (with_jerk_ignored, moves, "jerk"),
     (harder_stop, stopped, "acceleration"),
-    (past_the_limit, limited, "limits|acceleration"),
-    (reported_wrong, moves, "positions"),
-    (reported_ahead, moves, "pins"),
-    (rests_too_soon, moves, "goal|quiet"),
-    (never_rests, stopped, "quiet|no-rest"),
-    (steps_off, run, "frames|acceleration|velocity"),
-    (one_step_off, slow, "frames"),
+    (replaced(bounds, "clamp", lambda axis, target, i: None), limited, "limits|acceleration"),
+    (reported(1, False), moves, "positions"),
+    (reported(30, True), moves, "pins"),  # of the queue, not of the pins
+    (replaced(Controller, "_status", rests_too_soon), moves, "goal|quiet"),
+    (replaced(Axis, "stop", lambda *_, **more: None), stopped, "quiet|no-rest"),
+    (steps_off(3), run, "frames|acceleration|velocity"),
+    (steps_off(-1), slow, "frames"),
     (ends_twice, run, "rt-end"),
     (never_ends, run, "rt-end"),
     (false_fault, stopped, "fault"),
-    (silent, pressed, "unanswered"),
-    (answers_twice, moves, "answers"),
-    (outputs_left_on, outputs_on, "outputs"),
-    (estop_ignored, pressed, "estop"),
+    (handled(m.MSG_HI, lambda hi: lambda: 0), pressed, "unanswered"),
+    (handled(m.MSG_MOTOR_STATUS, lambda status: lambda: status() or status()), moves, "answers"),
+    (replaced(Io, "safe", lambda self: None), outputs_on, "outputs"),
+    (replaced(Interlock, "may_move", lambda self, motor: m.OK), pressed, "estop"),
     (couple_apart, coupled, "coupled"),
     (noise, moves, "bytes"),
-    (breaks_off, limited, "exception"),
-    (stop_ignored, stopped_alone, "stop"),
+    (replaced(Motors, "end_jogs", breaks_off), limited, "exception"),
+    (replaced(Motors, "_stop", lambda self: m.OK), stopped_alone, "stop"),
     (jogs_forgotten, jogs_beside, "jog"),
-    (begins_in_motion, prepared_in_motion, "taken"),
+    (replaced(Moves, "may_begin", lambda self: m.OK), prepared_in_motion, "taken"),
 )
 
 
@@ -382,7 +322,7 @@ def test_each_rule(fault, session, kind, monkeypatch):
 
 def conduct(fault, session, make):
     """Play a session on two motors. make: see Host."""
-    jerk = 5 if fault is jerkier else 0
+    jerk = 5 if fault is with_jerk_ignored else 0
     host = Host({"motor_count": 2, "estop": "no", "motors": [{"jerk": jerk}]}, make=make)
     session(host)
     host.wait(500)

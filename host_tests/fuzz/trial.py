@@ -213,6 +213,8 @@ class Trial:
                     motor.renumbered = True
                 elif request.kind == m.MSG_MOTOR_SET_LIMITS:
                     motor.soft, motor.limits = None, (None, None)
+                elif request.kind == m.MSG_RT_UPLOAD_MOVE_AXIS:
+                    motor.uploaded = motor.free = motor.jerky = True
         self.open.clear()
         self.link.reply.clear()
         self.runs.prepared = False

@@ -18,11 +18,8 @@ IMPLEMENTED = {
     "Hal": ["rp2/hal.py:Rp2Hal", "esp32/hal.py:Esp32Hal", "host.py:HostHal"],
     "PulseEngine": ["rp2/pulses.py:PulseEngine", "stream.py:Stream"],
     "Port": [
-        "ports/usb_port.py:UsbPort",
-        "ports/stdin_port.py:StdinPort",
-        "esp32/port.py:UartPort",
-        "esp32/usb_port.py:OwnPort",
-        "host.py:HostPort",
+        "ports/usb_port.py:UsbPort", "ports/stdin_port.py:StdinPort", "esp32/port.py:UartPort",
+        "esp32/usb_port.py:OwnPort", "host.py:HostPort",
     ],
     "Dmx": ["rp2/dmx.py:Dmx", "esp32/dmx.py:Dmx", "host.py:HostDmx", "absent.py:NoDmx"],
     "Watchdog": [
@@ -32,13 +29,12 @@ IMPLEMENTED = {
         "absent.py:NoWatchdog",
     ],
     "DriverWire": [
-        "rp2/wire.py:Wire",
-        "rp2/one_wire.py:OneWire",
-        "esp32/wire.py:Wire",
-        "host.py:SilentWire",
+        "rp2/wire.py:Wire", "rp2/one_wire.py:OneWire", "esp32/wire.py:Wire", "host.py:SilentWire",
     ],
     "Flash": ["flash.py:Flash", "host.py:HostFlash"],
-}
+}  # fmt: skip
+# what a port over another one has from that one
+INHERITED = {"send", "open", "openings", "answer", "glance", "look_for_stop", "struck"}
 # Parts that only one kind has, or that another class provides. The host's HAL has no REPL, nor a
 # single object that models engine commands.
 WITHOUT = {
@@ -46,27 +42,14 @@ WITHOUT = {
     "host.py:HostPort": {"stop", "struck"},
     "ports/stdin_port.py:StdinPort": {"struck"},
     "ports/usb_port.py:UsbPort": {"stop"},
-    "esp32/port.py:UartPort": {
-        "start",
-        "send",
-        "open",
-        "openings",
-        "answer",
-        "glance",
-        "struck",
-    },  # StdinPort's
-    # UsbPort's
-    "esp32/usb_port.py:OwnPort": {"send", "open", "openings", "answer", "glance", "struck"},
+    "esp32/port.py:UartPort": {"start"} | INHERITED,  # StdinPort's
+    "esp32/usb_port.py:OwnPort": INHERITED,  # UsbPort's
 }
 # Names by which the other layers call each kind: the part before the dot
 CALLED = {
-    "hal": "Hal",
-    "port": "Port",
-    "dmx": "Dmx",
-    "dog": "Watchdog",
-    "driver_wire": "DriverWire",
+    "hal": "Hal", "port": "Port", "dmx": "Dmx", "dog": "Watchdog", "driver_wire": "DriverWire",
     "flash": "Flash",
-}
+}  # fmt: skip
 
 
 def classes(path: Path) -> dict[str, ast.ClassDef]:

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from framestep.pulse import stepper
-from host_tests.hal.streams import WORD_US, WORDS, here, on_pio, read
+from host_tests.hal.streams import STEPS, WORD_US, WORDS, here, on_pio, read
 
 LAG = 1000  # µs: a tick's pulses are in the words of the next tick
+COARSE = 5  # µs by which PIO's edges, of fewer commands, are further off the curve in steep ramps
 SHOWN = 0.3  # µs by which two engines with different clocks may differ, besides rounding to words
 
 
@@ -48,14 +49,15 @@ def session(rng, motors, count):
 
 
 def check_steps(found, lines):
-    """Each step is in the word that is sent when PIO would make it."""
+    """Each step is in the word that is sent when PIO would make it, or near it."""
+    coarse = COARSE if found.engine == "registers" else 0
     for motor, (times, ways) in enumerate(on_pio(lines)):
         rises = found.rises(found.step(motor))
         assert np.array_equal(found.ways(motor), ways), f"motor {motor}"
         early = times - (rises * WORD_US - LAG)
         if len(rises):
-            assert early.min() >= -SHOWN, f"motor {motor}: {early.min()}, {early.max()}"
-            assert early.max() <= WORD_US + SHOWN, f"motor {motor}: {early.min()}, {early.max()}"
+            least, most = -SHOWN - coarse, WORD_US + SHOWN + coarse
+            assert least <= early.min() <= early.max() <= most, f"motor {motor}: {early}"
         assert found.positions[motor] == ways.sum()
     assert not found.lost
     assert not any(found.faults)
@@ -69,18 +71,26 @@ def test_the_steps_of_pio_to_a_word(painted, seed):
     check_steps(found, lines)
 
 
+@pytest.mark.parametrize("painted", ["registers"], indirect=True)
+def test_each_step_of_a_steep_ramp_in_its_word(painted):
+    """With up to five steps in a tick, as where a motor turns."""
+    slope, velocity = 355_000, 4_500
+    lines = ["new 1 0", f"speed 0 {velocity} {slope}", "travel 0 300", *["batch 20"] * 6]
+    times = WORD_US * painted(lines).rises(STEPS["registers"][0])
+    ramp = np.arange(1, velocity**2 // (2 * slope) - 1)  # not its end
+    off = times[: len(ramp)] - 1e6 * np.sqrt(2 * ramp / slope)
+    assert np.ptp(off) / 2 <= WORD_US / 2 + SHOWN
+
+
 @pytest.mark.parametrize("width", [0, 1, 3])
 def test_pulses_are_as_wide_as_set(painted, width):
     """Wide enough, as far apart as they are wide, with the direction set before them: with 5 µs two
     words."""
     fastest = round(1e6 / (WORD_US * 2 * (width + 1)))
     lines = [
-        f"new 2 {width}",
-        f"speed 0 {fastest} 400000",
-        "speed 1 3000 400000",
-        "travel 0 9000",
+        f"new 2 {width}", f"speed 0 {fastest} 400000", "speed 1 3000 400000", "travel 0 9000",
         "travel 1 300",
-    ]
+    ]  # fmt: skip
     lines += ["batch 20"] * 15 + ["travel 0 -2000", "travel 1 -100"] + ["batch 20"] * 45
     found = painted(lines)
     for motor in range(2):
@@ -102,12 +112,8 @@ def test_batches_make_no_difference(painted):
     wanted = None
     for sizes in ([20], [1], [7, 13]):
         lines = [
-            "new 2 0",
-            "speed 0 30000 200000",
-            "speed 1 900 9000",
-            "travel 0 4000",
-            "travel 1 -150",
-        ]
+            "new 2 0", "speed 0 30000 200000", "speed 1 900 9000", "travel 0 4000", "travel 1 -150",
+        ]  # fmt: skip
         for n in range(600 // sum(sizes)):
             lines += [f"batch {size}" for size in sizes]
             if (n + 1) * sum(sizes) == 300:
@@ -122,21 +128,15 @@ def test_outputs_change_with_the_tick_of_their_cue(painted):
     """All words of that tick have it, whether a motor moves or not; a driven level holds from the
     next words on."""
     lines = [
-        "new 1 0",
-        "speed 0 20000 200000",
-        "travel 0 3000",
-        f"cue 12 {1 << 8 | 1 << 29} 0",
+        "new 1 0", "speed 0 20000 200000", "travel 0 3000", f"cue 12 {1 << 8 | 1 << 29} 0",
         "batch 20",
-    ]
+    ]  # fmt: skip
     lines += [f"cue 25 {1 << 9} {1 << 8}", "batch 7", f"drive {1 << 10} {1 << 29}", "batch 3"]
     found = painted(lines)
     # the first tick is number 1
     assert [list(found.changes(bit)) for bit in (8, 9, 10, 29)] == [
-        [11 * WORDS, 24 * WORDS],
-        [24 * WORDS],
-        [27 * WORDS],
-        [11 * WORDS, 27 * WORDS],
-    ]
+        [11 * WORDS, 24 * WORDS], [24 * WORDS], [27 * WORDS], [11 * WORDS, 27 * WORDS],
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("ticks", [1, 3, 400])
@@ -169,10 +169,6 @@ def test_words_that_ran_out_are_a_fault(painted, ticks):
 def test_commands_that_find_no_room_are_reported(painted):
     """Pulses of that width cannot be made so fast; the controller allows no such velocity."""
     lines = [
-        "new 2 3",
-        "speed 0 60000 400000",
-        "speed 1 100 400000",
-        "travel 0 20000",
-        "travel 1 10",
-    ]
+        "new 2 3", "speed 0 60000 400000", "speed 1 100 400000", "travel 0 20000", "travel 1 10",
+    ]  # fmt: skip
     assert painted(lines + ["batch 20"] * 20).lost == 1

@@ -112,16 +112,10 @@ def test_a_pass_looks_at_an_eighth():
 @pytest.mark.parametrize(
     ("count", "channel", "values", "fits"),
     [
-        (512, 1, 512, True),
-        (512, 512, 1, True),
-        (512, 0, 1, False),
-        (512, 512, 2, False),
-        (512, 513, 0, False),
-        (512, 65535, 1, False),
-        (512, 7, 0, True),
-        (0, 1, 1, False),
+        (512, 1, 512, True), (512, 512, 1, True), (512, 0, 1, False), (512, 512, 2, False),
+        (512, 513, 0, False), (512, 65535, 1, False), (512, 7, 0, True), (0, 1, 1, False),
         (0, 1, 0, False),
     ],
-)
+)  # fmt: skip
 def test_which_channels_there_are(count, channel, values, fits):
     assert Lights(count, 500).fits(channel, values) == fits

@@ -12,6 +12,7 @@ from framestep.hal.host import HostFlash, HostHal
 from framestep.hal.host_board import HostBoard
 from framestep.io.position_journal import SLOT_BYTES, STILL_MS, PositionJournal, checksum
 from framestep.io.position_restore import restore
+from framestep.motors.axes import Axes
 from framestep.motors.backlash import BACKLASH, LOAD
 from framestep.motors.positions import (
     BEFORE,
@@ -26,16 +27,10 @@ from framestep.motors.positions import (
 )
 from framestep.protocol import messages as m
 from framestep.pulse import stepper
-from framestep_tools.payloads import (
-    GetCondition,
-    MotorConfigure,
-    MotorMove,
-    MotorResetPosition,
-    RtGo,
-)
+from framestep_tools import payloads as p
 from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.session import Session, run_request
-from host_tests.fakes import Motors
+from host_tests.pulse.engine import Bench
 
 RIG = {"remember_positions": True}
 REMEMBERED = (HELD, RESTORED)
@@ -82,7 +77,7 @@ class PoweredUp:
     """A board from power-up on: motors at rest, and their saved positions."""
 
     def __init__(self, flash, motors=3):
-        self.axes = Motors(motors)
+        self.axes = Axes(Bench(motors))
         self.journal = PositionJournal(flash, self.axes)
         restore(self.journal)
         self.positions = self.axes.positions
@@ -340,22 +335,21 @@ def power_up(flash, rig=RIG):
 
 
 def trust(session, *motors):
-    found = session.ask(GetCondition()).positions
+    found = session.ask(p.GetCondition()).positions
     return [(found[motor - 1].state, found[motor - 1].reason) for motor in motors]
 
 
 def test_over_power_cuts():
     flash = Guarded()
     session = power_up(flash)
-    assert session.ask(GetCondition()).bits == m.CONDITION_POSITIONS_PENDING
+    assert session.ask(p.GetCondition()).bits == m.CONDITION_POSITIONS_PENDING
     session.run(10)
     assert flash.writes == 0  # nothing is known yet
-    session.accept(MotorResetPosition(1, 1000), MotorResetPosition(2, -1000))
-    session.accept(MotorMove(1, 3000))
-    session.wait_idle()
-    assert session.ask(GetCondition()).bits == m.CONDITION_POSITIONS_PENDING
+    session.accept(p.MotorResetPosition(1, 1000), p.MotorResetPosition(2, -1000))
+    session.accept(p.MotorMove(1, 3000)).wait_idle()
+    assert session.ask(p.GetCondition()).bits == m.CONDITION_POSITIONS_PENDING
     session.run(2.1)
-    assert session.ask(GetCondition()).bits == m.CONDITION_POSITIONS_SAVED
+    assert session.ask(p.GetCondition()).bits == m.CONDITION_POSITIONS_SAVED
     writes = flash.writes
     session.run(20)
     assert flash.writes == writes
@@ -363,14 +357,13 @@ def test_over_power_cuts():
     session = power_up(flash)
     assert (session.position(1), session.position(2)) == (3000, -1000)
     assert trust(session, 1, 2, 3) == [REMEMBERED, REMEMBERED, (LOST, BEFORE)]
-    session.accept(MotorMove(1, 0), MotorMove(2, 3000))
-    session.run(0.3)
+    session.accept(p.MotorMove(1, 0), p.MotorMove(2, 3000)).run(0.3)
     assert trust(session, 1, 2) == [REMEMBERED, REMEMBERED]
 
     session = power_up(flash)
     assert (session.position(1), session.position(2)) == (3000, -1000)
     assert trust(session, 1, 2, 3) == [CUT_OFF] * 3
-    session.accept(MotorResetPosition(1, 7))
+    session.accept(p.MotorResetPosition(1, 7))
     assert trust(session, 1, 2) == [IS_SET, CUT_OFF]
     session.run(2.1)
     session = power_up(flash)
@@ -382,14 +375,13 @@ def test_not_while_a_run_waits_for_its_go():
     """Nothing must be written between GO and the first step."""
     flash = Guarded()
     session = power_up(flash)
-    session.accept(MotorResetPosition(1, 0))
+    session.accept(p.MotorResetPosition(1, 0))
     session.upload({1: [5 * k for k in range(40)]})
     session.ready(run_request(end=40))
     writes = flash.writes
     session.run(5)
     assert flash.writes == writes
-    session.accept(RtGo())
-    session.wait_idle()
+    session.accept(p.RtGo()).wait_idle()
     assert flash.writes == writes
     session.run(2.1)
     assert flash.writes == writes + 1
@@ -399,11 +391,9 @@ def test_not_while_a_run_waits_for_its_go():
 def test_a_driver_switched_off_needs_no_writing():
     flash = Guarded()
     session = power_up(flash)
-    session.accept(MotorResetPosition(1, 5))
-    session.run(2.1)
+    session.accept(p.MotorResetPosition(1, 5)).run(2.1)
     writes = flash.writes
-    session.accept(MotorConfigure(1, 0))
-    session.run(2.1)
+    session.accept(p.MotorConfigure(1, 0)).run(2.1)
     assert flash.writes == writes
     assert trust(power_up(flash), 1) == [REMEMBERED]
 
@@ -415,7 +405,6 @@ def test_without_a_flash(capsys, monkeypatch):
     monkeypatch.setattr(HostHal, "flash", flash)
     session = power_up(Guarded())
     assert "cannot be saved" in capsys.readouterr().out
-    assert session.ask(GetCondition()).bits == m.CONDITION_POSITIONS_UNSAVABLE
-    session.accept(MotorResetPosition(1, 5), MotorMove(1, 100))
-    session.wait_idle()
+    assert session.ask(p.GetCondition()).bits == m.CONDITION_POSITIONS_UNSAVABLE
+    session.accept(p.MotorResetPosition(1, 5), p.MotorMove(1, 100)).wait_idle()
     assert session.position(1) == 100

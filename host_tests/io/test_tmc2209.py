@@ -225,20 +225,6 @@ def test_a_reset_in_the_middle_of_the_set_up():
     assert wired.chips[0].registers[chip.GCONF] == 0x1C0
 
 
-def test_a_driver_that_does_not_answer():
-    wired = Wired()
-    wired.chips[1].powered = False
-    wired.run(1)
-    assert wired.drivers.ready == 0b1101
-    assert not wired.failed
-    assert wired.said == ["2 does not answer (check its power and its address)"]
-    wired.chips[1].powered = True
-    wired.run(1.5)
-    assert wired.drivers.ready == 0b1111
-    assert len(wired.chips[1].writes) == 12
-    assert wired.said[1:] == ["2 works again"]
-
-
 def test_nothing_on_the_wire():
     wired = Wired()
     wired.driver_wire.receive = lambda buffer, at, limit: 0
@@ -299,63 +285,6 @@ def test_faults(status, gstat, words):
     assert driver.gstat == 0
 
 
-def test_a_reset():
-    wired = Wired().run(RESET_S)
-    wired.chips[1].reset()
-    wired.run(0.3)
-    assert wired.failed == 0b0010
-    assert wired.said == ["2 was reset: its supply broke down"]
-    wired.run(1.5)
-    assert wired.drivers.ready == 0b1111
-    assert len(wired.chips[1].writes) == 12
-
-
-def test_the_supply_goes():
-    wired = Wired().run(RESET_S)
-    for driver in wired.chips:
-        driver.powered = False
-    wired.run(0.5)
-    assert wired.failed == 0b0011
-    assert wired.drivers.ready == 0b1100
-    for driver in wired.chips:
-        driver.powered = True
-        driver.reset()
-    wired.run(1.5)
-    assert wired.drivers.ready == 0b1111
-    assert sorted(wired.said[2:]) == ["1 works again", "2 works again"]
-
-
-def test_single_lost_answers_are_no_fault():
-    wired = Wired().run(RESET_S)
-    spoil(wired, "from", range(0, 1000, 3), lambda data: b"")
-    wired.run(3)
-    assert wired.drivers.ready == 0b1111
-    assert not wired.said
-    assert not wired.failed
-
-
-def test_a_hot_driver_goes_on():
-    wired = Wired().run(RESET_S)
-    for status in (1, 1, 0, 1):
-        wired.chips[0].status = chip.STANDSTILL | status
-        wired.run(0.3)
-    assert wired.said == ["1 is hot, close to switching off"] * 2
-    assert wired.drivers.ready == 0b1111
-    assert not wired.failed
-
-
-def test_open_load_in_motion_only():
-    wired = Wired().run(RESET_S)
-    driver = wired.chips[0]
-    driver.status = chip.STANDSTILL | 0x40
-    wired.run(1)
-    assert not wired.said
-    driver.status = 0x40
-    wired.run(1)
-    assert wired.said == ["1 finds no motor on one of its coils"]
-    assert wired.drivers.ready == 0b1111
-
-
 def test_states_in_words():
     wired = Wired()
     assert wired.drivers.states_in_words()[0] == "driver of motor 1 is being set up"
@@ -370,41 +299,20 @@ def test_states_in_words():
 @pytest.mark.parametrize(
     ("board", "rig", "text"),
     [
-        (
-            SKR_PICO,
-            {"motors": [{"driver": {}}]},
-            "motors[1].driver.run_ma: is missing, expected is a whole number from 10",
-        ),
-        (
-            SKR_PICO,
-            {"motors": [{"driver": 3}]},
-            "motors[1].driver: found 3, allowed is an object {…}",
-        ),
-        (
-            SKR_PICO,
-            {"motors": [{}, {"driver": {"run_ma": 1900}}]},
-            "motors[2].driver.run_ma: found 1900, allowed is at most 1740 mA with 110 mΩ",
-        ),
-        (
-            SKR_PICO,
-            {"motors": [{"driver": {"run_ma": 500, "microsteps": 10}}]},
-            "microsteps: found 10, allowed is one of 1, 2, 4, 8, 16, 32, 64, 128, 256",
-        ),
-        (
-            SKR_PICO,
-            {"motors": [{"driver": {"run_ma": 500, "microsteps": True}}]},
-            "microsteps: found True",
-        ),
-        (
-            SKR_PICO,
-            {"motors": [{"driver": {"run_ma": 500, "mode": "loud"}}]},
-            'allowed is one of "stealth", "spread"',
-        ),
-        (
-            SKR_PICO,
-            {"motors": [{"driver": {"run_ma": 500, "amps": 1}}]},
-            "motors[1].driver.amps: no such setting",
-        ),
+        (SKR_PICO, {"motors": [{"driver": {}}]},
+         "motors[1].driver.run_ma: is missing, expected is a whole number from 10"),
+        (SKR_PICO, {"motors": [{"driver": 3}]},
+         "motors[1].driver: found 3, allowed is an object {…}"),
+        (SKR_PICO, {"motors": [{}, {"driver": {"run_ma": 1900}}]},
+         "motors[2].driver.run_ma: found 1900, allowed is at most 1740 mA with 110 mΩ"),
+        (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "microsteps": 10}}]},
+         "microsteps: found 10, allowed is one of 1, 2, 4, 8, 16, 32, 64, 128, 256"),
+        (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "microsteps": True}}]},
+         "microsteps: found True"),
+        (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "mode": "loud"}}]},
+         'allowed is one of "stealth", "spread"'),
+        (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "amps": 1}}]},
+         "motors[1].driver.amps: no such setting"),
         (SKR_PICO, {"inputs": [{"pin": 8}]}, "which is the board's driver UART's tx already"),
         (BOARD, {"motors": [{}] * 4 + [{"driver": {"run_ma": 500}}]}, "that of motors 1 to 4"),
         (
@@ -413,19 +321,13 @@ def test_states_in_words():
             "motors[1].driver.pin: found 16, which is the board's step 2 already; "
             "allowed is a free pin",
         ),
-        (
-            board_data("fysetc_erb"),
-            {"motors": [{"driver": {"run_ma": 500, "pin": 24}}]},
-            "motors[1].driver.pin: found 24, which is wired as an input on this board",
-        ),
-        (
-            SKR_PICO,
-            {"motors": [{"driver": {"run_ma": 500, "pin": 24}}]},
-            "the drivers share a UART here",
-        ),
+        (board_data("fysetc_erb"), {"motors": [{"driver": {"run_ma": 500, "pin": 24}}]},
+         "motors[1].driver.pin: found 24, which is wired as an input on this board"),
+        (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "pin": 24}}]},
+         "the drivers share a UART here"),
         (board_data("pico2"), {"motors": [{"driver": {"run_ma": 500}}]}, "that of no motor"),
     ],
-)
+)  # fmt: skip
 def test_mistakes(board, rig, text):
     with pytest.raises(RigError) as error:
         Rig(rig, board)

@@ -24,22 +24,19 @@ def test_only_while_something_moves():
     session = simulated()
     session.run(1)
     assert dog(session).strikes_at is None
-    session.accept(MotorMove(1, 3000))
-    session.run(2 * CHECK_MS / 1000)
+    session.accept(MotorMove(1, 3000)).run(2 * CHECK_MS / 1000)
     while session.moving:
         assert TIMEOUT_MS - CHECK_MS - 2 <= left(session) <= TIMEOUT_MS
         session.run(0.05)
     session.run(2 * CHECK_MS / 1000)
     assert dog(session).strikes_at is None
-    session.accept(MotorMove(1, 0))
-    session.run(0.3)
+    session.accept(MotorMove(1, 0)).run(0.3)
     assert left(session) > 0
 
 
 def test_not_without_the_tick():
     session = simulated()
-    session.accept(MotorMove(1, 300_000))
-    session.run(0.5)
+    session.accept(MotorMove(1, 300_000)).run(0.5)
     board = session.board._board
     board.hal.tick = lambda: None
     session.run(1)
@@ -48,8 +45,7 @@ def test_not_without_the_tick():
 
 def test_not_without_the_main_loop():
     session = simulated()
-    session.accept(MotorMove(1, 300_000))
-    session.run(0.5)
+    session.accept(MotorMove(1, 300_000)).run(0.5)
     board = session.board._board
     board.controller.poll = lambda now: False
     board.run_until(board.now_ns + 3000 * MS)
@@ -74,8 +70,7 @@ def test_a_deaf_host_is_a_lost_host():
     session = simulated()
     session.upload({1: [10 * k for k in range(200)]})
     session.ready(run_request(end=200))
-    session.accept(RtGo())
-    session.forget()
+    session.accept(RtGo()).forget()
     deaf = Deaf(session)
     begin = session.now
     session.run(6)
@@ -85,8 +80,7 @@ def test_a_deaf_host_is_a_lost_host():
     deaf.listen()
     session.run(0.1)
     assert not session.events(RtEnd)
-    session.accept(MotorMove(1, 0))
-    session.wait_idle()
+    session.accept(MotorMove(1, 0)).wait_idle()
     assert session.position(1) == 0
 
 
@@ -100,13 +94,11 @@ def test_a_slow_host_is_none():
         deaf.listen()
         session.run(0.01)
     assert session.moving == [1]
-    session.accept(MotorStopAll())
-    session.wait_idle()
+    session.accept(MotorStopAll()).wait_idle()
     deaf = Deaf(session)
     session.run(10)
     deaf.listen()
-    session.accept(MotorMove(1, 0))
-    session.run(0.5)
+    session.accept(MotorMove(1, 0)).run(0.5)
     assert session.moving == [1]
 
 
@@ -118,18 +110,14 @@ def test_after_it_has_struck():
     session.run(0.1)
     assert [message for _, message in session.events(HardStop)] == [HardStop(100)]
     assert session.ask(GetCondition()).bits == m.CONDITION_WATCHDOG_RESET
-    session.forget()
-    session.leave()
-    session.run(0.1)
-    session.come_back()
-    session.run(0.1)
+    session.forget().leave().run(0.1)
+    session.come_back().run(0.1)
     assert not session.events(HardStop)
 
 
 def test_a_rig_without():
     session = simulated({"watchdog": False})
-    session.accept(MotorMove(1, 300_000))
-    session.run(0.5)
+    session.accept(MotorMove(1, 300_000)).run(0.5)
     deaf = Deaf(session)
     session.run(6)
     deaf.listen()

@@ -101,14 +101,10 @@ def test_registers_by_number():
 @pytest.mark.parametrize(
     "condition, holds",
     [
-        ("A > B", False),
-        ("A >= B", True),
-        ("A < B", False),
-        ("A <= B", True),
-        ("A + 1 > B", True),
+        ("A > B", False), ("A >= B", True), ("A < B", False), ("A <= B", True), ("A + 1 > B", True),
         ("A < B * 2", True),
     ],
-)
+)  # fmt: skip
 def test_what_does_not_hold_ends_it(condition, holds):
     code, numbers = computed(f"C = 1\nassert {condition}\nD = 1", 4, 4)
     assert (code, numbers[2:4]) == (int(holds), [1, int(holds)])

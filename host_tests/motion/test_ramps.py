@@ -22,8 +22,7 @@ from framestep_tools.judge.motion_limits import (
     VELOCITY,
     beyond,
 )
-from host_tests.pulse.engine import Bench
-from host_tests.pulse.profiles import ONE
+from host_tests.pulse.engine import ONE, Bench
 
 TRAVEL, STOP, PAUSE, SPEED = "travel", "stop", "pause", "speed"
 LONGEST_RUN = 30_000  # ticks
@@ -229,13 +228,9 @@ def play(motor, velocity, acceleration, script):
 
 # its last plan begins between two ticks in each of which the phase changes
 BETWEEN_BRIDGES = [
-    (TRAVEL, 1, 10000),
-    (PAUSE, 7, 0),
-    (TRAVEL, 2, 100),
-    (PAUSE, 20, 0),
-    (TRAVEL, 0, 10000),
+    (TRAVEL, 1, 10000), (PAUSE, 7, 0), (TRAVEL, 2, 100), (PAUSE, 20, 0), (TRAVEL, 0, 10000),
     (PAUSE, 0, 0),
-]
+]  # fmt: skip
 
 
 @given(scripts())

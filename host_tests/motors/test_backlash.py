@@ -15,13 +15,14 @@ from framestep.motors import backlash as b
 from framestep.motors.samples import sample
 from framestep.moves.path import path_check
 from framestep.pulse import stepper
-from host_tests.motors.test_axes import HIGHEST, LOWEST, Rig, word
+from host_tests.motors.test_axes import Rig, word
 
 STEPS = 30
 HALF = 0x8000  # half a step, Q16
 steps = st.integers(0, 10_000)
 positions = st.lists(st.integers(-50_000, 50_000), min_size=1, max_size=20)
 UP, EITHER, DOWN = 1, 0, -1
+LOWEST, HIGHEST = -(2**31), 2**31 - 1
 
 
 def gear(load, motor, backlash):

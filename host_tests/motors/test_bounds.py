@@ -9,7 +9,7 @@ from framestep.motors import bounds
 from framestep.motors.backlash import BACKLASH, make_backlash
 from framestep.motors.rates import kernel_rate
 from framestep.pulse import stepper
-from host_tests.pulse.profiles import ONE
+from host_tests.pulse.engine import ONE
 
 FASTEST = 400_000
 
@@ -55,13 +55,9 @@ velocities = st.floats(101, FASTEST) | st.floats(101, 500)
 
 
 @given(
-    velocities,
-    st.sampled_from([1, -1]),
-    st.floats(-0.5, 0.5),
-    st.sampled_from([0, 7]),
-    st.floats(1, 3.9),
-    st.integers(10, 1_000_000),
-)
+    velocities, st.sampled_from([1, -1]), st.floats(-0.5, 0.5), st.sampled_from([0, 7]),
+    st.floats(1, 3.9), st.integers(10, 1_000_000),
+)  # fmt: skip
 def test_a_stop_ends_within_the_bound(velocity, sign, part, backlash, excess, acceleration):
     """excess: how many times the acceleration a stop takes."""
     room = int(velocity**2 / 2 / acceleration / excess)

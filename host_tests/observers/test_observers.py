@@ -17,7 +17,7 @@ from host_tests.fuzz.link import frame
 from host_tests.fuzz.sessions import SESSIONS, Host
 from host_tests.fuzz.test_trial import RULES, conduct
 from host_tests.observers import timing
-from host_tests.observers.table import SCENARIOS, Table
+from host_tests.observers.__init__ import SCENARIOS, Table
 from host_tests.targets import device, rp2040
 
 MS = 1_000_000
@@ -125,8 +125,7 @@ def test_ticks_of_an_emulated_chip(moves, us, kind):
     if moves:
         player = watch.trial.player
         player.within = replace(player.within, masked_us=1_000_000)
-        session.accept(MotorMove(1, 5000))
-        session.run(0.3)
+        session.accept(MotorMove(1, 5000)).run(0.3)
     repl = session.board.emulator.repl()
     repl.exec(OFF % us)
     found = watch.settle()

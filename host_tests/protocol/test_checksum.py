@@ -2,7 +2,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from framestep.protocol.checksum import check_bytes, fletcher16
-from host_tests.protocol.streams import fletcher
+from host_tests.protocol.test_frames import fletcher
 
 
 @given(st.binary(max_size=1100), st.integers(0, 20), st.integers(0, 20))

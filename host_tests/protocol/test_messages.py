@@ -52,13 +52,9 @@ def test_no_two_names_of_a_kind_share_a_number():
 def handlers():
     """Yield (module, message, docstring) for each handler of the tables in the sources."""
     for path in (
-        "controller",
-        "motors/requests",
-        "moves/requests",
-        "io/requests",
-        "virtual_axes/requests",
+        "controller", "motors/requests", "moves/requests", "io/requests", "virtual_axes/requests",
         "homing",
-    ):
+    ):  # fmt: skip
         tree = ast.parse(sources()[f"framestep/{path}.py"].read_text())
         trees = [tree]
         if path == "controller":

@@ -10,8 +10,18 @@ import pytest
 
 from framestep.pulse import stepper
 from framestep.pulse.engine import LEAD
-from host_tests.pulse.engine import PER_TICK, PER_US, Bench
-from host_tests.pulse.profiles import ONE, Profile, at_rest, errors_us, moving, steady, trapezoid
+from host_tests.pulse.engine import (
+    ONE,
+    PER_TICK,
+    PER_US,
+    Bench,
+    Profile,
+    at_rest,
+    errors_us,
+    moving,
+    steady,
+    trapezoid,
+)
 
 # ---------------------------------------------------------------- edges
 
@@ -20,23 +30,10 @@ from host_tests.pulse.profiles import ONE, Profile, at_rest, errors_us, moving, 
 @pytest.mark.parametrize(
     "rate",
     [
-        1,
-        7,
-        10,
-        333,
-        1000,
-        3001,
-        12_345,
-        50_000,
-        99_700,
-        100_000,
-        127_999,
-        128_001,
-        250_000,
-        333_333,
-        350_000,
+        1, 7, 10, 333, 1000, 3001, 12_345, 50_000, 99_700, 100_000, 127_999, 128_001, 250_000,
+        333_333, 350_000,
     ],
-)
+)  # fmt: skip
 def test_steady(rate, way):
     """design: half a microsecond, whatever the rate."""
     bench = Bench().settle()

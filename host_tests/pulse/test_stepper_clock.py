@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from framestep.pulse import stepper
-from host_tests.pulse.engine import PER_TICK, PER_US, Bench
-from host_tests.pulse.profiles import (
+from host_tests.pulse.engine import (
     GRID_US,
     ONE,
+    PER_TICK,
+    PER_US,
+    Bench,
     Profile,
     at_rest,
     errors_us,

@@ -14,25 +14,8 @@ from framestep.protocol.declared.payload import layout
 from framestep.repl import reasons, tracer
 from framestep.repl.figures import live
 from framestep.rig import Rig
+from framestep_tools import payloads as p
 from framestep_tools.client.wire import encode
-from framestep_tools.payloads import (
-    LAST_SECTION,
-    REQUESTS,
-    Ack,
-    GetLoad,
-    Hi,
-    MotorMove,
-    MotorResetPosition,
-    MotorSetLimits,
-    MotorStop,
-    RtEnd,
-    RtGo,
-    RtPositionFrame,
-    RtRunMove,
-    RtUploadMoveAxis,
-    RtUploadMoveBegin,
-    RtUploadMoveEnd,
-)
 from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.realtime import MOVE, loaded
 
@@ -64,8 +47,7 @@ def test_status(bench):
         f"motor {i}" for i in range(1, 9)
     ]
     assert any(line.startswith("uploaded: 25 frames, room for ") for line in lines)
-    session.leave()
-    session.run(0.1)
+    session.leave().run(0.1)
     assert says(repl.status)[1] == "no host is connected"
 
 
@@ -93,12 +75,12 @@ def test_status_through_a_run(bench):
         if not found or found[-1] != line.split(" at ")[0]:
             found.append(line.split(" at ")[0])
 
-    session.accept(RtRunMove(24000, 1, 25, 500, 500))
+    session.accept(p.RtRunMove(24000, 1, 25, 500, 500))
     for _ in range(20):
         look()
         session.run(0.05)
-    session.accept(RtGo())
-    while not session.events(RtEnd):
+    session.accept(p.RtGo())
+    while not session.events(p.RtEnd):
         look()
         session.run(0.05)
     session.wait_idle()  # on the end frame again
@@ -124,39 +106,32 @@ def test_move(bench):
         == says(repl.move, 1, 2**31)
         == ["refused: there is no such motor or value"]
     )
-    session.accept(MotorSetLimits(8, 1, -10, 1, 250))
+    session.accept(p.MotorSetLimits(8, 1, -10, 1, 250))
     assert says(repl.move, 8, 251) == ["refused: that is past the upper soft limit"]
     assert says(repl.move, 8, -11) == ["refused: that is past the lower soft limit"]
-    session.board._board.set_input("estop", 0)
-    session.run(0.05)
+    session.input("estop", 0).run(0.05)
     assert says(repl.move, 8, 20)[0].startswith("refused: it may not move: E-stop held")
     assert "the E-stop was pressed" in says(repl.status)  # nothing moved
     assert session.position(8) == 200
-    session.board._board.set_input("estop", 1)
-    session.run(0.05)
+    session.input("estop", 1).run(0.05)
     assert says(repl.move, 8, 0) == []
-    session.run(0.02)
-    session.board._board.set_input("estop", 0)
-    session.wait_idle()
+    session.run(0.02).input("estop", 0).wait_idle()
     assert "the E-stop was pressed; the motors were ramped down" in says(repl.status)
 
 
 def test_nothing_of_dragonframes_is_disturbed(bench):
     """From RUN_MOVE to RT_END no command moves a motor, not even one that has no part."""
     session, says = bench
-    session.accept(RtRunMove(24000, 1, 25, 500, 500))
-    session.run(0.01)
+    session.accept(p.RtRunMove(24000, 1, 25, 500, 500)).run(0.01)
     assert says(repl.move, 8, 200) == ["refused: the motors move to the start of a run"]
     session.wait_idle()
     assert says(repl.move, 1, 200) == ["refused: a run waits for GO"]
     assert says(repl.why) == ["refused: a command of the REPL, as a run waits for GO"]
-    session.accept(RtGo())
-    session.run(0.3)
+    session.accept(p.RtGo()).run(0.3)
     assert says(repl.move, 8, 200)[0].startswith("refused: a run is on, at frame ")
     for command in (repl.status, repl.io, repl.timing, repl.rig):
         assert says(command)
-    session.client.wait_event(RtEnd, 10)
-    session.run(0.1)
+    session.until(p.RtEnd, 10).run(0.1)
     assert session.made(8) == 0
     assert says(repl.move, 8, 200) == []
 
@@ -174,17 +149,16 @@ def test_after_a_run_while_motors_set_out_for_its_end_frame(bench):
     """Nothing else is moved before all have set out. A stop keeps those that have not where they
     are, without another RT_END."""
     session, says = bench
-    session.accept(RtRunMove(24000, 1, 25, 500, 500))
-    session.wait_idle()
-    session.accept(RtGo())
-    while not session.events(RtEnd):
+    session.accept(p.RtRunMove(24000, 1, 25, 500, 500)).wait_idle()
+    session.accept(p.RtGo())
+    while not session.events(p.RtEnd):
         session.run(0.001)
     assert says(repl.move, 8, 200) == ["refused: a run comes to rest"]
     says(repl.stop)
     session.wait_idle()
     assert session.position(1) > MOVE[1][-1]
     assert session.position(2) > MOVE[2][-1]
-    assert len(session.events(RtEnd)) == 1
+    assert len(session.events(p.RtEnd)) == 1
     assert says(repl.move, 1, 200) == []
     session.wait_idle()
     assert session.position(1) == 200
@@ -221,15 +195,14 @@ def test_io(bench):
     assert says(repl.io, 5, True) == ["refused: there is no such motor or value"]
     assert "E-stop, pin 19: free" in lines
     assert "lights: 0 of 512 channels are on" in lines
-    session.board._board.set_input("estop", 0)
-    session.run(0.05)
+    session.input("estop", 0).run(0.05)
     assert "E-stop, pin 19: held" in says(repl.io)
 
 
 def test_timing(bench):
     session, says = bench
     assert len(says(repl.timing)) == 1
-    session.accept(RtPositionFrame(25))
+    session.accept(p.RtPositionFrame(25))
     lines = [line for line in says(repl.timing) if line.startswith("motor ")]
     assert [line.split(":")[0] for line in lines] == [f"motor {i}" for i in MOVE]
     assert all(0 < int(line.split()[2]) <= 16 for line in lines)
@@ -239,7 +212,7 @@ def test_live_figures_are_a_list_that_a_program_reads(bench):
     session, says = bench
     (line,) = says(live)
     assert json.loads(line)[4:6] == [16, []]
-    session.accept(RtPositionFrame(25))
+    session.accept(p.RtPositionFrame(25))
     (line,) = says(live)
     *_, limit, holds, queues, ms, interrupt_us, passes_us = json.loads(line)
     assert ms > 0
@@ -275,18 +248,17 @@ def test_help_has_a_line_for_each_command(bench):
 def test_why_a_request_was_refused(bench):
     session, says = bench
     assert says(repl.why) == ["nothing was refused, and nothing has stopped the motors"]
-    session.accept(MotorSetLimits(8, 1, -10, 1, 250))
-    session.refuse(Ack.ERR_SOFT_UP, MotorMove(8, 251))
+    session.accept(p.MotorSetLimits(8, 1, -10, 1, 250))
+    session.refuse(p.Ack.ERR_SOFT_UP, p.MotorMove(8, 251))
     assert says(repl.why) == ["refused: MOTOR_MOVE, as that is past the upper soft limit"]
-    session.refuse(Ack.ERR_RANGE, MotorStop(9))
-    session.accept(MotorMove(8, 20))
-    session.wait_idle()
+    session.refuse(p.Ack.ERR_RANGE, p.MotorStop(9))
+    session.accept(p.MotorMove(8, 20)).wait_idle()
     assert says(repl.why) == ["refused: MOTOR_STOP, as there is no such motor or value"]
     says(repl.move, 8, -11)
     assert says(repl.why) == [
         "refused: a command of the REPL, as that is past the lower soft limit"
     ]
-    session.refuse(Ack.ERR_RANGE, RtRunMove(200_000, 1, 25, 0, 0))
+    session.refuse(p.Ack.ERR_RANGE, p.RtRunMove(200_000, 1, 25, 0, 0))
     first, second = says(repl.why)
     assert first.startswith("refused: RT_RUN_MOVE, as ")
     assert second.startswith("the last move exceeds, at frame ")
@@ -294,10 +266,7 @@ def test_why_a_request_was_refused(bench):
 
 def test_why_the_motors_were_stopped(bench, monkeypatch):
     session, says = bench
-    session.accept(MotorMove(8, 20_000))
-    session.run(0.1)
-    session.board._board.set_input("estop", 0)
-    session.wait_idle()
+    session.accept(p.MotorMove(8, 20_000)).run(0.1).input("estop", 0).wait_idle()
     assert says(repl.why) == [
         "the E-stop is held",
         "the E-stop was pressed; the motors were ramped down",
@@ -308,7 +277,7 @@ def test_why_the_motors_were_stopped(bench, monkeypatch):
 
 def test_watch(bench, monkeypatch, capsys):
     session, _ = bench
-    session.accept(MotorMove(2, 300))
+    session.accept(p.MotorMove(2, 300))
     looks = iter([False, False, True])
 
     def key(ms):
@@ -349,11 +318,10 @@ def tracing(bench):
 
 def test_trace(tracing):
     session, says = tracing
-    session.accept(MotorSetLimits(8, 1, -10, 1, 250))
-    session.refuse(Ack.ERR_SOFT_UP, MotorMove(8, 251))
-    session.accept(MotorMove(8, -5))
-    session.wait_idle()
-    session.ask(GetLoad())
+    session.accept(p.MotorSetLimits(8, 1, -10, 1, 250))
+    session.refuse(p.Ack.ERR_SOFT_UP, p.MotorMove(8, 251))
+    session.accept(p.MotorMove(8, -5)).wait_idle()
+    session.ask(p.GetLoad())
     lines = traced(says(repl.trace))
     assert lines[:6] == [
         (">", "MOTOR_SET_LIMITS 8, 1, -10, 1, 250, 0"),
@@ -383,29 +351,24 @@ def test_trace_shows_what_is_else_carried_out_at_once(tracing):
         session.run(0.1)
         return [text.split(" ")[0].rstrip(":") for _, text in traced(says(repl.trace))]
 
-    send(Hi())
+    send(p.Hi())
     assert seen() == ["HI", "HI"]
-    session.accept(RtUploadMoveBegin(1, 5))
-    send(RtUploadMoveAxis(1, LAST_SECTION, range(5)))
+    session.accept(p.RtUploadMoveBegin(1, 5))
+    send(p.RtUploadMoveAxis(1, p.LAST_SECTION, range(5)))
     assert seen()[-2:] == ["RT_UPLOAD_MOVE_AXIS"] * 2
-    session.accept(RtUploadMoveEnd(), RtRunMove(24_000, 1, 5))
-    session.wait_idle()
-    session.run(0.3)
-    send(RtGo())
+    session.accept(p.RtUploadMoveEnd(), p.RtRunMove(24_000, 1, 5)).wait_idle().run(0.3)
+    send(p.RtGo())
     assert seen()[-2:] == ["RT_GO"] * 2
     repl.trace(0)
     session.wait_idle()
-    send(Hi())
+    send(p.Hi())
     assert board.pending == 0
 
 
 def test_trace_shows_what_is_sent_unasked_and_the_length_of_uploads(tracing):
     session, says = tracing
-    session.accept(RtUploadMoveBegin(1, 5), RtUploadMoveAxis(1, 0, range(5)))
-    session.accept(MotorMove(8, 20_000))
-    session.run(0.1)
-    session.board._board.set_input("estop", 0)
-    session.wait_idle()
+    session.accept(p.RtUploadMoveBegin(1, 5), p.RtUploadMoveAxis(1, 0, range(5)))
+    session.accept(p.MotorMove(8, 20_000)).run(0.1).input("estop", 0).wait_idle()
     lines = traced(says(repl.trace))
     assert lines[2] == (">", "RT_UPLOAD_MOVE_AXIS 1, 0, and 20 bytes")
     assert lines[-1] == ("<", "MOTOR_HARD_STOP 0")
@@ -414,7 +377,7 @@ def test_trace_shows_what_is_sent_unasked_and_the_length_of_uploads(tracing):
 def test_trace_keeps_the_last_frames(tracing):
     session, says = tracing
     for step in range(50):
-        session.accept(MotorResetPosition(1, step))
+        session.accept(p.MotorResetPosition(1, step))
     lines = traced(says(repl.trace, 99))
     assert lines[::2] == [
         (">", f"MOTOR_RESET_POSITION 1, {step}") for step in range(50 - tracer.ENTRIES // 2, 50)
@@ -426,7 +389,7 @@ def test_trace_is_off_after_0_and_begins_afresh(bench):
     session, says = bench
     controller = session.board._board.controller
     says(repl.trace)
-    session.accept(MotorResetPosition(1, 3))
+    session.accept(p.MotorResetPosition(1, 3))
     assert says(repl.trace, 0) == []
     assert not {"poll", "end", "ack"} & (vars(controller.reader) | vars(controller.writer)).keys()
     says(repl.trace)
@@ -439,7 +402,7 @@ def test_messages_are_those_declared():
     declared = {number: name for name, number in vars(m).items() if name.startswith("MSG_")}
     del declared[m.MSG_FLAG_ACK]
     for number, name in declared.items():
-        codes = [code for _, code, _ in layout(REQUESTS[number])]
+        codes = [code for _, code, _ in layout(p.REQUESTS[number])]
         single = "".join(takewhile(lambda code: isinstance(code, str) and code[0] != "*", codes))
         assert list(reasons.message(number)) == [name.removeprefix("MSG_"), single]
     assert reasons.MESSAGES.count(",") == len(declared)
@@ -453,15 +416,8 @@ def test_without_a_controller(bench, monkeypatch):
     assert says(repl.status)[2] == "framestep was stopped by a fault in the firmware"
     monkeypatch.setattr(boot, "controller", None)
     for command in (
-        repl.status,
-        repl.why,
-        repl.watch,
-        repl.trace,
-        repl.io,
-        repl.timing,
-        repl.rig,
-        repl.stop,
-    ):
+        repl.status, repl.why, repl.watch, repl.trace, repl.io, repl.timing, repl.rig, repl.stop,
+    ):  # fmt: skip
         assert says(command) == ["framestep has not been started"]
     assert says(live) == ["framestep has not been started"]
     assert says(repl.move, 1, 5) == ["refused: framestep has not been started"]

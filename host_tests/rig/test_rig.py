@@ -18,99 +18,53 @@ def test_the_simulated_board_is_a_pico():
         ({"outputs": [{"pin": 2}]}, "outputs[1].pin: found 2, which is the board's step 1 already"),
         ({"inputs": [{"pin": 18}]}, "inputs[1].pin: found 18, which is the board's enable already"),
         ({"inputs": [{"pin": 0}]}, "inputs[1].pin: found 0, which is the board's DMX tx already"),
-        (
-            {"outputs": [{"pin": 22}, {"pin": 22}]},
-            "outputs[2].pin: found 22, which is outputs[1].pin already",
-        ),
-        (
-            {"limits": [{"high": 22, "low": 22}]},
-            "limits[1].low: found 22, which is limits[1].high already",
-        ),
-        (
-            {"limits": [{"high": 22}], "inputs": [{"pin": 22}]},
-            "inputs[1].pin: found 22, which is limits[1].high",
-        ),
+        ({"outputs": [{"pin": 22}, {"pin": 22}]},
+         "outputs[2].pin: found 22, which is outputs[1].pin already"),
+        ({"limits": [{"high": 22, "low": 22}]},
+         "limits[1].low: found 22, which is limits[1].high already"),
+        ({"limits": [{"high": 22}], "inputs": [{"pin": 22}]},
+         "inputs[1].pin: found 22, which is limits[1].high"),
         ({"outputs": [{"pin": 30}]}, "outputs[1].pin: found 30, allowed is a pin from 0 to 29"),
         ({"outputs": [{}]}, "outputs[1].pin: is missing, expected is a whole number from 0 to 93"),
-        (
-            {"outputs": [{"pin": 22, "on": 1}]},
-            'outputs[1].on: found 1, allowed is one of "high", "low"',
-        ),
+        ({"outputs": [{"pin": 22, "on": 1}]},
+         'outputs[1].on: found 1, allowed is one of "high", "low"'),
         ({"outputs": None}, "outputs: found None, allowed is a list of at most 16 objects"),
         ({"inputs": [{"pin": 22, "safe": "on"}]}, "inputs[1].safe: no such setting"),
         ({"estop": True}, "estop: found True"),
-        (
-            {"motors": [{"servo": {"pin": 19}}]},
-            "motors[1].servo.pin: found 19, which is the board's estop already",
-        ),
-        (
-            {"motors": [{"servo": {"pin": 22}}, {"servo": {"pin": 22}}]},
-            "motors[2].servo.pin: found 22, which is motors[1].servo.pin already",
-        ),
-        (
-            {"motors": [{"servo": {"pin": 22}}], "outputs": [{"pin": 22}]},
-            "outputs[1].pin: found 22, which is motors[1].servo.pin already",
-        ),
-        (
-            {"motors": [{"servo": {"pin": 4}}]},
-            "motors[1].servo.pin: found 4, which is the board's step 2 already",
-        ),
-        (
-            {"motors": [{"servo": {"low_us": 1500, "high_us": 1400}}]},
-            "motors[1].servo.high_us: found 1400, allowed is 100 µs more than low_us at least",
-        ),
-        (
-            {"motors": [{"servo": {"low": 0, "high": 99}}]},
-            "motors[1].servo.high: found 99, allowed is 100 steps more than `low` at least",
-        ),
-        (
-            {"motors": [{"servo": {"low": 0}, "backlash": 20}]},
-            "motors[1].servo.low: found 0, allowed is -20 at most, for the backlash",
-        ),
-        (
-            {"motors": [{"servo": {}, "driver": {"run_ma": 500}}]},
-            "motors[1].servo: found an object, but the motor has `driver`",
-        ),
-        (
-            {"motors": [{"servo": {}, "home": {"limit": 1, "travel": 10}}]},
-            "motors[1].servo: found an object, but the motor has `home`",
-        ),
-        (
-            {"motors": [{}, {"servo": {}, "enable_ms": 200}]},
-            "motors[2].enable_ms: found 200, allowed is 0, as the motor is a servo",
-        ),
-        (
-            {"motors": [{"servo": {}, "off_after_s": 5}]},
-            "motors[1].off_after_s: found 5, allowed is 0, as the motor is a servo",
-        ),
+        ({"motors": [{"servo": {"pin": 19}}]},
+         "motors[1].servo.pin: found 19, which is the board's estop already"),
+        ({"motors": [{"servo": {"pin": 22}}, {"servo": {"pin": 22}}]},
+         "motors[2].servo.pin: found 22, which is motors[1].servo.pin already"),
+        ({"motors": [{"servo": {"pin": 22}}], "outputs": [{"pin": 22}]},
+         "outputs[1].pin: found 22, which is motors[1].servo.pin already"),
+        ({"motors": [{"servo": {"pin": 4}}]},
+         "motors[1].servo.pin: found 4, which is the board's step 2 already"),
+        ({"motors": [{"servo": {"low_us": 1500, "high_us": 1400}}]},
+         "motors[1].servo.high_us: found 1400, allowed is 100 µs more than low_us at least"),
+        ({"motors": [{"servo": {"low": 0, "high": 99}}]},
+         "motors[1].servo.high: found 99, allowed is 100 steps more than `low` at least"),
+        ({"motors": [{"servo": {"low": 0}, "backlash": 20}]},
+         "motors[1].servo.low: found 0, allowed is -20 at most, for the backlash"),
+        ({"motors": [{"servo": {}, "driver": {"run_ma": 500}}]},
+         "motors[1].servo: found an object, but the motor has `driver`"),
+        ({"motors": [{"servo": {}, "home": {"limit": 1, "travel": 10}}]},
+         "motors[1].servo: found an object, but the motor has `home`"),
+        ({"motors": [{}, {"servo": {}, "enable_ms": 200}]},
+         "motors[2].enable_ms: found 200, allowed is 0, as the motor is a servo"),
+        ({"motors": [{"servo": {}, "off_after_s": 5}]},
+         "motors[1].off_after_s: found 5, allowed is 0, as the motor is a servo"),
         ({"home_input": 1}, "home_input: found 1, but no motor has `home`"),
-        (
-            {"home_input": 5, "motors": [{}]},
-            "home_input: found 5, but there are 2 inputs",
-        ),
-        (
-            {"motors": [{}, {"home": {"limit": 1, "travel": 1000}}]},
-            "motors[2].home.limit: found 1, but there are 0 limit switch sets",
-        ),
-        (
-            {"limits": [{"high": 22}], "motors": [{"home": {"limit": 1, "travel": 1000}}]},
-            "motors[1].home.limit: found 1, but limits[1].low has no pin",
-        ),
-        (
-            {"motors": [{"type": "a4989"}]},
-            'motors[1].type: found \'a4989\', allowed is one of "other", "a4988", "drv8825"',
-        ),
-        (
-            {"motors": [{"type": "a4988", "servo": {}}]},
-            'motors[1].type: found "a4988", but the motor is a servo',
-        ),
-        (
-            {
-                "limits": [{"low": 22}],
-                "motors": [{"home": {"limit": 1, "travel": 1000, "square": 5}}],
-            },
-            "motors[1].home.square: found 5, but square_within is 0",
-        ),
+        ({"home_input": 5, "motors": [{}]}, "home_input: found 5, but there are 2 inputs"),
+        ({"motors": [{}, {"home": {"limit": 1, "travel": 1000}}]},
+         "motors[2].home.limit: found 1, but there are 0 limit switch sets"),
+        ({"limits": [{"high": 22}], "motors": [{"home": {"limit": 1, "travel": 1000}}]},
+         "motors[1].home.limit: found 1, but limits[1].low has no pin"),
+        ({"motors": [{"type": "a4989"}]},
+         'motors[1].type: found \'a4989\', allowed is one of "other", "a4988", "drv8825"'),
+        ({"motors": [{"type": "a4988", "servo": {}}]},
+         'motors[1].type: found "a4988", but the motor is a servo'),
+        ({"limits": [{"low": 22}], "motors": [{"home": {"limit": 1, "travel": 1000, "square": 5}}]},
+         "motors[1].home.square: found 5, but square_within is 0"),
         (
             {
                 "limits": [{"low": 22}],
@@ -139,71 +93,40 @@ def test_the_simulated_board_is_a_pico():
             },
             "motors[1].home.square: found -195, allowed is -191 at least",
         ),
-        (
-            {"pendant": {"a": 2, "b": 26, "enable": 27}},
-            "pendant.a: found 2, which is the board's step 1 already; allowed is a free pin",
-        ),
-        (
-            {"pendant": {"a": 22, "b": 22, "enable": 27}},
-            "pendant.b: found 22, which is pendant.a already; allowed is a free pin",
-        ),
-        (
-            {"pendant": {"a": 22, "b": 26}},
-            "pendant.enable: is missing, expected is a whole number from 0 to 47",
-        ),
-        (
-            {"pendant": {"a": 22, "b": 26, "enable": 27, "click": 0}},
-            "pendant.click: found 0, allowed is a whole number from 1 to 10000 steps",
-        ),
+        ({"pendant": {"a": 2, "b": 26, "enable": 27}},
+         "pendant.a: found 2, which is the board's step 1 already; allowed is a free pin"),
+        ({"pendant": {"a": 22, "b": 22, "enable": 27}},
+         "pendant.b: found 22, which is pendant.a already; allowed is a free pin"),
+        ({"pendant": {"a": 22, "b": 26}},
+         "pendant.enable: is missing, expected is a whole number from 0 to 47"),
+        ({"pendant": {"a": 22, "b": 26, "enable": 27, "click": 0}},
+         "pendant.click: found 0, allowed is a whole number from 1 to 10000 steps"),
         ({"shoot_input": 3}, "shoot_input: found 3, but there are 2 inputs"),
-        (
-            {"shoot_input": 1, "go_input": 1},
-            "shoot_input: found 1, which is go_input already; allowed is another input",
-        ),
-        (
-            {"go_input": 2, "home_input": 2},
-            "home_input: found 2, which is go_input already; allowed is another input",
-        ),
-        (
-            {"shoot_input": 1, "home_input": 1},
-            "home_input: found 1, which is shoot_input already; allowed is another input",
-        ),
-        (
-            {"shutter_delay_ms": 5001},
-            "shutter_delay_ms: found 5001, allowed is a whole number from 0 to 5000 ms",
-        ),
+        ({"shoot_input": 1, "go_input": 1},
+         "shoot_input: found 1, which is go_input already; allowed is another input"),
+        ({"go_input": 2, "home_input": 2},
+         "home_input: found 2, which is go_input already; allowed is another input"),
+        ({"shoot_input": 1, "home_input": 1},
+         "home_input: found 1, which is shoot_input already; allowed is another input"),
+        ({"shutter_delay_ms": 5001},
+         "shutter_delay_ms: found 5001, allowed is a whole number from 0 to 5000 ms"),
         (
             {"limits": [{"pin": 22, "ends": "both", "high": 26}]},
             "limits[1].pin: found 22, but `high` and `low` are for switches with inputs of their "
             "own; allowed is one or the other",
         ),
-        (
-            {"limits": [{"low": 22, "ends": "both"}]},
-            'limits[1].ends: found "both", but there is no `pin`',
-        ),
-        (
-            {"limits": [{"pin": 22, "ends": "all"}]},
-            "limits[1].ends: found 'all', allowed is one of \"both\"",
-        ),
-        (
-            {"limits": [{"pin": 2}]},
-            "limits[1].pin: found 2, which is the board's step 1 already; allowed is a free pin",
-        ),
-        (
-            {"limits": [{"low": 22}], "motors": [{"home": {"limit": 1}}]},
-            "motors[1].home.travel: is missing, expected is a whole number from 1 to 100000000",
-        ),
-        (
-            {
-                "limits": [{"low": 22}],
-                "motors": [{"home": {"limit": 1, "travel": 1000, "speed": 99}}],
-            },
-            "motors[1].home.slow_speed: found 100, allowed is at most the speed, 99",
-        ),
-        (
-            {"limits": [{"low": 22}], "motors": [{"home": {"limit": 1, "travel": 199}}]},
-            "motors[1].home.back_off: found 200, allowed is at most the travel, 199",
-        ),
+        ({"limits": [{"low": 22, "ends": "both"}]},
+         'limits[1].ends: found "both", but there is no `pin`'),
+        ({"limits": [{"pin": 22, "ends": "all"}]},
+         "limits[1].ends: found 'all', allowed is one of \"both\""),
+        ({"limits": [{"pin": 2}]},
+         "limits[1].pin: found 2, which is the board's step 1 already; allowed is a free pin"),
+        ({"limits": [{"low": 22}], "motors": [{"home": {"limit": 1}}]},
+         "motors[1].home.travel: is missing, expected is a whole number from 1 to 100000000"),
+        ({"limits": [{"low": 22}], "motors": [{"home": {"limit": 1, "travel": 1000, "speed": 99}}]},
+         "motors[1].home.slow_speed: found 100, allowed is at most the speed, 99"),
+        ({"limits": [{"low": 22}], "motors": [{"home": {"limit": 1, "travel": 199}}]},
+         "motors[1].home.back_off: found 200, allowed is at most the travel, 199"),
         (
             {
                 "limits": [{"low": 22}],
@@ -221,20 +144,13 @@ def test_the_simulated_board_is_a_pico():
             },
             "motors[1].home.back_off: found 200, allowed is 636 at least",
         ),
-        (
-            {
-                "limits": [{"low": 22}],
-                "motors": [{"home": {"limit": 1, "travel": 1000, "stall": 9}}],
-            },
-            'motors[1].home.stall: found 9, allowed is 0 without a `driver` in mode "stealth"',
-        ),
-        (
-            {"dmx_break_us": 91},
-            "dmx_break_us: found 91, allowed is a whole number from 92 to 1000 µs",
-        ),
+        ({"limits": [{"low": 22}], "motors": [{"home": {"limit": 1, "travel": 1000, "stall": 9}}]},
+         'motors[1].home.stall: found 9, allowed is 0 without a `driver` in mode "stealth"'),
+        ({"dmx_break_us": 91},
+         "dmx_break_us: found 91, allowed is a whole number from 92 to 1000 µs"),
         ({"uart_baud": 460800}, "uart_baud: found 460800, but this board's port is USB"),
     ],
-)
+)  # fmt: skip
 def test_mistakes(settings, text):
     with pytest.raises(RigError) as error:
         Rig(settings, BOARD)
@@ -296,34 +212,22 @@ SKR_PICO = board_data("skr_pico")
     ("settings", "text"),
     [
         ({"motor_count": 5}, "motor_count: found 5, this board has 4 motors"),
-        (
-            {"motors": [{"type": "a4988", "driver": {"run_ma": 500}}]},
-            'motors[1].type: found "a4988", but `driver` sets up a TMC2209',
-        ),
+        ({"motors": [{"type": "a4988", "driver": {"run_ma": 500}}]},
+         'motors[1].type: found "a4988", but `driver` sets up a TMC2209'),
         ({"motors": [{}] * 5}, "motors: found 5, allowed is a list of at most 4 here"),
-        (
-            {"motor_count": 1, "motors": [{}, {}]},
-            "motors: found 2, allowed is a list of at most 1 here",
-        ),
-        (
-            {"outputs": [{"pin": 4}]},
-            "outputs[1].pin: found 4, which is wired as an input on this board",
-        ),
-        (
-            {"inputs": [{"pin": 23}]},
-            "inputs[1].pin: found 23, which is wired as an output on this board",
-        ),
-        (
-            {"limits": [{"low": 20}]},
-            "limits[1].low: found 20, which is wired as an output on this board",
-        ),
+        ({"motor_count": 1, "motors": [{}, {}]},
+         "motors: found 2, allowed is a list of at most 1 here"),
+        ({"outputs": [{"pin": 4}]},
+         "outputs[1].pin: found 4, which is wired as an input on this board"),
+        ({"inputs": [{"pin": 23}]},
+         "inputs[1].pin: found 23, which is wired as an output on this board"),
+        ({"limits": [{"low": 20}]},
+         "limits[1].low: found 20, which is wired as an output on this board"),
         ({"inputs": [{"pin": 27}]}, "inputs[1].pin: found 27, which is the board's jumper already"),
-        (
-            {"inputs": [{"pin": 12}]},
-            "inputs[1].pin: found 12, which is the board's enable 1 already",
-        ),
+        ({"inputs": [{"pin": 12}]},
+         "inputs[1].pin: found 12, which is the board's enable 1 already"),
     ],
-)
+)  # fmt: skip
 def test_mistakes_on_a_board_with_sockets(settings, text):
     with pytest.raises(RigError) as error:
         Rig(settings, SKR_PICO)
@@ -349,23 +253,17 @@ REGISTERS = board_data("pico2_595")
 @pytest.mark.parametrize(
     ("settings", "text"),
     [
-        (
-            {"motors": [{}, {"servo": {}}]},
-            "motors[2].servo: found an object, but shift registers make only steps",
-        ),
-        (
-            {"motors": [{"driver": {"run_ma": 500, "both_edges": True}}]},
-            "motors[1].driver.both_edges: found true, allowed is false",
-        ),
+        ({"motors": [{}, {"servo": {}}]},
+         "motors[2].servo: found an object, but shift registers make only steps"),
+        ({"motors": [{"driver": {"run_ma": 500, "both_edges": True}}]},
+         "motors[1].driver.both_edges: found true, allowed is false"),
         ({"motor_count": 17}, "motor_count: found 17, this board has 16 motors"),
         ({"motors": [{}] * 17}, "motors: found 17, allowed is a list of at most 16 here"),
         ({"outputs": [{"pin": 64}]}, "outputs[1].pin: found 64, allowed is a pin from 0 to 29"),
-        (
-            {"inputs": [{"pin": 4}]},
-            "inputs[1].pin: found 4, which is the board's shift registers' latch already",
-        ),
+        ({"inputs": [{"pin": 4}]},
+         "inputs[1].pin: found 4, which is the board's shift registers' latch already"),
     ],
-)
+)  # fmt: skip
 def test_mistakes_on_a_board_with_shift_registers(settings, text):
     with pytest.raises(RigError) as error:
         Rig(settings, REGISTERS)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from host_tests.covering import by_test, parameters, spare
 from host_tests.runtimes import PROCESSORS, Runtime
+from host_tests.selection import by_test, parameters, spare
 
 HERE = Path(__file__).parent
 SLOWEST = "xtensa"

@@ -11,7 +11,6 @@ A script consists of these lines:
     new motors           a new kernel and new axes; the state below covers all motors
     speed m v a          Axis.set_speed; jerk m j; place m x
     backlash m n; couple m turned (with motor m + 1); limits m low high
-    jog m target share (held within the limits)
     travel m target share; stop m factor; smooth m; halt factor (all motors)
     tick n               n ticks, the main loop's part before each
     late us              the next interrupt is that late, and the missed ticks are replayed
@@ -26,7 +25,6 @@ from array import array
 from framestep.base.native import addressof
 from framestep.motion import reals, segments
 from framestep.motion.compute import execute
-from framestep.motors import bounds
 from framestep.motors.axes import Axes
 from framestep.pulse import stepper
 from framestep.pulse.kernel import StepKernel
@@ -42,7 +40,7 @@ except ImportError:
 
 CYCLES = 125_000
 ROOT = b"\x09\x0c\x00\x00\x00\x00\x00\x00"  # a formula: r[12] = √r[0]
-AXIS = ("speed", "jerk", "place", "travel", "jog", "stop", "smooth", "couple", "limits")
+AXIS = ("speed", "jerk", "place", "travel", "stop", "smooth", "couple", "limits")
 
 
 class Rig:
@@ -89,13 +87,6 @@ class Rig:
 
 def travel(rig, axis, share):
     heap_lock()
-    axis.move_to(rig, rig.words, 1, share)
-    heap_unlock()
-
-
-def jog(rig, axis, share):
-    heap_lock()
-    bounds.clamp(axis, rig.words, 1)
     axis.move_to(rig, rig.words, 1, share)
     heap_unlock()
 
@@ -170,8 +161,6 @@ def play(lines, write):
             place(rig, axis)
         elif what == "travel":
             travel(rig, axis, numbers[2])
-        elif what == "jog":
-            jog(rig, axis, numbers[2])
         elif what == "backlash":
             rig.axes.set_backlash(*numbers)
         elif what == "couple":
@@ -301,17 +290,9 @@ def numbers(seed, count, write):
         for k in segments.P, segments.G1, segments.G2, segments.G3:
             cubic[k + 1] = random.bits(30)
         cut(
-            cubic,
-            block,
-            state,
-            r,
-            words,
-            random.bits(30),
-            random.bits(2),
-            random.bits(1),
-            1 + random.bits(5),
-            at,
-        )
+            cubic, block, state, r, words, random.bits(30), random.bits(2), random.bits(1),
+            1 + random.bits(5), at,
+        )  # fmt: skip
         write(cubic)
         write(state)
         write(queue)

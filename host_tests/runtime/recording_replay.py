@@ -128,6 +128,9 @@ class Port:
     def glance(self):
         pass
 
+    def look_for_stop(self):
+        pass
+
     def send(self, writer):
         while not self.full:
             count = writer.take(self.buffer, 512)

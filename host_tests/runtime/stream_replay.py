@@ -42,17 +42,20 @@ STEPS = (0, 16, 14, 3) if EARLY else (0, 30, 14, 3)
 class Rig:
     """Motors on a stream. It is a HAL, as far as axes need one."""
 
-    def __init__(self, motors, width):
-        steps = [1 << bit for bit in STEPS[:motors]]
+    def __init__(self, motors, width, bits=STEPS):
+        steps = [1 << bit for bit in bits[:motors]]
         self.stream = Stream(steps, [bit << 1 for bit in steps])
         self.kernel = StepKernel(motors, CYCLES, self.stream.clock)
         for i in range(motors):
             self.kernel.configure(i, self.stream.fifo(i), width, SETUP, i % 2 == 1)
-        self.stream.attach(self.kernel, AHEAD)
+        self.attach(steps)
         self.port = self
         self.axes = Axes(self)
         self.target = array("i", [0, 0])
         self.painted = array("i", [0] * (1 + LONGEST * WORDS))
+
+    def attach(self, steps):
+        self.stream.attach(self.kernel, AHEAD)
 
     def glance(self):
         """As a port: no questions come."""
@@ -113,6 +116,22 @@ def write(rig, ticks, out):
     painted[0] = painted[ticks * WORDS]
 
 
+def request(rig, what, numbers):
+    if what == "speed":
+        rig.axes[numbers[0]].set_speed(numbers[1], numbers[2])
+    elif what == "travel":
+        rig.target[1] = numbers[1]
+        travel(rig, rig.axes[numbers[0]])
+    elif what == "stop":
+        stop(rig, rig.axes[numbers[0]], numbers[1])
+    elif what == "cue":
+        cue(rig, *numbers)
+    elif what == "drive":
+        drive(rig, *numbers)
+    else:
+        raise ValueError(what)
+
+
 def play(lines, out):
     rig = None
     for line in lines:
@@ -120,17 +139,6 @@ def play(lines, out):
         numbers = [int(word) for word in words]
         if what == "new":
             rig = Rig(*numbers)
-        elif what == "speed":
-            rig.axes[numbers[0]].set_speed(numbers[1], numbers[2])
-        elif what == "travel":
-            rig.target[1] = numbers[1]
-            travel(rig, rig.axes[numbers[0]])
-        elif what == "stop":
-            stop(rig, rig.axes[numbers[0]], numbers[1])
-        elif what == "cue":
-            cue(rig, *numbers)
-        elif what == "drive":
-            drive(rig, *numbers)
         elif what == "batch":
             batch(rig, numbers[0])
             write(rig, numbers[0], out)
@@ -143,7 +151,7 @@ def play(lines, out):
             for block in rig.kernel.blocks:
                 out.write(array("i", [block[MODE], block[FAULT], block[POSITION]]))
         else:
-            raise ValueError(line)
+            request(rig, what, numbers)
 
 
 def main():

@@ -5,13 +5,13 @@ memory at any place in a word."""
 import itertools
 import random
 from array import array
+from pathlib import Path
 
 from framestep.motion.reals import put
 from framestep.moves.path import path
-from host_tests.runtime.both import HERE
 from host_tests.runtime.calls_replay import answer
 
-REPLAY = HERE / "calls_replay.py"
+REPLAY = Path(__file__).with_name("calls_replay.py")
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
 LENGTHS = [*range(70), 255, 256, 257, 271, 272, 511, 512, 513, 1030, 1045, 1046]
 CASES = 600
@@ -64,12 +64,8 @@ def changes(rng):
         positions.append(positions[-1] + velocity)
     count = rng.randrange(30)
     return (
-        words(positions),
-        rng.randint(2, 40 - count),
-        memory(rng, "b", 64),
-        rng.randrange(8),
-        count,
-    )
+        words(positions), rng.randint(2, 40 - count), memory(rng, "b", 64), rng.randrange(8), count,
+    )  # fmt: skip
 
 
 def window(rng):

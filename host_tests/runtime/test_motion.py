@@ -114,96 +114,6 @@ def test_any_requests(words, runtime, seed):
     compare(words, lines, 3)
 
 
-@pytest.mark.parametrize("way", [1, -1])
-@pytest.mark.parametrize("velocity", [5_000, 400_000])
-def test_from_one_end_of_the_range_to_the_other(words, way, velocity):
-    """A jog to the last step of the range, from the other side of zero: at full speed, in the right
-    direction."""
-    near, far = (LOWEST, HIGHEST) if way > 0 else (HIGHEST, LOWEST)
-    lines = [
-        "new 1",
-        "tick 10",
-        f"speed 0 {velocity} 100000",
-        f"place 0 {near}",
-        f"travel 0 {far} 10000",
-        "tick 5000",
-    ]
-    lines += ["stop 0 1", "tick 4500"]
-    state = compare(words, lines, 1)
-    place = of_motor(state, 0, stepper.POSITION).astype(np.int64)
-    gone = (place - near) * way
-    assert (np.diff(gone[10:]) >= 0).all()
-    ramp = velocity**2 / 200_000
-    assert gone[5009] == pytest.approx(velocity * 5 - ramp, rel=1e-3, abs=velocity / 1000 + 1)
-    assert not of_motor(state, 0, stepper.FAULT).any()
-    assert of_motor(state, 0, stepper.MODE)[-1] == stepper.IDLE
-
-
-@pytest.mark.parametrize("way", [1, -1])
-def test_at_the_end_of_the_range(words, way):
-    """Up to the last step of the range, and back."""
-    end = HIGHEST if way > 0 else LOWEST
-    lines = [
-        "new 1",
-        "tick 10",
-        "speed 0 20000 100000",
-        f"place 0 {end - way * 3000}",
-        f"travel 0 {end} 10000",
-    ]
-    lines += ["tick 400", f"travel 0 {end - way * 500} 10000", "tick 300"]
-    state = compare(words, lines, 1)
-    place = of_motor(state, 0, stepper.POSITION).astype(np.int64)
-    assert place[409] == end
-    assert place[-1] == end - way * 500
-    assert not of_motor(state, 0, stepper.FAULT).any()
-
-
-@pytest.mark.parametrize("jerk", [0, 100])
-@pytest.mark.parametrize("turned", [None, 0, 1])
-@pytest.mark.parametrize("backlash", [0, 24])
-def test_jogs_to_the_ends_of_the_range(words, backlash, turned, jerk):
-    """The motor goes in the requested direction and takes up backlash, whatever the numbers wrap
-    to; coupled motors too."""
-    lines = []
-    for way, end in ((-1, LOWEST), (1, HIGHEST)):
-        lines += [
-            "new 2",
-            "tick 10",
-            "speed 0 20000 100000",
-            f"jerk 0 {jerk}",
-            f"backlash 0 {backlash}",
-        ]
-        lines += [f"backlash 1 {backlash // 2}"]
-        if turned is not None:
-            lines += [f"couple 0 {turned}"]
-        lines += [
-            f"jog 0 {end} 10000",
-            "tick 400",
-            f"jog 0 {end} 10000",
-            "tick 100",
-            "stop 0 4",
-            "tick 100",
-        ]
-        lines += [
-            f"place 0 {end - way * 900}",
-            f"jog 0 {end} 10000",
-            "tick 300",
-            f"jog 0 {end} 10000",
-            "tick 600",
-        ]
-    state = compare(words, lines, 2)
-    half = len(state) // 2
-    for rows, way, end in ((state[:half], -1, LOWEST), (state[half:], 1, HIGHEST)):
-        place = of_motor(rows, 0, stepper.POSITION).astype(np.int64)
-        assert place[400] * way > 800
-        assert (np.diff(place[:600]) * way >= 0).all()
-        assert (
-            0 <= (end - place[-1]) * way <= (0 if turned is None or way > 0 == bool(turned) else 40)
-        )
-        assert not of_motor(rows, 0, stepper.FAULT).any()
-        assert not of_motor(rows, 1, stepper.FAULT).any()
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_any_requests_of_coupled_motors(words, seed):
     """With play, limits and jerk; the two motors stay together in every tick."""
@@ -211,11 +121,8 @@ def test_any_requests_of_coupled_motors(words, seed):
     for turned in 0, 1:
         lines = list(requests(rng, 2, 20))
         lines[2:2] = [
-            "backlash 0 7",
-            "backlash 1 9",
-            f"couple 0 {turned}",
-            f"limits 1 -{2**31} {2**31 - 1}",
-        ]
+            "backlash 0 7", "backlash 1 9", f"couple 0 {turned}", f"limits 1 -{2**31} {2**31 - 1}",
+        ]  # fmt: skip
         lines = [line for line in lines if line[-2:] != " 1" or "tick" in line or "couple" in line]
         lines = [
             line

@@ -16,20 +16,9 @@ from host_tests.script_player import Player
 
 FOUND = sorted((Path(__file__).parents[1] / "fuzz" / "scripts").glob("*.txt"))
 EXTREME = (
-    0,
-    1,
-    -1,
-    2**15,
-    10**6,
-    -(10**6),
-    2**29,
-    2**30 - 1,
-    2**30,
-    -(2**30),
-    -(2**30) - 1,
-    2**31 - 1,
+    0, 1, -1, 2**15, 10**6, -(10**6), 2**29, 2**30 - 1, 2**30, -(2**30), -(2**30) - 1, 2**31 - 1,
     -(2**31),
-)
+)  # fmt: skip
 MOTORS = 3
 FIRST, FRAMES = 999_961, 40  # the last frame is the highest allowed
 

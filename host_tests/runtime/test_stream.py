@@ -16,13 +16,8 @@ def test_the_same_words(stream_runtime, tmp_path, seed):
     rng = random.Random(seed)
     lines = list(session(rng, 3, 5))
     lines[40:40] = [
-        "cue 400 256 512",
-        "cue 405 512 256",
-        "batch 6",
-        "drive 1024 0",
-        "miss 3",
-        "batch 20",
-    ]
+        "cue 400 256 512", "cue 405 512 256", "batch 6", "drive 1024 0", "miss 3", "batch 20",
+    ]  # fmt: skip
     lines += ["new 1 2", "speed 0 40000 400000", "travel 0 500", *["batch 20"] * 5, "travel 0 -500"]
     lines += [*["batch 20"] * 8, "end"]
     stream_runtime.run(

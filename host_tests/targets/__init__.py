@@ -18,10 +18,10 @@ import pytest
 from framestep_tools.building.board_files import ROOT
 from framestep_tools.judge.trace import Edge
 from host_tests.observers import ON_PINS
-from host_tests.observers.table import SCENARIOS, Table
+from host_tests.observers.__init__ import SCENARIOS, Table
 
 SUBJECTS = sorted(path.name for path in SCENARIOS.iterdir() if list(path.glob("test_*.py")))
-NAMES = ("host", "rp2040", "rp2350", "esp32", "device")
+NAMES = ("host", "rp2040", "rp2350", "rp2350_595", "esp32", "device")
 NEEDS = {
     "inside": "looks or reaches into the host simulation",
     "boards": "is about another board, or about the host simulation's own pins",
@@ -35,6 +35,7 @@ NEEDS = {
     "120 frames/s": "moves eight motors in more frames a second than a Pico 2 plans in time",
     "150 frames/s": "moves eight motors in more frames a second than a Pico plans in time",
     "instants": "looks for a level of no duration",
+    "servos": "moves servos",
     "servo edges": "measures servos more finely than machine.PWM sets them",
     "edges": "looks at the pins",
     "inputs": "sets the level of an input",

@@ -24,18 +24,9 @@ from framestep_tools.simulator.boards import LockstepPort
 
 PORT = "FRAMESTEP_DEVICE"  # the environment variable with its name
 LACKS = {
-    "inside",
-    "boards",
-    "lights",
-    "fine edges",
-    "prompt",
-    "little memory",
-    "instants",
-    "cycles",
-    "servo edges",
-    "edges",
-    "inputs",
-}
+    "inside", "boards", "lights", "fine edges", "prompt", "little memory", "instants", "cycles",
+    "servo edges", "edges", "inputs",
+}  # fmt: skip
 FEEDS: set[str] = set()  # no observer
 _SLICE_S = 0.001
 _REST_S = 1.0  # from one session to the next: the port is closed, and all that moves comes to rest

@@ -38,17 +38,9 @@ _shift_ns = EARLIER_NS  # of the running test
 # ends all pulses at once (esp32/test_board.py), and machine.PWM sets widths in steps of 0.3 µs, and
 # a period late at most.
 LACKS = {
-    "inside",
-    "boards",
-    "lights",
-    "fine edges",
-    "prompt",
-    "ramped E-stop",
-    "little memory",
-    "short pulses",
-    "instants",
-    "servo edges",
-}
+    "inside", "boards", "lights", "fine edges", "prompt", "ramped E-stop", "little memory",
+    "short pulses", "instants", "servo edges",
+}  # fmt: skip
 FEEDS = ON_PINS
 
 

@@ -70,15 +70,9 @@ def test_a_mark_that_means_nothing_is_refused(tmp_path, mark, said):
     )
     folder = SCENARIOS.parent.parent
     done = pytest_run(
-        "--collect-only",
-        f"--rootdir={folder}",
-        "-c",
-        str(folder / "pyproject.toml"),
-        f"--confcutdir={folder}",
-        "-p",
-        "host_tests.conftest",
-        str(file),
-    )
+        "--collect-only", f"--rootdir={folder}", "-c", str(folder / "pyproject.toml"),
+        f"--confcutdir={folder}", "-p", "host_tests.conftest", str(file),
+    )  # fmt: skip
     assert done.returncode != 0
     assert said in done.stdout + done.stderr
 

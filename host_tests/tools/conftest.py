@@ -1,8 +1,11 @@
-"""Fixtures that several files here use."""
+"""What tests of moves share: a folder with an axes.toml, and moves in several formats."""
+
+from pathlib import Path
 
 import pytest
 
-from host_tests.tools.move.move_samples import LINEAR
+from framestep_tools import cli
+from framestep_tools.move.move_file import Move, read_move
 
 
 @pytest.fixture
@@ -10,3 +13,90 @@ def shot(tmp_path):
     """Return a folder with an axes.toml in it."""
     (tmp_path / "axes.toml").write_text(LINEAR)
     return tmp_path
+
+
+LINEAR = """
+[[axis]]
+name = "track"
+motor = 1
+steps_per_unit = 10
+unit = "mm"
+limits = [-5, 100]
+
+[[axis]]
+name = "pan"
+motor = 2
+steps_per_unit = 100
+unit = "deg"
+zero = 2
+invert = true
+"""
+
+ARC = """<?xml version="1.0"?>
+<scen:scene xmlns:scen="http://caliri.com/motion/scene" endframe="9">
+  <scen:axis name="track" units="cm">
+    <scen:points y="0" x="1"/>
+    <scen:points y="8" x="9"/>
+    <scen:controlPoints y="0" x="5"/>
+    <scen:controlPoints y="8" x="5"/>
+  </scen:axis>
+  <scen:axis name="unused"/>
+  <scen:axis name="pan" units="deg">
+    <scen:points y="2" x="3"/>
+    <scen:points y="3" x="5"/>
+    <scen:controlPoints y="2.3333333333" x="3.6666666667"/>
+    <scen:controlPoints y="2.6666666667" x="4.3333333333"/>
+  </scen:axis>
+</scen:scene>
+"""
+
+# Comments, a node without curves, what later versions write, and units that differ from the axes'
+MAYA = """animVersion 1.1;
+mayaVersion 2013 x64; // anything
+timeUnit pal; linearUnit m; angularUnit deg; startTime 1; endTime 7;
+anim camera1 0 2 0;
+anim translate.translateX translateX track 0 1 0; # a comment
+animData {
+  input time;
+  output linear;
+  outputUnit cm;
+  weighted 0;
+  preInfinity constant;
+  keys {
+    1 0 auto linear 1 1 0;
+    3 1 linear flat 1 1 0;
+    6 9 flat clamped 1 1 0;
+  }
+}
+anim rotate.rotateY rotateY camera1 0 1 0;
+animData { input time; output angular; weighted 1; tangentAngleUnit deg;
+  keys {
+    1 2 step step 1 1 0;
+    3 3 step linear 1 1 0;
+    4 3 linear fixed 1 1 0 45 1;
+  }
+}
+anim fStop fStop camera1 1 0 0;
+animData {
+  input time; output unitless; weighted 1;
+  keys { 6 0 auto auto 1 1 0; 7 5 spline spline 1 1 0; }
+}
+"""
+MAYA_AXES = """
+[[axis]]
+name = "focus"
+motor = 3
+steps_per_unit = 1
+in_file = {}
+"""
+
+
+def run(shot: Path, *args: str) -> int:
+    return cli.app.status([*args, "--axes", str(shot / "axes.toml")])
+
+
+def imported(shot: Path, text: str, *options: str) -> Move:
+    source, out = shot / "source", shot / "move.csv"
+    source.write_bytes(text.encode())
+    assert run(shot, "import", str(source), "-o", str(out), *options) == 0
+    return read_move(out)

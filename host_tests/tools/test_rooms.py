@@ -1,8 +1,9 @@
 """Imports between the packages of tools/, and of framestep_tools' rooms: each imports from layers
-below only."""
+below only, and no modules in a circle."""
 
 import ast
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import framestep_tools
@@ -39,12 +40,8 @@ FOLDERS = {name: ROOT / "tools" / name for name in PACKAGES} | {"framestep": FIR
 # All that the conformance kit knows of framestep: frames, edges, what a limit allows, and an arm's
 # position by the specification's mathematics
 FOR_CONFORM = {
-    "conform",
-    "client.wire",
-    "judge.motion_limits",
-    "judge.trace",
-    "judge.virtual_reference",
-}
+    "conform", "client.wire", "judge.motion_limits", "judge.trace", "judge.virtual_reference",
+}  # fmt: skip
 
 
 def modules(folder: Path) -> list[Path]:
@@ -120,6 +117,27 @@ def test_each_room_imports_from_below():
         if LAYER[to] >= LAYER[room(path)]
     ]
     assert wrong == []
+
+
+def test_there_is_no_circle():
+    """Not even of imports for types only. The error names the modules of one."""
+    files = {
+        ".".join((TOOLS.name, *path.relative_to(TOOLS).with_suffix("").parts)).removesuffix(
+            ".__init__"
+        ): path
+        for path in modules(TOOLS)
+    }
+    arrows = {
+        module: {
+            known
+            for _, name in imported(path, TOOLS)
+            for known in [name if name in files else name.rpartition(".")[0]]
+            if known in files.keys() - {module}
+        }
+        for module, path in files.items()
+    }
+    assert len(arrows[f"{TOOLS.name}.console.server"]) > 3, "imports are seen"
+    TopologicalSorter(arrows).prepare()
 
 
 def beyond_conform(folder: Path) -> list[str]:

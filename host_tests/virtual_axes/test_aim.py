@@ -33,12 +33,8 @@ def aimed(place, point, pan=0.0, safe=0.0):
     """Return the code, pan and tilt from a place to a point, both X, Y, Z."""
     r = Firmware(4).r
     for at, value in (
-        (V_EW, place[0]),
-        (V_NS, place[1]),
-        (V_TRACK, place[2]),
-        (NEAR_PAN, pan),
-        (SAFE, safe),
-    ):
+        (V_EW, place[0]), (V_NS, place[1]), (V_TRACK, place[2]), (NEAR_PAN, pan), (SAFE, safe),
+    ):  # fmt: skip
         put(r, at, value)
     for i in range(3):
         put(r, AIM_X + 2 * i, point[i])

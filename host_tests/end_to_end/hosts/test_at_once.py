@@ -7,6 +7,7 @@ import pytest
 
 from framestep.moves.operation_runner import (
     ENDING,
+    GONE,
     IDLE,
     LEAVING,
     POSITIONING,
@@ -20,7 +21,7 @@ from framestep_tools import payloads as p
 from framestep_tools.client.client import LAST_SECTION
 from framestep_tools.client.wire import encode
 from framestep_tools.payloads import Hi, MotorGetPosition, MotorStatus
-from host_tests.end_to_end import realtime_answers
+from host_tests.end_to_end import realtime
 from host_tests.end_to_end.realtime import loaded
 from host_tests.end_to_end.runs.test_realtime_states import enter
 from host_tests.end_to_end.session import DIALECTS, run_request, simulated
@@ -72,7 +73,7 @@ def same_answers(session):
     return found
 
 
-@pytest.mark.parametrize("state", realtime_answers.STATES)
+@pytest.mark.parametrize("state", realtime.STATES)
 def test_in_each_state(state):
     """Tick by tick from there on, with and without samples in between."""
     session = enter(state)
@@ -91,7 +92,7 @@ def test_in_each_state(state):
         assert min(times) > 300, times
 
 
-@pytest.mark.parametrize("state", realtime_answers.STATES)
+@pytest.mark.parametrize("state", realtime.STATES)
 def test_within_passes(state):
     """Wherever a pass lets the port look, an answer is that of the handler at that moment."""
     session = enter(state)
@@ -114,8 +115,7 @@ def test_within_passes(state):
 def test_rt_end_comes_before_a_status_that_nothing_moves():
     """Also if the question is answered within the pass that ends the run."""
     session = loaded()
-    session.speed(1, 20_000, 50_000)
-    session.ready(run_request(24, 1, 3, pre=0, post=0))
+    session.speed(1, 20_000, 50_000).ready(run_request(24, 1, 3, pre=0, post=0))
     session.accept(p.RtGo())
     board = session.board._board
     idle = []
@@ -132,6 +132,18 @@ def test_rt_end_comes_before_a_status_that_nothing_moves():
         board.run_until(board.now_ns + 1_000_000)
     ended = encode(p.RtEnd.TYPE, b"", 0)
     assert ended in sent + idle[0]
+
+
+def test_between_a_go_and_the_pass_that_goes_on_with_it():
+    session = loaded()
+    session.ready(run_request(24, 1, 3)).run(0.3)  # until the start is planned
+    assert at_once(session, p.RtGo(), 1)
+    operations = session.board._board.controller.operations
+    assert operations.state == GONE
+    assert not at_once(session, MotorGetPosition(), 2)  # MOVE TIME is the run's from the pass on
+    found = [(each, at_once(session, each, 3)) for each in (MotorStatus(), Hi())]
+    operations.adopt()
+    assert all(answer == handled(session, each, 3) for each, answer in found)
 
 
 @pytest.mark.parametrize("fps", [1, 23.976, 25, 60])
@@ -175,7 +187,7 @@ def test_whatever_else_comes_is_left_to_the_passes(rig):
             damaged = bytearray(status)
             damaged[i] ^= flip
             assert controller.answer(damaged, 0, to) == 0
-    for _, request, _ in realtime_answers.ANSWERS:
+    for _, request, _ in realtime.ANSWERS:
         if request.TYPE not in [each.TYPE for each in QUESTIONS]:
             data = bytearray(encode(request.TYPE, request.pack(), 7)) + bytes(12)
             assert controller.answer(data, 0, to) == 0

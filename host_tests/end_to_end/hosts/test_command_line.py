@@ -9,32 +9,11 @@ import pytest
 
 from framestep.protocol.messages import CONDITION_EXCEEDED
 from framestep_tools import cli
+from framestep_tools import payloads as p
 from framestep_tools.building.board_files import ROOT
 from framestep_tools.client.client import Client, RequestRefused
 from framestep_tools.client.refusals import explain
 from framestep_tools.move.move_file import CAMERA_MOVE
-from framestep_tools.payloads import (
-    BlurMotor,
-    GetCondition,
-    MotorConfigure,
-    MotorMove,
-    MotorResetPosition,
-    MotorSetLimits,
-    MotorSetSpeed,
-    MotorStopAll,
-    Positions,
-    RtGo,
-    RtJogAll,
-    RtPositionFrame,
-    RtRunMove,
-    RtShootFrame,
-    RtShootFrame2,
-    RtUploadMoveAxis,
-    RtUploadMoveBegin,
-    RtUploadMoveEnd,
-    VirtMove,
-    VirtStop,
-)
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 RIG = {"limits": [{"high": 22, "contact": "no"}, {"low": 26, "contact": "no"}], "estop": "no"}
@@ -163,12 +142,9 @@ def test_for_programs(framestep, board):
         "limits": {"1": ["upper"], "2": []},
     }
     assert framestep("switches").splitlines() == [
-        "E-stop: released",
-        "input 1: off",
-        "input 2: off",
-        "limit set 1: upper active, lower clear",
-        "limit set 2: upper clear, lower clear",
-    ]
+        "E-stop: released", "input 1: off", "input 2: off",
+        "limit set 1: upper active, lower clear", "limit set 2: upper clear, lower clear",
+    ]  # fmt: skip
     board._board.set_input(22, 1)
     board.run_until(board.now_ns + 100_000_000)
 
@@ -191,8 +167,8 @@ def test_for_programs(framestep, board):
 )
 def test_refused_in_words(framestep, board, line, words):
     tell(
-        board, MotorSetLimits(3, 1, 0, 1, 50_000, 0), MotorConfigure(4, 0), MotorConfigure(5, 0x11),
-        MotorSetSpeed(1, 5000, 20_000),
+        board, p.MotorSetLimits(3, 1, 0, 1, 50_000, 0), p.MotorConfigure(4, 0),
+        p.MotorConfigure(5, 0x11), p.MotorSetSpeed(1, 5000, 20_000),
     )  # fmt: skip
     assert words in framestep(line, status=7)
 
@@ -218,7 +194,7 @@ def test_refused_in_words(framestep, board, line, words):
     ],
 )  # fmt: skip
 def test_a_run_refused_in_words(framestep, board, tmp_path, path, line, words):
-    tell(board, MotorSetLimits(3, 1, 0, 1, 50_000, 0))
+    tell(board, p.MotorSetLimits(3, 1, 0, 1, 50_000, 0))
     move = tmp_path / "move.csv"
     move.write_text(
         "frame,a,b,c\n" + "".join(f"{11 + i},0,0,{steps}\n" for i, steps in enumerate(path))
@@ -235,52 +211,52 @@ def refused(client, request):
 @pytest.mark.parametrize(
     ("request_", "words"),
     [
-        (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(9, 0, 5)]), "there is no motor 9"),
-        (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(2, 0, 5001)]),
+        (p.RtShootFrame(12, 1, 1000, 1000, [p.BlurMotor(9, 0, 5)]), "there is no motor 9"),
+        (p.RtShootFrame(12, 1, 1000, 1000, [p.BlurMotor(2, 0, 5001)]),
          "motor 2 at frame 12 would need 5001 steps/s, its velocity is 5000 steps/s (set in"),
-        (RtShootFrame2(12, 700, 0, 360, [BlurMotor(2, 0, 4000)]),
+        (p.RtShootFrame2(12, 700, 0, 360, [p.BlurMotor(2, 0, 4000)]),
          "motor 2 at frame 12 would need 6531 steps/s, its velocity is 5000 steps/s (set in"),
-        (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(2, 9000, 9500)]),
+        (p.RtShootFrame(12, 1, 1000, 1000, [p.BlurMotor(2, 9000, 9500)]),
          "in the second before the exposure of frame 12 motor 2 would need 500 steps/s², "
          "its acceleration is 400 steps/s² (set in Dragonframe's"),
-        (RtShootFrame2(12, 1000, 0, 360, [BlurMotor(2, 9000, 9500)]),
+        (p.RtShootFrame2(12, 1000, 0, 360, [p.BlurMotor(2, 9000, 9500)]),
          "in the exposure of frame 12 motor 2 would need 4566 steps/s², its acceleration is 400"),
-        (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(2, 50, 350)]),
+        (p.RtShootFrame(12, 1, 1000, 1000, [p.BlurMotor(2, 50, 350)]),
          "in the second before the exposure of frame 12 motor 2 would pass its soft limit, "
          "0 or 10000 (set in Dragonframe's"),
-        (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(2, 9600, 9900)]),
+        (p.RtShootFrame(12, 1, 1000, 1000, [p.BlurMotor(2, 9600, 9900)]),
          "in the second after the exposure of frame 12 motor 2 would pass its soft limit"),
-        (RtShootFrame2(12, 10000, 0, 360, [BlurMotor(2, 9800, 10001)]),
+        (p.RtShootFrame2(12, 10000, 0, 360, [p.BlurMotor(2, 9800, 10001)]),
          "in the exposure of frame 12 motor 2 would pass its soft limit, 0 or 10000"),
-        (RtShootFrame(19, 1, 1000, 1000, []), "frame 19 is not in the upload"),
-        (RtShootFrame2(12, 1000, 90, 60, []), "would close at 60 degrees, before it opens at 90"),
+        (p.RtShootFrame(19, 1, 1000, 1000, []), "frame 19 is not in the upload"),
+        (p.RtShootFrame2(12, 1000, 90, 60, []), "would close at 60 degrees, before it opens at 90"),
     ],
 )  # fmt: skip
 def test_a_shot_refused_in_words(request_, words):
     board = ready_board()
-    upload = [RtUploadMoveBegin(11, 14), RtUploadMoveAxis(2, 1 << 31, [0]), RtUploadMoveEnd()]
-    tell(board, *upload, MotorSetSpeed(2, 5000, 400), MotorConfigure(2, 3))
-    tell(board, MotorSetLimits(2, 1, 0, 1, 10_000, 0))
+    upload = [p.RtUploadMoveBegin(11, 14), p.RtUploadMoveAxis(2, 1 << 31, [0]), p.RtUploadMoveEnd()]
+    tell(board, *upload, p.MotorSetSpeed(2, 5000, 400), p.MotorConfigure(2, 3))
+    tell(board, p.MotorSetLimits(2, 1, 0, 1, 10_000, 0))
     with Client(LockstepPort(board)) as client:
         assert words in refused(client, request_)
-        reported = client.request(GetCondition()).bits & CONDITION_EXCEEDED
+        reported = client.request(p.GetCondition()).bits & CONDITION_EXCEEDED
         assert bool(reported) == ("motor 2" in words), "the REPL tells it, too"
 
 
 @pytest.mark.parametrize(
     ("request_", "words"),
     [
-        (VirtMove(4, 5), "no virtual axes are configured"),
-        (VirtStop(9), "no virtual axes are configured"),
-        (RtUploadMoveAxis(1, 0, [1]), "no upload has begun"),
-        (RtUploadMoveBegin(5, 1), "the move would end at frame 1, before it begins at 5"),
-        (RtUploadMoveBegin(1, 99_999), "99999 frames are more than the"),
-        (RtPositionFrame(1), "no move has been uploaded since the board's start"),
-        (RtJogAll(24_000, 1), "no move has been uploaded since the board's start"),
-        (RtGo(), "no run waits"),
-        (MotorSetLimits(1, 1, 5, 1, -5, 0),
+        (p.VirtMove(4, 5), "no virtual axes are configured"),
+        (p.VirtStop(9), "no virtual axes are configured"),
+        (p.RtUploadMoveAxis(1, 0, [1]), "no upload has begun"),
+        (p.RtUploadMoveBegin(5, 1), "the move would end at frame 1, before it begins at 5"),
+        (p.RtUploadMoveBegin(1, 99_999), "99999 frames are more than the"),
+        (p.RtPositionFrame(1), "no move has been uploaded since the board's start"),
+        (p.RtJogAll(24_000, 1), "no move has been uploaded since the board's start"),
+        (p.RtGo(), "no run waits"),
+        (p.MotorSetLimits(1, 1, 5, 1, -5, 0),
          "the lower limit of motor 1, 5, is above the upper one, -5"),
-        (MotorSetLimits(1, 0, 0, 0, 0, 3),
+        (p.MotorSetLimits(1, 0, 0, 0, 0, 3),
          "motor 1 cannot have limit switch set 3: the rig file has sets 1 to 2"),
     ],
 )  # fmt: skip
@@ -304,14 +280,18 @@ def test_a_section_that_does_not_fit_is_reported_without_its_positions():
 def test_a_run_against_a_limit_switch_names_the_motor():
     board = ready_board()
     tell(
-        board, MotorSetLimits(3, 0, 0, 0, 0, 1), RtUploadMoveBegin(1, 3),
-        RtUploadMoveAxis(3, 1 << 31, [500, 510, 520]), RtUploadMoveEnd(),
+        board, p.MotorSetLimits(3, 0, 0, 0, 0, 1), p.RtUploadMoveBegin(1, 3),
+        p.RtUploadMoveAxis(3, 1 << 31, [500, 510, 520]), p.RtUploadMoveEnd(),
     )  # fmt: skip
     board._board.set_input(22, 0)
     board.run_until(board.now_ns + 200_000_000)
     words = "motor 3 is at its upper limit switch, and may move down only"
     with Client(LockstepPort(board)) as client:
-        for request in (RtRunMove(24_000, 1, 3, 500, 500), RtPositionFrame(3), MotorMove(3, 5)):
+        for request in (
+            p.RtRunMove(24_000, 1, 3, 500, 500),
+            p.RtPositionFrame(3),
+            p.MotorMove(3, 5),
+        ):
             assert words in refused(client, request)
 
 
@@ -331,21 +311,21 @@ def test_values_that_fit_no_message(framestep, line):
 
 
 def test_a_run_that_is_stopped_is_not_reported_as_played(framestep, board, monkeypatch, tmp_path):
-    tell(board, MotorSetLimits(3, 0, 0, 0, 0, 0), MotorSetSpeed(3, 20_000, 50_000))
+    tell(board, p.MotorSetLimits(3, 0, 0, 0, 0, 0), p.MotorSetSpeed(3, 20_000, 50_000))
     move = tmp_path / "move.csv"
     move.write_text("frame,a,b,c\n" + "".join(f"{i + 1},0,0,{i * 100}\n" for i in range(24)))
     assert framestep(f"play {move} --to 4 --preroll 0.2") == (
         "a is motor 1, b is motor 2, c is motor 3\nframes 1 to 4 played"
     )
     take = Client._take
-    stops = [MotorStopAll()]
+    stops = [p.MotorStopAll()]
 
     def stopping(client, data):
         take(client, data)
         late = [
             e
             for e in client.events
-            if isinstance(e.message, Positions) and e.message.move_time > 3000
+            if isinstance(e.message, p.Positions) and e.message.move_time > 3000
         ]
         if client.on_event and late and stops:
             client.send(stops.pop())
@@ -383,8 +363,8 @@ def test_names_and_units_in_refusals(framestep, board, axes, tmp_path):
     lines = CAMERA_MOVE.read_text().splitlines()
     move.write_text("\n".join(",".join(line.split(",")[:2]) for line in lines))
     tell(
-        board, MotorResetPosition(2, 0), MotorSetLimits(2, 1, -2250, 1, 0, 0),
-        MotorResetPosition(1, 0), MotorSetSpeed(1, 800, 8000),
+        board, p.MotorResetPosition(2, 0), p.MotorSetLimits(2, 1, -2250, 1, 0, 0),
+        p.MotorResetPosition(1, 0), p.MotorSetSpeed(1, 800, 8000),
     )  # fmt: skip
     for line, words in (
         ("move pan -79deg",

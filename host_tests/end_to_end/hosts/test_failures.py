@@ -71,8 +71,7 @@ def test_a_build_is_reported_past_the_capture_of_pytest(failed):
 
 def test_a_log_has_each_frame_with_its_time(request, tmp_path):
     session = simulated(motors=2)
-    session.run(0.2)
-    session.accept(MotorStop(1))
+    session.run(0.2).accept(MotorStop(1))
     said = logs_of(request.node.nodeid, tmp_path)
     (path,) = tmp_path.glob("*.log")
     assert f"all of it: {path}" in said

@@ -22,8 +22,7 @@ def prepared(dialect="spec"):
     """Return a rig with limits, speeds, an upload, and a run that waits for GO."""
     rig = simulated({"dialect": dialect})
     for motor in MOVE:
-        rig.speed(motor, 15000, 90_000)
-        rig.accept(p.MotorSetLimits(motor, 1, -5000, 1, 5000))
+        rig.speed(motor, 15000, 90_000).accept(p.MotorSetLimits(motor, 1, -5000, 1, 5000))
     rig.accept(p.MotorConfigure(6, 0), p.MotorResetPosition(7, 2**30 + 5))
     rig.upload(MOVE, start_frame=5)
     rig.ready(run_request(24, 5, 29))
@@ -48,11 +47,8 @@ def test_wrong_lengths(dialect):
     rig = prepared(dialect)
     handled = set(rig.board._board.controller.handlers)
     assert {
-        0x0001,
-        *range(0x0020, 0x0024),
-        *range(0x0030, 0x003A),
-        *range(0x0100, 0x0105),
-    } <= handled
+        0x0001, *range(0x0020, 0x0024), *range(0x0030, 0x003A), *range(0x0100, 0x0105),
+    } <= handled  # fmt: skip
     assert {*range(0x0110, 0x0114), 0x0115, 0x0116, 0x0120} <= handled
     before = state(rig)
     asked = 0
@@ -96,14 +92,9 @@ LONGER = [
 
 def settings_of(rig):
     kept = (
-        ".flags",
-        ".velocity",
-        ".acceleration",
-        ".bounds",
-        ".store.state",
-        ".store.start",
+        ".flags", ".velocity", ".acceleration", ".bounds", ".store.state", ".store.start",
         ".store.end",
-    )
+    )  # fmt: skip
     return {path: value for path, value in state(rig).items() if path.endswith(kept)}
 
 
@@ -139,25 +130,16 @@ def test_run_move_between_its_forms():
     run = rig.board._board.controller.moves.run
     whole = p.RtRunMove(**RUN, flags=0x22, open_angle=10, close_angle=300).pack()
     for length, flags, angles in (
-        (29, 0, None),
-        (30, 0, None),
-        (31, 0x22, None),
-        (32, 0x22, None),
-        (34, 0x22, None),
-        (35, 0x22, (10, 300)),
-        (36, 0x22, (10, 300)),
-        (90, 0x22, (10, 300)),
-    ):
+        (29, 0, None), (30, 0, None), (31, 0x22, None), (32, 0x22, None), (34, 0x22, None),
+        (35, 0x22, (10, 300)), (36, 0x22, (10, 300)), (90, 0x22, (10, 300)),
+    ):  # fmt: skip
         rig.wait_idle()
         frame = rig.answer_to(m.MSG_RT_RUN_MOVE, (whole + bytes([255] * 90))[:length])
         assert p.Ack.unpack(frame.payload) == p.Ack.OK
         plan = run.plan
         assert (plan.loops, plan.stills, plan.turns, plan.video) == (
-            flags != 0,
-            flags != 0,
-            False,
-            False,
-        ), length
+            flags != 0, flags != 0, False, False,
+        ), length  # fmt: skip
         assert ((run.plan.open_angle, run.plan.close_angle) == (10, 300)) == bool(angles), length
 
 

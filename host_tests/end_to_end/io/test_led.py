@@ -45,16 +45,13 @@ def test_patterns():
     assert shown(session) == WAITING
     session.come_back()
     assert shown(session) == CONNECTED
-    session.accept(MotorSetSpeed(1, 100, 1000))
-    session.ask(MotorMove(1, 1000))
+    session.accept(MotorSetSpeed(1, 100, 1000), MotorMove(1, 1000))
     assert shown(session) == MOVING
-    session.board._board.set_input("estop", 0)
-    session.run(0.1)
+    session.input("estop", 0).run(0.1)
     assert shown(session) == FAULT
-    session.board._board.set_input("estop", 1)
-    session.run(0.1)
+    session.input("estop", 1).run(0.1)
     assert shown(session) == FAULT, "until motors are sent somewhere again"
-    session.ask(MotorMove(1, 1000))
+    session.accept(MotorMove(1, 1000))
     assert shown(session) == MOVING
 
 

@@ -30,8 +30,7 @@ def test_at_rest():
 def test_little_queued_is_a_warning_until_it_has_been_asked_for(left, warned):
     """The main loop comes back to a moving motor that has `left` milliseconds queued."""
     session = simulated({})
-    session.accept(MotorMove(1, 100_000))
-    session.run(0.5)
+    session.accept(MotorMove(1, 100_000)).run(0.5)
     board = session.board._board
     kernel = board.controller.axes.kernel
     block = kernel.blocks[0]

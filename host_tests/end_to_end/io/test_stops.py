@@ -7,14 +7,7 @@ The kernel's stop does not limit the jerk; this must not enter the plan of the n
 import numpy as np
 import pytest
 
-from framestep_tools.payloads import (
-    Ack,
-    MotorJog,
-    MotorMove,
-    MotorSetLimits,
-    MotorStop,
-    MotorStopAll,
-)
+from framestep_tools import payloads as p
 from host_tests.end_to_end.session import assert_no_faster, deceleration, simulated
 
 VELOCITY, ACCELERATION = 5000, 20000
@@ -23,9 +16,7 @@ VELOCITY, ACCELERATION = 5000, 20000
 def speeding(rig, seconds=1.0):
     """Return a session in which motor 1 runs at full speed toward a far step."""
     session = simulated(rig)
-    session.speed(1, VELOCITY, ACCELERATION)
-    session.ask(MotorMove(1, 1_000_000))
-    session.run(seconds)
+    session.speed(1, VELOCITY, ACCELERATION).accept(p.MotorMove(1, 1_000_000)).run(seconds)
     return session
 
 
@@ -46,7 +37,7 @@ def assert_calm(session, before, target, overshoot):
     assert session.position(1) == places[-1] == target
 
 
-HARD = [MotorStopAll(), MotorStopAll()]
+HARD = [p.MotorStopAll(), p.MotorStopAll()]
 
 
 @pytest.mark.parametrize("wait", [0.001, 0.01, 0.03, 0.05, 0.062, 0.064, 0.066])
@@ -60,8 +51,7 @@ def test_a_move_after_a_hard_stop(jerk, wait, way):
     asked = session.now
     session.run(wait)
     target = session.position(1) + way
-    session.ask(MotorMove(1, target))
-    session.wait_idle()
+    session.accept(p.MotorMove(1, target)).wait_idle()
     # v²/2a, at the motor's own deceleration
     assert_calm(session, asked, target, VELOCITY**2 / (2 * ACCELERATION) + 5)
 
@@ -72,18 +62,19 @@ def test_any_stops_and_moves(jerk):
     target."""
     rng = np.random.default_rng(jerk)
     session = simulated({"motors": [{"jerk": jerk}]})
-    session.speed(1, VELOCITY, ACCELERATION)
-    session.accept(MotorSetLimits(1, 1, -6000, 1, 6000))
+    session.speed(1, VELOCITY, ACCELERATION).accept(p.MotorSetLimits(1, 1, -6000, 1, 6000))
     for _ in range(60):
         for request in rng.choice(
-            np.array([MotorStopAll(), MotorStop(1), MotorMove(1, 0), MotorJog(1, 9000, 10**6)]), 3
+            np.array(
+                [p.MotorStopAll(), p.MotorStop(1), p.MotorMove(1, 0), p.MotorJog(1, 9000, 10**6)]
+            ),
+            3,
         ):
-            if isinstance(request, MotorMove):
-                request = MotorMove(1, int(rng.integers(-6000, 6001)))
+            if isinstance(request, p.MotorMove):
+                request = p.MotorMove(1, int(rng.integers(-6000, 6001)))
             session.ask(request)
             session.run(float(rng.choice([0.001, 0.005, 0.02, 0.1, 0.4])))
-    session.ask(MotorMove(1, 123))
-    session.wait_idle()
+    session.accept(p.MotorMove(1, 123)).wait_idle()
     times, signs = session.steps(1)
     places = np.cumsum(signs)
     assert_no_faster(times, VELOCITY)
@@ -97,12 +88,9 @@ def test_a_move_as_a_stop_ends(jerk):
     until the motor rests."""
     for wait in np.arange(0, 0.025, 0.001):
         session = simulated({"motors": [{"jerk": jerk}]})
-        session.speed(1, VELOCITY, ACCELERATION)
-        session.ask(MotorMove(1, 1000))
-        session.run(0.03)
-        session.accept(*HARD)
-        session.run(float(wait))
-        session.ask(MotorMove(1, -20))
+        session.speed(1, VELOCITY, ACCELERATION).accept(p.MotorMove(1, 1000))
+        session.run(0.03).accept(*HARD).run(float(wait))
+        session.accept(p.MotorMove(1, -20))
         assert session.moving == [1]
         session.wait_idle()
         assert session.position(1) == session.made(1) == -20
@@ -113,13 +101,9 @@ def test_a_hard_stop_as_a_slow_stop_ends():
     stop at this moment does not take that for a velocity."""
     for wait in range(8, 18):
         session = simulated({"motors": [{"jerk": 1_000_000}]})
-        session.speed(1, 10, 55)
-        session.ask(MotorJog(1, 50, -(2**31)))
-        session.run(0.45)
-        session.ask(MotorStop(1))
-        session.run(wait / 1000)
-        session.accept(*HARD)
-        session.wait_idle()
+        session.speed(1, 10, 55).accept(p.MotorJog(1, 50, -(2**31))).run(0.45)
+        session.accept(p.MotorStop(1))
+        session.run(wait / 1000).accept(*HARD).wait_idle()
         assert session.position(1) == 0, wait
 
 
@@ -129,9 +113,8 @@ def test_the_second_stop_is_the_kernels(factor, jerk):
     """Field note 4.4: by the motor's deceleration times the factor, from the next tick on, even if
     the factor is 1."""
     session = speeding({"hard_stop_factor": factor, "motors": [{"jerk": jerk}]})
-    session.accept(MotorStopAll())
-    session.run(0.05)
-    session.accept(MotorStopAll())
+    session.accept(p.MotorStopAll()).run(0.05)
+    session.accept(p.MotorStopAll())
     asked = session.now
     session.wait_idle()
     times, signs = session.steps(1)
@@ -144,15 +127,12 @@ def test_a_slow_jog_stays_slow_when_it_turns():
     """With a jerk limit a motor that slows down comes to rest before it turns; its share is not
     lost."""
     session = simulated({"motors": [{"jerk": 200}]})
-    session.speed(1, VELOCITY, ACCELERATION)
-    session.accept(MotorSetLimits(1, 0, 0, 1, 1500))
-    session.ask(MotorMove(1, 1500))
-    session.run(0.45)
+    session.speed(1, VELOCITY, ACCELERATION).accept(p.MotorSetLimits(1, 0, 0, 1, 1500))
+    session.accept(p.MotorMove(1, 1500)).run(0.45)
     for _ in range(12):
-        assert session.code(MotorJog(1, 1000, -(2**31))) == Ack.OK
+        assert session.code(p.MotorJog(1, 1000, -(2**31))) == p.Ack.OK
         session.run(0.1)
-    session.accept(MotorStop(1))
-    session.wait_idle()
+    session.accept(p.MotorStop(1)).wait_idle()
     times, signs = session.steps(1)
     down = times[signs < 0]
     assert len(down) > 100

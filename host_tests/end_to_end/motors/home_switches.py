@@ -86,8 +86,7 @@ def rails(*switches, rig=None, **home):
 
 def home(session, *motors):
     """Home motors and wait until they rest."""
-    session.accept(Home(bytes(motors)))
-    session.wait_idle(WAIT_S)
+    session.accept(Home(bytes(motors))).wait_idle(WAIT_S)
 
 
 def trust(session, motor=1):

@@ -22,8 +22,7 @@ LOOP, PING_PONG = 2, 1
 def rig(**settings):
     session = simulated({"motors": [{"backlash": PLAY}, {"backlash": PLAY}], **settings})
     for motor in (1, 2):
-        session.speed(motor, VELOCITY, ACCELERATION)
-        session.accept(p.MotorConfigure(motor, 0x03))
+        session.speed(motor, VELOCITY, ACCELERATION).accept(p.MotorConfigure(motor, 0x03))
     return session
 
 
@@ -53,12 +52,10 @@ def test_a_run(side, first, last, roll):
     session = rig()
     upload(session, {1: UP, 2: UP[::-1]})
     for motor in (1, 2):
-        session.ask(p.MotorMove(motor, int(UP[first - 1]) + side))
-    session.wait_idle()
-    session.ready(run_request(24, first, last, roll, roll))
+        session.accept(p.MotorMove(motor, int(UP[first - 1]) + side))
+    session.wait_idle().ready(run_request(24, first, last, roll, roll))
     places = session.positions
-    session.accept(p.RtGo())
-    session.client.wait_event(p.RtEnd, 20)
+    session.accept(p.RtGo()).until(p.RtEnd, 20)
     ended = session.now
     session.wait_idle()  # on the end frame again (field note 6.11)
     assert_kept(session)
@@ -76,11 +73,8 @@ def test_every_pass(flags):
     session = rig()
     upload(session, {1: UP, 2: UP[::-1]})
     session.ready(run_request(24, 1, FRAMES, 0, 0, flags=flags))
-    session.accept(p.RtGo())
-    session.run(12)
-    session.accept(p.RtStopLoop())
-    session.client.wait_event(p.RtEnd, 20)
-    session.wait_idle()
+    session.accept(p.RtGo()).run(12)
+    session.accept(p.RtStopLoop()).until(p.RtEnd, 20).wait_idle()
     assert_kept(session)
     frames = [
         message for _, message in session.events(p.Positions) if message.move_time == 1000 * FRAMES
@@ -99,12 +93,9 @@ def test_a_turn_at_the_first_and_the_last_frame():
             request = run_request(12, first, last, 100, 100, flags=flags)
             if session.code(request) != p.Ack.OK:
                 continue
-            session.wait_idle()
-            session.accept(p.RtGo())
-            session.run(8)
+            session.wait_idle().accept(p.RtGo()).run(8)
             if flags:
-                session.accept(p.RtStopLoop())
-                session.client.wait_event(p.RtEnd, 20)
+                session.accept(p.RtStopLoop()).until(p.RtEnd, 20)
             session.wait_idle()
             assert_kept(session)
 
@@ -114,8 +105,7 @@ def test_jog_all(fps):
     session = rig()
     path = np.arange(121) * 30
     upload(session, {1: path, 2: SWING}, frames=121)
-    session.accept(p.RtPositionFrame(60))
-    session.wait_idle()
+    session.accept(p.RtPositionFrame(60)).wait_idle()
     for frame in (62, 61, 58, 60, 57, 57, 59):
         session.accept(p.RtJogAll(round(fps * 1000), frame))
         session.client.wait_idle(60, 0.05)
@@ -130,21 +120,17 @@ def test_jog_all_called_elsewhere_while_it_takes_up_the_play():
     session = rig()
     path = np.arange(121) * 30
     upload(session, {1: path, 2: -path}, frames=121)
-    session.accept(p.RtPositionFrame(60))
-    session.wait_idle()
+    session.accept(p.RtPositionFrame(60)).wait_idle()
     at = 60
     for wait in np.arange(0, 0.6, 0.03):
-        session.accept(p.RtJogAll(6000, at + 2))
-        session.run(wait)
+        session.accept(p.RtJogAll(6000, at + 2)).run(wait)
         session.accept(p.RtJogAll(6000, at - 1))
         session.client.wait_idle(60, 0.05)
         session.run(0.05)
         at -= 1
         assert session.position(1) == path[at - 1]
-    session.accept(p.RtJogAll(6000, at - 1))
-    session.run(0.05)
-    session.accept(p.RtJogAll(6000, at), p.MotorStop(1))
-    session.wait_idle()
+    session.accept(p.RtJogAll(6000, at - 1)).run(0.05)
+    session.accept(p.RtJogAll(6000, at), p.MotorStop(1)).wait_idle()
     assert session.position(1) in (path[at - 2], path[at - 1])
     assert_kept(session)
 
@@ -162,8 +148,7 @@ def assert_no_play_made(session, request):
 def test_shoot_frame(way, second):
     session = rig()
     upload(session, {1: UP, 2: UP[::-1]})
-    session.accept(p.RtPositionFrame(12))
-    session.wait_idle()
+    session.accept(p.RtPositionFrame(12)).wait_idle()
     for at in (0, 300, -300):
         motors = tuple(p.BlurMotor(motor, at + 50 * way, at - 50 * way) for motor in (1, 2))
         request = (
@@ -199,10 +184,7 @@ def test_a_turn_within_the_path(fps, start):
                     assert 1.5 * (step + play) + step / 8 > VELOCITY / fps - 3
                     continue
                 taken += 1
-                session.wait_idle()
-                session.forget()
-                session.accept(p.RtGo())
-                session.client.wait_event(p.RtEnd, 60)
+                session.wait_idle().forget().accept(p.RtGo()).until(p.RtEnd, 60)
                 times, _ = session.steps(1)
                 times = times[times < session.now]
                 session.wait_idle()
@@ -218,43 +200,18 @@ def test_the_load_turns_where_the_path_does(jog):
     session = rig()
     peak = np.array(
         [
-            0,
-            5,
-            10,
-            20,
-            40,
-            70,
-            60,
-            55,
-            50,
-            45,
-            40,
-            35,
-            30,
-            25,
-            20,
-            18,
-            16,
-            18,
-            48,
-            98,
-            140,
-            160,
-            170,
-            175,
+            0, 5, 10, 20, 40, 70, 60, 55, 50, 45, 40, 35, 30, 25, 20, 18, 16, 18, 48, 98, 140, 160,
+            170, 175,
         ]
-    )
+    )  # fmt: skip
     upload(session, {1: peak, 2: -peak}, frames=len(peak))
-    session.accept(p.RtPositionFrame(1))
-    session.wait_idle()
+    session.accept(p.RtPositionFrame(1)).wait_idle()
     if jog:
-        session.accept(p.RtJogAll(6000, len(peak)))
-        session.wait_idle()
+        session.accept(p.RtJogAll(6000, len(peak))).wait_idle()
         session.client.wait_idle(60, 0.05)
     else:
         session.ready(run_request(6, 1, len(peak), 500, 500))
-        session.accept(p.RtGo())
-        session.client.wait_event(p.RtEnd, 20)
+        session.accept(p.RtGo()).until(p.RtEnd, 20)
     session.wait_idle()
     for motor, sign in ((1, 1), (2, -1)):
         places = sign * np.array(load(session.steps(motor)[1]))

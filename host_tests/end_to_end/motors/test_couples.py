@@ -50,22 +50,17 @@ def test_the_stricter_setting_counts_in_any_order(at, flag, sense):
     session.accept(*requests)
     low, high = (-4000, 6000) if sense > 0 else (-5000, 4000)
     session.refuse(p.Ack.ERR_SOFT_UP, p.MotorMove(1, high + 1))
-    session.refuse(p.Ack.ERR_SOFT_LOW, p.MotorMove(1, low - 1))
-    session.forget()
-    session.ask(p.MotorMove(1, high))
-    session.wait_idle()
+    session.refuse(p.Ack.ERR_SOFT_LOW, p.MotorMove(1, low - 1)).forget()
+    session.accept(p.MotorMove(1, high)).wait_idle()
     times, _ = session.steps(1)
     assert_no_faster(times, 4000)
     assert np.ptp(times) == pytest.approx(high / 4000 + 0.4, abs=0.03)
-    session.ask(p.MotorMove(1, low))
-    session.run(1)
+    session.accept(p.MotorMove(1, low)).run(1)
     asked = session.now
-    session.accept(p.MotorStop(2))
-    session.wait_idle()
+    session.accept(p.MotorStop(2)).wait_idle()
     assert deceleration(*session.steps(1), asked + 0.003) == pytest.approx(10_000, rel=0.03)
     for _ in range(30):
-        session.accept(p.MotorJog(1, 10_000, -(2**31)))
-        session.run(0.1)
+        session.accept(p.MotorJog(1, 10_000, -(2**31))).run(0.1)
     session.wait_idle()
     assert session.position(1) == low
     assert_together(session, sense)
@@ -93,8 +88,7 @@ def test_together_in_every_stop(cause, flag, sense):
         motor = 1 if cause.startswith("leader") else 2
         session.accept(p.MotorSetLimits(motor, 0, 0, 0, 0, 1))
     for k in range(6):
-        session.ask(p.MotorMove(1, 50_000))
-        session.run(0.6 + 0.013 * k)
+        session.accept(p.MotorMove(1, 50_000)).run(0.6 + 0.013 * k)
         if cause == "estop":
             switch("estop", 1)
         elif cause.endswith("limit"):
@@ -105,19 +99,16 @@ def test_together_in_every_stop(cause, flag, sense):
             session.accept(*[p.MotorStopAll()] * 2 if cause == "two STOP_ALL" else [p.MotorStop(1)])
         session.run(1.5)
         if cause == "port closed":
-            session.come_back()
-            session.run(0.1)
+            session.come_back().run(0.1)
         switch("estop", 0)
         switch(pin, 0)
         session.run(0.1)
         assert session.moving == []
         assert_together(session, sense)
-        session.ask(p.MotorMove(1, -70 * k))
-        session.wait_idle()
+        session.accept(p.MotorMove(1, -70 * k)).wait_idle()
         assert session.positions[1] == sense * session.positions[2] == -70 * k
         assert_together(session, sense)
-        session.ask(p.MotorMove(1, 0))
-        session.wait_idle()
+        session.accept(p.MotorMove(1, 0)).wait_idle()
 
 
 @pytest.mark.parametrize("flag, sense", [(COUPLE, 1), (REVERSED, -1)])
@@ -130,7 +121,7 @@ def test_stops_at_any_moment_leave_no_step_between(flag, sense):
         p.MotorSetSpeed(2, 23_000, 170_000),
     )
     for _ in range(150):
-        session.ask(p.MotorMove(1, int(rng.integers(-4000, 4000))))
+        session.accept(p.MotorMove(1, int(rng.integers(-4000, 4000))))
         session.run(float(rng.uniform(0.005, 0.2)))
         session.accept(*[p.MotorStopAll()] * int(rng.integers(1, 3)))
         session.run(float(rng.choice([0.001, 0.01, 0.3])))
@@ -152,8 +143,7 @@ def test_limits_that_leave_no_room(flag, sense):
     session.refuse(p.Ack.ERR_SOFT_LOW, p.MotorMove(1, -500), p.MotorMove(1, -2000))
     session.refuse(p.Ack.ERR_SOFT_UP, p.MotorMove(1, 500))
     for target in (-2000, -500, 500):
-        session.accept(p.MotorJog(1, 10_000, target))
-        session.run(0.6)
+        session.accept(p.MotorJog(1, 10_000, target)).run(0.6)
     assert session.made(1) == session.made(2) == 0
 
 
@@ -168,23 +158,17 @@ def test_a_disabled_partner_keeps_both_still():
         p.Ack.ERR_GENERAL, p.MotorMove(1, 100), p.MotorJog(1, 5000, 100), p.MotorMove(2, 100)
     )
     session.accept(p.MotorConfigure(1, 1 | COUPLE), p.RtPositionFrame(1), run_request(end=3))
-    session.wait_idle()
-    session.accept(p.RtGo())
-    session.run(3)
+    session.wait_idle().accept(p.RtGo()).run(3)
     assert session.made(3) >= 20
     assert session.made(1) == session.made(2) == 0
     assert not any(level for _, level in realtime.edges(session, "enable2"))
-    session.accept(p.MotorConfigure(2, 1))
-    session.ask(p.MotorMove(1, 100))
-    session.wait_idle()
+    session.accept(p.MotorConfigure(2, 1), p.MotorMove(1, 100)).wait_idle()
     assert session.made(1) == session.made(2) == 100
 
 
 def test_a_follower_is_not_switched_off_in_motion():
     session = simulated()
-    session.accept(p.MotorConfigure(1, 1 | COUPLE))
-    session.ask(p.MotorMove(1, 3000))
-    session.run(0.2)
+    session.accept(p.MotorConfigure(1, 1 | COUPLE), p.MotorMove(1, 3000)).run(0.2)
     session.refuse(
         p.Ack.ERR_MOVING, p.MotorConfigure(2, 0), p.MotorConfigure(1, 0), p.MotorResetPosition(2, 5)
     )
@@ -200,10 +184,8 @@ def test_a_run_keeps_the_followers_limits_and_speed():
     session.refuse(p.Ack.ERR_SOFT_UP, run_request(end=25))
     session.accept(p.MotorSetLimits(2, 1, -2000, 0, 0), p.MotorSetSpeed(2, 900, 100_000))
     session.refuse(p.Ack.ERR_RANGE, run_request(end=25))
-    session.accept(p.MotorSetSpeed(2, 9000, 100_000), run_request(end=25))
-    session.wait_idle()
-    session.accept(p.RtGo())
-    session.run(0.7)
+    session.accept(p.MotorSetSpeed(2, 9000, 100_000), run_request(end=25)).wait_idle()
+    session.accept(p.RtGo()).run(0.7)
     session.accept(p.MotorStop(2))  # a STOP of the follower ends the run like the leader's
     session.run(1.5)
     assert session.moving == []
@@ -214,9 +196,7 @@ def test_a_run_keeps_the_followers_limits_and_speed():
 def test_the_stricter_jerk():
     for jerks in itertools.permutations([0, 200]):
         session = simulated({"motors": [{"jerk": jerk} for jerk in jerks]})
-        session.accept(p.MotorConfigure(1, 1 | COUPLE))
-        session.ask(p.MotorMove(1, 2000))
-        session.wait_idle()
+        session.accept(p.MotorConfigure(1, 1 | COUPLE), p.MotorMove(1, 2000)).wait_idle()
         # 2·(v/a + a/j) + distance at full speed
         assert np.ptp(session.steps(1)[0]) == pytest.approx(
             2000 / 5000 + 5000 / 20000 + 20000 / 200e3, abs=0.06
@@ -231,13 +211,11 @@ def test_coupled_at_the_ends_of_the_range():
     session.refuse(p.Ack.ERR_RANGE, p.MotorConfigure(1, 1 | REVERSED))  # no room for half a step
     session.accept(p.MotorResetPosition(2, -(2**31) + 1), p.MotorConfigure(1, 1 | REVERSED))
     session.refuse(p.Ack.ERR_RANGE, p.MotorResetPosition(2, 1), p.MotorResetPosition(2, -(2**31)))
-    session.ask(p.MotorMove(1, 2**31 - 500))
-    session.wait_idle()
+    session.accept(p.MotorMove(1, 2**31 - 500)).wait_idle()
     assert session.positions[1] == 2**31 - 500
     assert session.positions[2] == -(2**31) + 500
     for _ in range(5):
-        session.accept(p.MotorJog(1, 10_000, 2**31 - 1))
-        session.run(0.1)
+        session.accept(p.MotorJog(1, 10_000, 2**31 - 1)).run(0.1)
     session.wait_idle()
     assert session.positions[1] + session.positions[2] == 0
     assert_together(session, -1)

@@ -8,16 +8,7 @@ import pytest
 
 from framestep.motors import positions
 from framestep.protocol import messages as m
-from framestep_tools.payloads import (
-    GetCondition,
-    HardStop,
-    MotorConfigure,
-    MotorJog,
-    MotorMove,
-    MotorResetPosition,
-    RtJogAll,
-    RtPositionFrame,
-)
+from framestep_tools import payloads as p
 from framestep_tools.simulator.boards import SimulatedBoard
 from framestep_tools.simulator.driver_chips import STANDSTILL
 from host_tests.end_to_end.session import Session, deceleration, run_request
@@ -51,21 +42,20 @@ def enables(talk):
 
 
 def trust(talk, motor):
-    each = talk.ask(GetCondition()).positions[motor - 1]
+    each = talk.ask(p.GetCondition()).positions[motor - 1]
     return each.state, each.reason
 
 
 def test_enabled_only_once_set_up():
     talk, board = session()
-    assert talk.ask(GetCondition()).bits == m.CONDITION_DRIVER
-    talk.refuse(m.ERR_GENERAL, MotorMove(1, 100), MotorJog(1, 100, 100), RtJogAll(24_000, 1))
-    talk.accept(MotorConfigure(1, m.MOTOR_ENABLED))
+    assert talk.ask(p.GetCondition()).bits == m.CONDITION_DRIVER
+    talk.refuse(m.ERR_GENERAL, p.MotorMove(1, 100), p.MotorJog(1, 100, 100), p.RtJogAll(24_000, 1))
+    talk.accept(p.MotorConfigure(1, m.MOTOR_ENABLED))
     assert not enables(talk)
     talk.run(SET_UP_S)
-    assert talk.ask(GetCondition()).bits == 0
+    assert talk.ask(p.GetCondition()).bits == 0
     assert all(chip.bridges_on and len(chip.writes) == 12 for chip in board.chips)
-    talk.accept(*(MotorMove(motor, 100) for motor in (1, 3)))
-    talk.wait_idle()
+    talk.accept(*(p.MotorMove(motor, 100) for motor in (1, 3))).wait_idle()
     assert [(motor, level) for motor, level, _ in enables(talk)] == [(1, 1), (3, 1)]
     assert talk.made(1) == talk.made(3) == 100
     assert not said(board)
@@ -76,41 +66,35 @@ def test_a_dead_driver_holds_up_its_motor_and_every_run():
     talk, board = session(dead=(2,))
     talk.run(SET_UP_S)
     assert said(board) == ["driver of motor 2 does not answer (check its power and its address)"]
-    assert talk.ask(GetCondition()).bits == m.CONDITION_DRIVER
-    talk.refuse(m.ERR_GENERAL, MotorMove(2, 100))
-    talk.accept(MotorMove(1, 100))
-    talk.wait_idle()
+    assert talk.ask(p.GetCondition()).bits == m.CONDITION_DRIVER
+    talk.refuse(m.ERR_GENERAL, p.MotorMove(2, 100))
+    talk.accept(p.MotorMove(1, 100)).wait_idle()
     path = np.arange(10) * 10
     talk.upload({1: path})
-    talk.refuse(m.ERR_GENERAL, run_request(end=10), RtPositionFrame(1), RtJogAll(24_000, 1))
+    talk.refuse(m.ERR_GENERAL, run_request(end=10), p.RtPositionFrame(1), p.RtJogAll(24_000, 1))
     # a motor that the host does not use does not matter; nor does a driver that comes back
-    talk.accept(MotorConfigure(2, 0), RtPositionFrame(1))
-    talk.wait_idle()
-    talk.accept(MotorConfigure(2, m.MOTOR_ENABLED))
+    talk.accept(p.MotorConfigure(2, 0), p.RtPositionFrame(1)).wait_idle()
+    talk.accept(p.MotorConfigure(2, m.MOTOR_ENABLED))
     board.chips[1].powered = True
     talk.run(1.5)
     assert said(board)[1:] == ["driver of motor 2 works again"]
-    assert talk.ask(GetCondition()).bits == 0
-    talk.accept(MotorMove(2, 100))
-    talk.wait_idle()
+    assert talk.ask(p.GetCondition()).bits == 0
+    talk.accept(p.MotorMove(2, 100)).wait_idle()
     assert talk.made(2) == 100
 
 
 def test_coupled_to_a_dead_driver():
     talk, _ = session(dead=(2,))
-    talk.run(SET_UP_S)
-    talk.accept(MotorConfigure(1, m.MOTOR_ENABLED | m.MOTOR_COUPLE))
-    talk.refuse(m.ERR_GENERAL, MotorMove(1, 100))
+    talk.run(SET_UP_S).accept(p.MotorConfigure(1, m.MOTOR_ENABLED | m.MOTOR_COUPLE))
+    talk.refuse(m.ERR_GENERAL, p.MotorMove(1, 100))
 
 
 def under_way(talk):
     """Start motors 1 and 2, whose positions are known, and wait until they cruise."""
     talk.run(SET_UP_S)
     for motor in (1, 2, 3, 4):
-        talk.accept(MotorResetPosition(motor, 0))
-        talk.speed(motor, 10_000, 50_000)
-    talk.accept(MotorMove(1, 30_000), MotorMove(2, 30_000))
-    talk.run(0.5)
+        talk.accept(p.MotorResetPosition(motor, 0)).speed(motor, 10_000, 50_000)
+    talk.accept(p.MotorMove(1, 30_000), p.MotorMove(2, 30_000)).run(0.5)
     talk.client.events.clear()
     return talk.now
 
@@ -119,7 +103,7 @@ def assert_stopped(talk, board, at, lost):
     """Assert that all rest after ramps, the host knows, and the motor whose driver failed is off
     and its position lost."""
     assert not talk.moving
-    assert [message for _, message in talk.events(HardStop)] == [HardStop(m.HARD_STOP_FAULT)]
+    assert [message for _, message in talk.events(p.HardStop)] == [p.HardStop(m.HARD_STOP_FAULT)]
     other = 3 - lost
     times, signs = talk.steps(other)
     assert times[-1] - at < 0.25 + 10_000 / 50_000 + 0.01
@@ -140,13 +124,12 @@ def test_too_hot_in_motion():
     talk.run(1)
     assert said(board) == ["driver of motor 1 has switched off, too hot"]
     assert_stopped(talk, board, at, lost=1)
-    talk.refuse(m.ERR_GENERAL, MotorMove(1, 0))
+    talk.refuse(m.ERR_GENERAL, p.MotorMove(1, 0))
     board.chips[0].status &= ~2
     talk.run(1.5)
     # It moves again, but its position is lost until the host sets it
     assert trust(talk, 1) == (positions.LOST, positions.DRIVER)
-    talk.accept(MotorResetPosition(1, 0), MotorMove(1, 50))
-    talk.wait_idle()
+    talk.accept(p.MotorResetPosition(1, 0), p.MotorMove(1, 50)).wait_idle()
     assert trust(talk, 1) == (positions.KNOWN, positions.SET)
     assert talk.position(1) == 50
 
@@ -180,7 +163,7 @@ def test_a_fault_of_a_driver_that_is_off_stops_nothing():
     talk.run(0.5)
     assert said(board) == ["driver of motor 4 was reset: its supply broke down"]
     assert tuple(talk.moving) == (1, 2)
-    assert not talk.events(HardStop)
+    assert not talk.events(p.HardStop)
     assert trust(talk, 4) == (positions.KNOWN, positions.SET)
 
 
@@ -192,7 +175,7 @@ def test_a_warning_stops_nothing():
     talk.run(0.5)
     assert said(board) == ["driver of motor 1 is hot, close to switching off"]
     assert tuple(talk.moving) == (1, 2)
-    assert not talk.events(HardStop)
+    assert not talk.events(p.HardStop)
 
 
 @pytest.mark.each_processor
@@ -208,7 +191,7 @@ def test_what_is_lost_on_the_wire_is_sent_again():
 
     board._board.hal.driver_wire.spoil = spoil
     talk.run(1.5)
-    assert talk.ask(GetCondition()).bits == 0
+    assert talk.ask(p.GetCondition()).bits == 0
     assert all(chip.bridges_on and len(chip.writes) == 12 for chip in board.chips)
     assert len(counts) == 3
     assert min(counts.values()) > 5
@@ -228,9 +211,11 @@ def test_each_open_coil_is_reported_once():
 def test_drivers_of_a_pico():
     """One enable pin for all, the UART in place of the camera's outputs."""
     talk, board = session({"motors": [{"driver": DRIVER}, {}]}, name="pico")
-    talk.refuse(m.ERR_GENERAL, MotorMove(1, 10), MotorMove(2, 10))  # until the first round is over
+    talk.refuse(
+        m.ERR_GENERAL, p.MotorMove(1, 10), p.MotorMove(2, 10)
+    )  # until the first round is over
     talk.run(SET_UP_S)
     assert len(board.chips[0].writes) == 12
     assert not board.chips[1].writes
-    assert talk.ask(MotorMove(1, 10)).moving
-    assert talk.ask(MotorMove(2, 10)).moving
+    assert talk.ask(p.MotorMove(1, 10)).moving
+    assert talk.ask(p.MotorMove(2, 10)).moving

@@ -26,14 +26,12 @@ def move(session):
 
 def jog(session):
     for _ in range(8):
-        session.accept(p.MotorJog(1, 5000, 400))
-        session.run(0.1)
+        session.accept(p.MotorJog(1, 5000, 400)).run(0.1)
 
 
 def run_a_move(session):
     session.upload({1: list(range(0, 100, 10)), 2: list(range(0, 200, 20))})
-    session.accept(run_request(end=10))
-    session.run(LONG_S + 0.2)
+    session.accept(run_request(end=10)).run(LONG_S + 0.2)
     session.accept(p.RtGo())
 
 
@@ -57,11 +55,9 @@ def test_the_first_step_waits(begin):
 def test_a_stop_while_it_wakes_up_starts_nothing():
     for stop in (p.MotorStop(1), p.MotorStopAll()):
         session = rig()
-        session.accept(p.MotorMove(1, 400))
-        session.run(0.1)
+        session.accept(p.MotorMove(1, 400)).run(0.1)
         assert session.moving
-        session.accept(stop)
-        session.run(1)
+        session.accept(stop).run(1)
         assert not len(session.steps(1)[0])
 
 
@@ -69,8 +65,7 @@ def test_drivers_on_one_pin_wake_up_together():
     """The Pico's enable pin is that of all drivers: the slowest counts, and only once."""
     session = rig()
     asked = session.now
-    session.accept(p.MotorMove(3, 100))
-    session.wait_idle()
+    session.accept(p.MotorMove(3, 100)).wait_idle()
     assert session.steps(3)[0][0] >= asked + LONG_S
     session.accept(p.MotorMove(1, 100))
     before = session.now
@@ -82,13 +77,9 @@ def test_motors_of_a_run_start_together():
     session = rig()
     session.upload({1: list(range(0, 100, 10)), 2: list(range(0, 100, 10))})
     asked = session.now
-    session.accept(run_request(end=10, pre=0))
-    session.run(LONG_S - 0.1)
-    session.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
-    session.wait_idle()
-    session.forget()
-    session.accept(p.RtGo())
-    session.wait_idle()
+    session.accept(run_request(end=10, pre=0)).run(LONG_S - 0.1)
+    session.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo()).wait_idle().forget()
+    session.accept(p.RtGo()).wait_idle()
     first = [session.steps(motor)[0][0] for motor in (1, 2)]
     assert first[0] == pytest.approx(first[1], abs=1e-5)
     assert first[0] >= asked + LONG_S
@@ -111,11 +102,9 @@ def test_homing_waits():
 def test_a_stop_while_homing_waits():
     rig = {"motors": [{"enable_ms": WAKE_MS, "home": {"limit": 1, "travel": 3000}}]}
     session, rail = rails(Switch(1, LOW, -1700), rig=rig)
-    session.accept(p.Home(b"\1"))
-    session.run(0.1)
+    session.accept(p.Home(b"\1")).run(0.1)
     assert session.moving == [1]
-    session.accept(p.MotorStopAll())
-    session.run(1)
+    session.accept(p.MotorStopAll()).run(1)
     assert not session.moving
     assert rail.steps == {}
 
@@ -140,10 +129,8 @@ def test_a_virtual_jog_waits():
     session = configured(NODAL, settings=SLOW_ARM)
     asked = session.now
     for _ in range(10):
-        session.accept(p.VirtJog(m.VIRT_MOTOR_EW, 5000, 60_000))
-        session.run(0.1)
-    session.accept(p.VirtStop(m.VIRT_MOTOR_EW))
-    session.wait_idle()
+        session.accept(p.VirtJog(m.VIRT_MOTOR_EW, 5000, 60_000)).run(0.1)
+    session.accept(p.VirtStop(m.VIRT_MOTOR_EW)).wait_idle()
     times, _ = session.steps(1)
     assert len(times) > 100
     assert times[0] >= asked + LONG_S
@@ -154,9 +141,7 @@ def test_a_virtual_jog_waits():
 )
 def test_a_stop_while_a_virtual_move_waits(stop):
     session = configured(NODAL, settings=SLOW_ARM)
-    session.accept(p.VirtMove(m.VIRT_MOTOR_PAN, 60 * 100000))
-    session.run(0.1)
-    session.accept(stop)
-    session.run(1.5)
+    session.accept(p.VirtMove(m.VIRT_MOTOR_PAN, 60 * 100000)).run(0.1)
+    session.accept(stop).run(1.5)
     assert not session.moving
     assert all(len(session.steps(motor)[0]) == 0 for motor in range(1, 7))

@@ -70,8 +70,7 @@ def test_each_side_stops_at_its_own_switch(coupled, askew, square):
     assert session.events(p.HardStop) == []
     # the couple, if there is one, holds from then on
     before = dict(rails.steps)
-    session.accept(p.MotorMove(1, session.position(1) + 500))
-    session.wait_idle()
+    session.accept(p.MotorMove(1, session.position(1) + 500)).wait_idle()
     assert rails.steps[1] == before[1] + 500
     assert rails.steps[2] == before[2] + (500 if coupled else 0)
 
@@ -84,8 +83,7 @@ def test_sides_that_turn_in_opposite_directions():
     home(session, 1)
     assert trust(session, 1) == trust(session, 2) == (KNOWN, HOMED)
     assert (rails.steps[1], rails.steps[2]) == pytest.approx((-500, 540), abs=1)
-    session.accept(p.MotorMove(1, session.position(1) + 300))
-    session.wait_idle()
+    session.accept(p.MotorMove(1, session.position(1) + 300)).wait_idle()
     assert (rails.steps[1], rails.steps[2]) == pytest.approx((-200, 240), abs=1)
 
 
@@ -111,8 +109,7 @@ def test_a_switch_that_stays_away(side, coupled):
     rested = dict(rails.steps)
     session.run(1)
     assert rails.steps == rested
-    session.accept(p.MotorMove(1, session.position(1) + 100))
-    session.wait_idle()
+    session.accept(p.MotorMove(1, session.position(1) + 100)).wait_idle()
     assert rails.steps[1] == rested[1] + 100
     assert rails.steps[2] == rested[2] + (100 if coupled else 0)
 
@@ -131,17 +128,13 @@ def test_no_switch_at_all():
 def test_a_stop_stops_both_sides(after, stop):
     """Wherever they are; they are coupled again, and nothing goes on by itself."""
     session, rails = gantry(Switch(1, LOW, -1700), Switch(2, LOW_2, -1640))
-    session.accept(p.Home(b"\1"))
-    session.run(after)
-    session.accept(stop)
-    session.wait_idle()
+    session.accept(p.Home(b"\1")).run(after)
+    session.accept(stop).wait_idle()
     rested = dict(rails.steps)
     assert abs(rested[1] - rested[2]) < 130
     session.run(1)
     assert rails.steps == rested
-    session.forget()
-    session.accept(p.MotorMove(1, session.position(1) + 300))
-    session.wait_idle()
+    session.forget().accept(p.MotorMove(1, session.position(1) + 300)).wait_idle()
     assert (rails.steps[1], rails.steps[2]) == (rested[1] + 300, rested[2] + 300)
     home(session, 1)
     assert trust(session, 1) == trust(session, 2) == (KNOWN, HOMED)
@@ -154,8 +147,7 @@ def test_what_is_refused_meanwhile():
     for _ in range(20):
         assert session.moving == [1, 2]
         session.refuse(p.Ack.ERR_MOVING, p.MotorMove(2, 5), p.MotorMove(1, 5), p.Home(b"\1"))
-        session.refuse(p.Ack.ERR_MOVING, p.MotorConfigure(1, 1), p.MotorConfigure(2, 0))
-        session.run(0.1)
+        session.refuse(p.Ack.ERR_MOVING, p.MotorConfigure(1, 1), p.MotorConfigure(2, 0)).run(0.1)
     session.wait_idle()
     assert trust(session, 1) == trust(session, 2) == (KNOWN, HOMED)
     session.accept(p.MotorConfigure(2, 0))
@@ -164,8 +156,7 @@ def test_what_is_refused_meanwhile():
 
 def test_the_slower_side_sets_the_pace():
     session, rails = gantry(Switch(1, LOW, -1700), Switch(2, LOW_2, -1650), coupled=0)
-    session.speed(2, 500, 3000)
-    session.accept(p.Home(b"\1"))
+    session.speed(2, 500, 3000).accept(p.Home(b"\1"))
     watch(session, rails)
     assert trust(session, 1) == trust(session, 2) == (KNOWN, HOMED)
     assert skew(rails) < 60
@@ -176,8 +167,7 @@ def test_the_slower_side_sets_the_pace():
 def test_a_soft_limit_of_one_side():
     """That side stops there, before it has found its switch; the other does not go on alone."""
     session, rails = gantry(Switch(1, LOW, -1700), Switch(2, LOW_2, -1700), coupled=0)
-    session.accept(p.MotorResetPosition(1, 0), p.MotorSetLimits(1, 1, -600, 1, 3000))
-    session.accept(p.Home(b"\1"))
+    session.accept(p.MotorResetPosition(1, 0), p.MotorSetLimits(1, 1, -600, 1, 3000), p.Home(b"\1"))
     watch(session, rails)
     assert trust(session, 1)[0] == trust(session, 2)[0] == LOST
     assert skew(rails) < WITHIN + 130  # and the way in which the first one slows down
@@ -185,9 +175,7 @@ def test_a_soft_limit_of_one_side():
 
 def test_another_limit_switch_of_a_side():
     session, rails = gantry(Switch(1, LOW, -1700), Switch(2, LOW_2, -1700))
-    session.accept(p.MotorSetLimits(2, 0, 0, 0, 0, 1), p.Home(b"\1"))
-    session.run(0.4)
-    session.board._board.set_input(LOW, 1)
-    session.wait_idle()
+    session.accept(p.MotorSetLimits(2, 0, 0, 0, 0, 1), p.Home(b"\1")).run(0.4)
+    session.input(LOW, 1).wait_idle()
     assert trust(session, 1)[0] == trust(session, 2)[0] == LOST
     assert abs(rails.steps[1] - rails.steps[2]) < 60

@@ -77,16 +77,10 @@ def test_slower_than_a_motor_is_set_to():
     assert_within(times, signs, 500, 4 * 20000)
     assert trust(session) == (KNOWN, HOMED)
     # and later motions have their own speed again: the slowest jog, a move
-    session.forget()
-    session.accept(p.MotorJog(1, 1, 3000))
-    session.run(0.4)
-    session.accept(p.MotorStop(1))
-    session.wait_idle()
+    session.forget().accept(p.MotorJog(1, 1, 3000)).run(0.4)
+    session.accept(p.MotorStop(1)).wait_idle()
     assert 0 < len(session.steps(1)[0]) < 10
-    session.speed(1, 5000, 20000)
-    session.forget()
-    session.accept(p.MotorMove(1, 3000))
-    session.wait_idle()
+    session.speed(1, 5000, 20000).forget().accept(p.MotorMove(1, 3000)).wait_idle()
     times, _ = session.steps(1)
     assert np.diff(times).min() < 1.1 / 5000
 
@@ -125,8 +119,7 @@ def test_switch_stays_closed():
 def test_cable_of_a_closed_switch_is_broken():
     """It reads as an active switch: the motor backs off, no more."""
     session, rail = rails(Switch(1, LOW, -1700, works=False))
-    session.board._board.set_input(LOW, 1)
-    session.run(0.05)
+    session.input(LOW, 1).run(0.05)
     home(session, 1)
     assert trust(session) == (LOST, NOT_OPENED)
     assert rail.steps[1] == 200
@@ -141,8 +134,7 @@ def test_switch_is_not_found():
     assert rail.steps[1] == -2500
     assert trust(session) == (LOST, NOT_FOUND)
     # and motors may move as before
-    session.accept(p.MotorMove(1, 3000))
-    session.wait_idle()
+    session.accept(p.MotorMove(1, 3000)).wait_idle()
     assert session.position(1) == 3000
 
 
@@ -160,8 +152,7 @@ def test_switch_is_not_found_again():
 def test_disturbance_on_the_slow_approach():
     """A spike is no switch: the position does not follow from it."""
     session, rail = rails(Switch(1, LOW, -1700))
-    session.accept(p.Home(b"\1"))
-    session.run(2.0)  # past the fast approach and off the switch
+    session.accept(p.Home(b"\1")).run(2.0)  # past the fast approach and off the switch
     assert rail.steps[1] == pytest.approx(-1600, abs=80)
     rail.hal.set_level(LOW, 1)
     rail.hal.set_level(LOW, 0)
@@ -182,8 +173,7 @@ def test_a_switch_past_a_soft_limit_is_refused():
     session.accept(p.MotorResetPosition(1, 0), p.MotorSetLimits(1, 1, -49, 1, 3000))
     session.refuse(p.Ack.ERR_SOFT_LOW, p.Home(b"\1"), p.Home())
     session.accept(p.MotorSetLimits(1, 0, 0, 1, -51), p.MotorResetPosition(1, -2000))
-    session.refuse(p.Ack.ERR_SOFT_UP, p.Home(b"\1"))
-    session.run(0.2)
+    session.refuse(p.Ack.ERR_SOFT_UP, p.Home(b"\1")).run(0.2)
     assert rail.steps == {}
 
 
@@ -201,10 +191,8 @@ def test_soft_limits_do_not_count_where_the_position_is_lost():
 
 def test_soft_limits_after_it_was_stopped():
     session, rail = rails(Switch(1, LOW, -1700))
-    session.accept(p.MotorSetLimits(1, 1, -100, 1, 3000), p.Home(b"\1"))
-    session.run(0.5)
-    session.accept(p.MotorStop(1))
-    session.wait_idle()
+    session.accept(p.MotorSetLimits(1, 1, -100, 1, 3000), p.Home(b"\1")).run(0.5)
+    session.accept(p.MotorStop(1)).wait_idle()
     assert rail.steps[1] < -100
     session.refuse(p.Ack.ERR_SOFT_LOW, p.MotorMove(1, -5000))
 
@@ -247,22 +235,17 @@ def test_one_that_fails_ends_the_others():
 
 def test_refused():
     session, rail = rails(Switch(1, LOW, -1700), rig={"estop": "nc"})
-    session.board._board.set_input("estop", 0)
-    session.run(0.1)
-    session.refuse(p.Ack.ERR_RANGE, p.Home(b"\2"), p.Home(b"\0"), p.Home(b"\1\x09"))
+    session.input("estop", 0)
+    session.run(0.1).refuse(p.Ack.ERR_RANGE, p.Home(b"\2"), p.Home(b"\0"), p.Home(b"\1\x09"))
     session.accept(p.MotorConfigure(1, 0))
     session.refuse(p.Ack.ERR_GENERAL, p.Home(), p.Home(b"\1"))
     session.accept(p.MotorConfigure(1, 1), p.MotorMove(1, 400))
-    session.refuse(p.Ack.ERR_MOVING, p.Home(b"\1"))
-    session.wait_idle()
+    session.refuse(p.Ack.ERR_MOVING, p.Home(b"\1")).wait_idle()
     session.upload({2: [0, 10, 20]})
     session.accept(p.RtRunMove(24000, 1, 3, 500, 500))
     session.refuse(p.Ack.ERR_MOVING, p.Home(b"\1"))
-    session.accept(p.MotorStopAll())
-    session.wait_idle()
-    session.board._board.set_input("estop", 1)
-    session.run(0.1)
-    session.refuse(p.Ack.ERR_GENERAL, p.Home(b"\1"))
+    session.accept(p.MotorStopAll()).wait_idle().input("estop", 1)
+    session.run(0.1).refuse(p.Ack.ERR_GENERAL, p.Home(b"\1"))
     assert trust(session)[1] != HOMING
     assert rail.steps[1] == 400
 
@@ -279,21 +262,13 @@ def test_what_is_refused_meanwhile():
     for _ in range(40):  # in motion and in the pauses between
         assert 1 in session.moving
         session.refuse(
-            p.Ack.ERR_MOVING,
-            p.Home(b"\1"),
-            p.MotorMove(1, 5),
-            p.MotorJog(1, 5000, 5),
-            p.MotorResetPosition(1, 5),
-            p.MotorConfigure(1, 0),
-            p.MotorConfigure(1, 3),
-            p.MotorSetLimits(1, 0, 0, 0, 0),
-            p.RtPositionFrame(2),
-            p.RtRunMove(24000, 1, 3, 500, 500),
-            p.RtShootFrame(2, 1, 100, 500),
+            p.Ack.ERR_MOVING, p.Home(b"\1"), p.MotorMove(1, 5), p.MotorJog(1, 5000, 5),
+            p.MotorResetPosition(1, 5), p.MotorConfigure(1, 0), p.MotorConfigure(1, 3),
+            p.MotorSetLimits(1, 0, 0, 0, 0), p.RtPositionFrame(2),
+            p.RtRunMove(24000, 1, 3, 500, 500), p.RtShootFrame(2, 1, 100, 500),
             p.RtJogAll(24000, 3),
-        )
-        session.accept(p.MotorMove(3, 100), p.MotorSetLimits(4, 0, 0, 0, 0))
-        session.run(0.03)
+        )  # fmt: skip
+        session.accept(p.MotorMove(3, 100), p.MotorSetLimits(4, 0, 0, 0, 0)).run(0.03)
     session.wait_idle()
     assert trust(session) == (KNOWN, HOMED)
     session.accept(p.MotorMove(1, 5), p.RtPositionFrame(2))
@@ -308,25 +283,21 @@ def _stop_all(session):
 
 
 def _estop(session):
-    session.board._board.set_input("estop", 1)
+    session.input("estop", 1)
 
 
 def _short_estop(session):
     """It is shorter than the motor's rest between two approaches."""
-    session.board._board.set_input("estop", 1)
-    session.run(0.03)
-    session.board._board.set_input("estop", 0)
+    session.input("estop", 1).run(0.03).input("estop", 0)
 
 
 def _lost_host(session):
-    session.leave()
-    session.run(0.5)
-    session.come_back()
+    session.leave().run(0.5).come_back()
 
 
 def _other_limit(session):
     """Another switch at the same end, assigned to the motor by SET_LIMITS."""
-    session.board._board.set_input(LOW_2, 1)
+    session.input(LOW_2, 1)
 
 
 @pytest.mark.parametrize("after, known", [(0.3, True), (0.98, False), (1.1, True), (1.3, False)])
@@ -334,14 +305,10 @@ def _other_limit(session):
 def test_stopped(stop, after, known):
     """In any phase, and between two of them, the motor comes to rest and stays there."""
     session, rail = rails(Switch(1, LOW, -1700), rig={"estop": "nc"})
-    session.board._board.set_input("estop", 0)
-    session.run(0.1)
-    session.accept(p.MotorSetLimits(1, 0, 0, 0, 0, 2))
+    session.input("estop", 0).run(0.1).accept(p.MotorSetLimits(1, 0, 0, 0, 0, 2))
     if known:
         session.accept(p.MotorResetPosition(1, 4000))
-    session.forget()
-    session.accept(p.Home(b"\1"))
-    session.run(after)
+    session.forget().accept(p.Home(b"\1")).run(after)
     assert session.moving == [1]
     stop(session)
     session.run(0.6)
@@ -361,8 +328,7 @@ def test_what_comes_in_one_packet_with_a_stop():
     """Soft limits count at once, and another motor's homing does not change the first motor's
     state."""
     session, _ = rails(Switch(1, LOW, -1700), Switch(3, LOW_2, -200), rig=THREE)
-    session.accept(p.MotorSetLimits(1, 1, -500, 1, 500), p.Home(b"\1"))
-    session.run(0.3)
+    session.accept(p.MotorSetLimits(1, 1, -500, 1, 500), p.Home(b"\1")).run(0.3)
     requests = (p.MotorStop(1), p.MotorMove(1, -900), p.Home(b"\1"), p.Home(b"\3"))
     data = b"".join(encode(r.TYPE, r.pack(), 50 + i) for i, r in enumerate(requests))
     answers = {f.id: p.Ack.unpack(f.payload) for f in session.bytes_for(data)}
@@ -381,36 +347,27 @@ def test_switch_on_the_way_to_rest():
     session.accept(p.Home(b"\1"))
     while rail.steps.get(1, 0) > -650:
         session.run(0.001)
-    session.accept(p.MotorStop(1))
-    session.wait_idle()
+    session.accept(p.MotorStop(1)).wait_idle()
     assert rail.steps[1] < -700
     assert rail.steps[1] > -700 - 2000**2 / (2 * 4 * 20000) - 8
-    session.accept(p.MotorMove(1, 0))
-    session.wait_idle()
-    session.forget()
-    session.accept(p.MotorMove(1, -750))
-    session.wait_idle()
+    session.accept(p.MotorMove(1, 0)).wait_idle().forget()
+    session.accept(p.MotorMove(1, -750)).wait_idle()
     assert session.events(p.HardStop) == []
     assert rail.steps[1] == -750
 
 
 def test_limits_set_on_the_way_to_rest():
     session, _ = rails(Switch(1, LOW, -700))
-    session.accept(p.Home(b"\1"))
-    session.run(0.2)
-    session.accept(p.MotorStop(1), p.MotorSetLimits(1, 0, 0, 0, 0, 1))
-    session.wait_idle()
-    session.accept(p.MotorMove(1, -750))
-    session.wait_idle()
+    session.accept(p.Home(b"\1")).run(0.2)
+    session.accept(p.MotorStop(1), p.MotorSetLimits(1, 0, 0, 0, 0, 1)).wait_idle()
+    session.accept(p.MotorMove(1, -750)).wait_idle()
     assert [(e.reason, e.motor) for _, e in session.events(p.HardStop)] == [(2, 1)]
 
 
 def test_stop_of_another_motor_ends_nothing():
     session, _ = rails(Switch(1, LOW, -1700))
-    session.accept(p.Home(b"\1"), p.MotorMove(2, 1000))
-    session.run(0.1)
-    session.accept(p.MotorStop(2))
-    session.wait_idle()
+    session.accept(p.Home(b"\1"), p.MotorMove(2, 1000)).run(0.1)
+    session.accept(p.MotorStop(2)).wait_idle()
     assert trust(session) == (KNOWN, HOMED)
 
 
@@ -432,8 +389,7 @@ def test_limit_switch_that_is_the_home_switch():
     home(session, 1)
     assert trust(session) == (KNOWN, HOMED)
     assert session.events(p.HardStop) == []
-    session.accept(p.MotorMove(1, -3000))
-    session.wait_idle()
+    session.accept(p.MotorMove(1, -3000)).wait_idle()
     assert [(e.reason, e.motor) for _, e in session.events(p.HardStop)] == [(2, 1)]
 
 
@@ -441,8 +397,7 @@ def test_home_switch_is_no_limit_afterwards():
     """SET_LIMITS has not assigned it to the motor."""
     session, _ = rails(Switch(1, LOW, -1700))
     home(session, 1)
-    session.accept(p.MotorMove(1, -400))
-    session.wait_idle()
+    session.accept(p.MotorMove(1, -400)).wait_idle()
     assert session.position(1) == -400
     assert session.events(p.HardStop) == []
 
@@ -456,8 +411,7 @@ def test_coupled_motors():
     assert rail.steps[1] == rail.steps[2] == pytest.approx(-400, abs=1)
     assert trust(session) == (KNOWN, HOMED)
     assert session.position(1) == FREE
-    session.accept(p.MotorMove(1, FREE + 100))
-    session.wait_idle()
+    session.accept(p.MotorMove(1, FREE + 100)).wait_idle()
     assert rail.steps[1] == rail.steps[2] == pytest.approx(-300, abs=1)
 
 
@@ -489,15 +443,12 @@ def test_button():
     settings = {"limits": [{"low": LOW}], "home_input": 1, "inputs": [{"pin": HIGH}]}
     session, rail = rails(Switch(1, LOW, -700), rig=settings)
     assert session.moving == []
-    session.board._board.set_input(HIGH, 0)
-    session.run(0.1)
+    session.input(HIGH, 0).run(0.1)
     assert session.moving == [1]
-    session.board._board.set_input(HIGH, 1)
-    session.wait_idle()
+    session.input(HIGH, 1).wait_idle()
     assert trust(session) == (KNOWN, HOMED)
     before = dict(rail.steps)
-    session.board._board.set_input(HIGH, 0)
-    session.run(0.5)
+    session.input(HIGH, 0).run(0.5)
     assert rail.steps == before  # the position is known now
 
 
@@ -592,8 +543,7 @@ def test_refusals_of_the_command(framestep):
     assert framestep(session, "home 9", REFUSED) == (
         "framestep: refused: there is no motor 9, the device has motors 1 to 8"
     )
-    session.come_back()
-    session.accept(p.MotorResetPosition(1, 100), p.MotorSetLimits(1, 1, 1, 0, 0))
+    session.come_back().accept(p.MotorResetPosition(1, 100), p.MotorSetLimits(1, 1, 1, 0, 0))
     assert framestep(session, "home 1", REFUSED) == (
         "framestep: refused: the position of a home switch is past the lower soft limit "
         "of its motor (set in Dragonframe's axis set-up, or in framestep console); "

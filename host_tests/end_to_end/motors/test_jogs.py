@@ -3,16 +3,7 @@
 import numpy as np
 import pytest
 
-from framestep_tools.payloads import (
-    Ack,
-    MotorJog,
-    MotorMove,
-    MotorResetPosition,
-    MotorSetLimits,
-    MotorSetSpeed,
-    MotorStop,
-    MotorStopAll,
-)
+from framestep_tools import payloads as p
 from host_tests.end_to_end.session import assert_within, deceleration, simulated
 
 FARTHEST, LOWEST = 2**31 - 1, -(2**31)
@@ -22,8 +13,7 @@ def jog_for(rig, seconds, request, every=0.1):
     """Jog as Dragonframe does while a key is held."""
     until = rig.now + seconds
     while rig.now < until:
-        rig.accept(request)
-        rig.run(every)
+        rig.accept(request).run(every)
 
 
 @pytest.mark.needs("fine edges")
@@ -33,9 +23,8 @@ def jog_for(rig, seconds, request, every=0.1):
 def test_jog_speed(rig, speed, share):
     """Field note 4.2: velocity and acceleration scaled, with a small minimum."""
     rig.speed(1, 8000, 16000)
-    jog_for(rig, 1.5, MotorJog(1, speed, FARTHEST))
-    rig.accept(MotorStop(1))
-    rig.wait_idle()
+    jog_for(rig, 1.5, p.MotorJog(1, speed, FARTHEST))
+    rig.accept(p.MotorStop(1)).wait_idle()
     times, _ = rig.steps(1)
     assert 1 / np.diff(times).min() == pytest.approx(8000 * share, rel=3e-3)
     # after n steps of the ramp: sqrt(2·n / a)
@@ -48,8 +37,8 @@ def test_jog_speed(rig, speed, share):
 
 def test_jog_ends_without_another(rig):
     """500 ms after the last request it ramps down."""
-    jog_for(rig, 1.0, MotorJog(1, 10000, FARTHEST), every=0.2)
-    rig.accept(MotorJog(1, 10000, FARTHEST))
+    jog_for(rig, 1.0, p.MotorJog(1, 10000, FARTHEST), every=0.2)
+    rig.accept(p.MotorJog(1, 10000, FARTHEST))
     asked = rig.now
     rig.run(0.45)
     times, signs = rig.steps(1)
@@ -64,18 +53,17 @@ def test_jog_ends_without_another(rig):
 @pytest.mark.parametrize(("timeout_ms", "ends"), [(0, False), (200, True)])
 def test_jog_timeout_of_the_rig_file(timeout_ms, ends):
     rig = simulated({"jog_timeout_ms": timeout_ms})
-    rig.accept(MotorJog(1, 10000, FARTHEST))
-    rig.run(3)
+    rig.accept(p.MotorJog(1, 10000, FARTHEST)).run(3)
     assert (rig.moving == []) == ends
     assert rig.made(1) == pytest.approx(5000 * 0.2 if ends else 5000 * 2.9, abs=400)
 
 
 def test_jog_reaches_its_destination(rig):
     """A jog repeated there gets its answer and moves nothing."""
-    jog_for(rig, 1.2, MotorJog(1, 10000, 2500))
+    jog_for(rig, 1.2, p.MotorJog(1, 10000, 2500))
     rig.wait_idle()
     assert rig.position(1) == rig.made(1) == 2500
-    rig.accept(MotorJog(1, 10000, 2500))
+    rig.accept(p.MotorJog(1, 10000, 2500))
     assert rig.moving == []
 
 
@@ -84,9 +72,8 @@ def test_jog_repeated_is_one_motion(rig):
     other = simulated({"jog_timeout_ms": 0})
     rig.board.run_until(100_000_000)
     other.board.run_until(100_000_000)
-    jog_for(rig, 0.8, MotorJog(1, 7000, FARTHEST), every=0.03)
-    other.accept(MotorJog(1, 7000, FARTHEST))
-    other.run(0.8)
+    jog_for(rig, 0.8, p.MotorJog(1, 7000, FARTHEST), every=0.03)
+    other.accept(p.MotorJog(1, 7000, FARTHEST)).run(0.8)
     count = len(rig.steps(1)[0]) - 20
     assert count > 1500
     assert (rig.steps(1)[0][:count] == other.steps(1)[0][:count]).all()
@@ -94,11 +81,10 @@ def test_jog_repeated_is_one_motion(rig):
 
 def test_jog_turns_by_ramps(rig):
     """Field note 4.2: against its direction the motor ramps to a stop, then turns."""
-    jog_for(rig, 0.8, MotorJog(1, 10000, FARTHEST))
-    jog_for(rig, 1.0, MotorJog(1, 10000, LOWEST))
-    jog_for(rig, 0.4, MotorJog(1, 4000, LOWEST))
-    rig.accept(MotorStop(1))
-    rig.wait_idle()
+    jog_for(rig, 0.8, p.MotorJog(1, 10000, FARTHEST))
+    jog_for(rig, 1.0, p.MotorJog(1, 10000, LOWEST))
+    jog_for(rig, 0.4, p.MotorJog(1, 4000, LOWEST))
+    rig.accept(p.MotorStop(1)).wait_idle()
     times, signs = rig.steps(1)
     assert_within(times, signs, 5000, 20000)
     turns = np.flatnonzero(np.diff(signs))
@@ -114,9 +100,9 @@ def test_jog_turns_by_ramps(rig):
 
 
 def test_jog_is_held_by_soft_limits(both):
-    both.accept(MotorSetLimits(1, 1, -1200, 1, 1500))
+    both.accept(p.MotorSetLimits(1, 1, -1200, 1, 1500))
     for destination, ends in ((FARTHEST, 1500), (LOWEST, -1200), (1600, 1500), (2**30, 1500)):
-        jog_for(both, 1.5, MotorJog(1, 10000, destination))
+        jog_for(both, 1.5, p.MotorJog(1, 10000, destination))
         both.wait_idle()
         assert both.position(1) == ends
         assert both.made(1) == ends
@@ -126,10 +112,13 @@ def test_jog_is_held_by_soft_limits(both):
 
 
 GENTLER = {
-    "a slower jog": [MotorJog(1, 500, FARTHEST)],
-    "a jog with less acceleration": [MotorSetSpeed(1, 20000, 2000), MotorJog(1, 10000, FARTHEST)],
-    "a move with less acceleration": [MotorSetSpeed(1, 20000, 2000), MotorMove(1, 8000)],
-    "a stop with less acceleration": [MotorSetSpeed(1, 20000, 2000), MotorStop(1)],
+    "a slower jog": [p.MotorJog(1, 500, FARTHEST)],
+    "a jog with less acceleration": [
+        p.MotorSetSpeed(1, 20000, 2000),
+        p.MotorJog(1, 10000, FARTHEST),
+    ],
+    "a move with less acceleration": [p.MotorSetSpeed(1, 20000, 2000), p.MotorMove(1, 8000)],
+    "a stop with less acceleration": [p.MotorSetSpeed(1, 20000, 2000), p.MotorStop(1)],
 }
 
 
@@ -139,35 +128,31 @@ GENTLER = {
 def test_soft_limits_hold_for_what_is_gentler_under_way(requests, jerk):
     """A motor near its limit can still stop there, whatever is requested meanwhile."""
     rig = simulated({"motors": [{"jerk": jerk}]})
-    rig.accept(MotorSetSpeed(1, 20000, 40000), MotorSetLimits(1, 1, -100_000, 1, 8000))
-    jog_for(rig, 0.4, MotorJog(1, 10000, FARTHEST))
-    rig.accept(MotorJog(1, 10000, FARTHEST))
-    rig.run(0.2)
+    rig.accept(p.MotorSetSpeed(1, 20000, 40000), p.MotorSetLimits(1, 1, -100_000, 1, 8000))
+    jog_for(rig, 0.4, p.MotorJog(1, 10000, FARTHEST))
+    rig.accept(p.MotorJog(1, 10000, FARTHEST)).run(0.2)
     assert 5000 < rig.position(1) < 8000
-    rig.accept(*requests)
-    rig.wait_idle()
+    rig.accept(*requests).wait_idle()
     assert np.cumsum(rig.steps(1)[1]).max() <= 8000
 
 
-@pytest.mark.parametrize("stop, acceleration", [(MotorStop(1), 179), (MotorStopAll(), 250)])
+@pytest.mark.parametrize("stop, acceleration", [(p.MotorStop(1), 179), (p.MotorStopAll(), 250)])
 def test_a_stop_in_the_slowing_down_to_a_soft_limit_ends_there(stop, acceleration):
     """The kernel's decelerations are whole numbers, so at a low acceleration the stop would take a
     longer way than planned."""
     rig = simulated()
     ramp = 2000**2 // (2 * acceleration)
-    rig.accept(MotorSetLimits(1, 1, -2 * ramp, 1, 100), MotorSetSpeed(1, 2000, acceleration))
-    rig.accept(MotorMove(1, -2 * ramp))
-    rig.run(2000 / acceleration * 1.3)
-    rig.accept(stop)
-    rig.wait_idle()
+    rig.accept(p.MotorSetLimits(1, 1, -2 * ramp, 1, 100), p.MotorSetSpeed(1, 2000, acceleration))
+    rig.accept(p.MotorMove(1, -2 * ramp)).run(2000 / acceleration * 1.3)
+    rig.accept(stop).wait_idle()
     lowest = np.cumsum(rig.steps(1)[1]).min()
     assert -2 * ramp <= lowest <= -2 * ramp + 3 + ramp // 250
 
 
 UNDER_WAY = {
-    "a move": [MotorMove(1, 30_000)],
-    "a jog": [MotorJog(1, 10_000, FARTHEST)],
-    "a move that turns": [MotorMove(1, -30_000), MotorMove(1, 30_000)],
+    "a move": [p.MotorMove(1, 30_000)],
+    "a jog": [p.MotorJog(1, 10_000, FARTHEST)],
+    "a move that turns": [p.MotorMove(1, -30_000), p.MotorMove(1, 30_000)],
 }
 
 
@@ -179,14 +164,12 @@ def test_a_soft_limit_set_under_way_holds(requests, room, backlash, jerk):
     """The motor comes to rest on it; if the limit is too near for a stop, it comes back (field note
     4.3)."""
     rig = simulated({"motors": [{"jerk": jerk, "backlash": backlash}], "jog_timeout_ms": 0})
-    rig.accept(MotorSetSpeed(1, 20_000, 40_000))
+    rig.accept(p.MotorSetSpeed(1, 20_000, 40_000))
     for request in requests:
-        rig.accept(request)
-        rig.run(0.3)
+        rig.accept(request).run(0.3)
     rig.run(0.2)
     limit = rig.position(1) + room
-    rig.accept(MotorSetLimits(1, 1, -100_000, 1, limit))
-    rig.wait_idle()
+    rig.accept(p.MotorSetLimits(1, 1, -100_000, 1, limit)).wait_idle()
     assert rig.position(1) == limit
     times, signs = rig.steps(1)
     assert_within(times, signs, 20_000, 40_000)
@@ -195,70 +178,60 @@ def test_a_soft_limit_set_under_way_holds(requests, room, backlash, jerk):
     else:
         stop_s = 20_000 / 40_000 / 2 + 0.05 + (0.2 if jerk else 0)
         assert limit < np.cumsum(signs).max() < limit - room + 20_000 * stop_s
-    rig.refuse(Ack.ERR_SOFT_UP, MotorMove(1, limit + 1))
+    rig.refuse(p.Ack.ERR_SOFT_UP, p.MotorMove(1, limit + 1))
 
 
-@pytest.mark.parametrize("stop", [MotorStop(1), MotorStopAll()])
+@pytest.mark.parametrize("stop", [p.MotorStop(1), p.MotorStopAll()])
 @pytest.mark.parametrize("jerk", [0, 300])
 def test_a_soft_limit_set_in_a_stop_does_not_send_it_on(stop, jerk):
     rig = simulated({"motors": [{"jerk": jerk}]})
-    rig.accept(MotorSetSpeed(1, 20_000, 40_000), MotorMove(1, 30_000))
-    rig.run(0.4)
-    rig.accept(stop)
-    rig.run(0.05)
+    rig.accept(p.MotorSetSpeed(1, 20_000, 40_000), p.MotorMove(1, 30_000)).run(0.4)
+    rig.accept(stop).run(0.05)
     limit = rig.position(1) + 12_000
-    rig.accept(MotorSetLimits(1, 1, -100_000, 1, limit))
-    rig.wait_idle()
+    rig.accept(p.MotorSetLimits(1, 1, -100_000, 1, limit)).wait_idle()
     assert rig.position(1) < limit - 2_000
 
 
 @pytest.mark.needs("prompt")
 def test_a_soft_limit_set_as_it_comes_to_rest_does_not_send_it_on(rig):
     """It is so slow that it rests in the next tick, while its last pulses are queued."""
-    rig.accept(MotorSetSpeed(1, 62, 1000), MotorJog(1, 100, -(2**31)))
-    rig.run(0.1)
-    rig.accept(MotorStop(1), MotorSetLimits(1, 1, -9, 0, 0))
-    rig.run(0.01)
+    rig.accept(p.MotorSetSpeed(1, 62, 1000), p.MotorJog(1, 100, -(2**31))).run(0.1)
+    rig.accept(p.MotorStop(1), p.MotorSetLimits(1, 1, -9, 0, 0)).run(0.01)
     assert not rig.moving
 
 
 def test_limits_of_another_motor_leave_a_move_alone(rig):
-    rig.accept(MotorMove(1, 3000))
-    rig.run(0.2)
-    rig.accept(MotorSetLimits(2, 1, -1, 1, 1), MotorSetLimits(1, 1, -1, 1, 3000))
-    rig.wait_idle()
+    rig.accept(p.MotorMove(1, 3000)).run(0.2)
+    rig.accept(p.MotorSetLimits(2, 1, -1, 1, 1), p.MotorSetLimits(1, 1, -1, 1, 3000)).wait_idle()
     assert rig.position(1) == 3000
 
 
 def test_less_acceleration_waits_for_the_motor_to_stand(rig):
-    rig.accept(MotorSetSpeed(1, 20000, 40000), MotorMove(1, 8000))
-    rig.run(0.2)
-    rig.accept(MotorSetSpeed(1, 20000, 2000))
-    rig.wait_idle()
+    rig.accept(p.MotorSetSpeed(1, 20000, 40000), p.MotorMove(1, 8000)).run(0.2)
+    rig.accept(p.MotorSetSpeed(1, 20000, 2000)).wait_idle()
     fast, _ = rig.steps(1)
-    rig.accept(MotorMove(1, 0))
-    rig.wait_idle()
+    rig.accept(p.MotorMove(1, 0)).wait_idle()
     slow = rig.steps(1)[0][len(fast) :]
     assert np.ptp(fast) == pytest.approx(2 * (8000 / 40000) ** 0.5, rel=0.05)
     assert np.ptp(slow) == pytest.approx(2 * (8000 / 2000) ** 0.5, rel=0.05)
 
 
 def test_jog_past_a_limit_goes_back_only(rig):
-    rig.accept(MotorResetPosition(1, 3000), MotorSetLimits(1, 1, 0, 1, 1000))
-    jog_for(rig, 0.3, MotorJog(1, 10000, FARTHEST))
+    rig.accept(p.MotorResetPosition(1, 3000), p.MotorSetLimits(1, 1, 0, 1, 1000))
+    jog_for(rig, 0.3, p.MotorJog(1, 10000, FARTHEST))
     rig.wait_idle()
     assert rig.position(1) == 3000, "moved further out"
-    jog_for(rig, 2.0, MotorJog(1, 10000, LOWEST))
+    jog_for(rig, 2.0, p.MotorJog(1, 10000, LOWEST))
     rig.wait_idle()
     assert rig.position(1) == 0
 
 
 def test_jog_refused(both):
     both.refuse(
-        Ack.ERR_RANGE, MotorJog(1, 0, 100), MotorJog(1, 10001, 100), MotorJog(1, 65535, 100)
+        p.Ack.ERR_RANGE, p.MotorJog(1, 0, 100), p.MotorJog(1, 10001, 100), p.MotorJog(1, 65535, 100)
     )
     both.refuse(
-        Ack.ERR_RANGE, MotorJog(0, 100, 100), MotorJog(9, 100, 100), MotorJog(255, 100, 100)
+        p.Ack.ERR_RANGE, p.MotorJog(0, 100, 100), p.MotorJog(9, 100, 100), p.MotorJog(255, 100, 100)
     )
     both.run(0.2)
     assert both.moving == []
@@ -266,11 +239,10 @@ def test_jog_refused(both):
 
 
 def test_refused_jog_does_not_prolong(rig):
-    rig.accept(MotorJog(1, 10000, FARTHEST))
+    rig.accept(p.MotorJog(1, 10000, FARTHEST))
     asked = rig.now
     for _ in range(6):
-        rig.run(0.1)
-        rig.refuse(Ack.ERR_RANGE, MotorJog(1, 0, FARTHEST))
+        rig.run(0.1).refuse(p.Ack.ERR_RANGE, p.MotorJog(1, 0, FARTHEST))
     rig.wait_idle()
     assert rig.steps(1)[0][-1] - asked == pytest.approx(0.75, abs=0.012)
 
@@ -278,8 +250,6 @@ def test_refused_jog_does_not_prolong(rig):
 @pytest.mark.each_processor
 def test_move_after_jog(rig):
     """A MOVE replaces a jog, and no jog's time-out ends it."""
-    rig.accept(MotorJog(1, 10000, FARTHEST))
-    rig.run(0.4)
-    rig.ask(MotorMove(1, 6000))
-    rig.wait_idle()
+    rig.accept(p.MotorJog(1, 10000, FARTHEST)).run(0.4)
+    rig.accept(p.MotorMove(1, 6000)).wait_idle()
     assert rig.position(1) == rig.made(1) == 6000

@@ -5,16 +5,7 @@ import pytest
 
 from framestep.hal.host import CLOCK_HZ
 from framestep.protocol import messages as m
-from framestep_tools.payloads import (
-    Ack,
-    MotorConfigure,
-    MotorJog,
-    MotorMove,
-    MotorResetPosition,
-    MotorSetLimits,
-    MotorSetSpeed,
-    MotorStop,
-)
+from framestep_tools import payloads as p
 from host_tests.end_to_end.session import assert_within, simulated
 
 FARTHEST, LOWEST = 2**31 - 1, -(2**31)
@@ -23,29 +14,27 @@ FARTHEST, LOWEST = 2**31 - 1, -(2**31)
 @pytest.mark.needs("boards")
 def test_configure(both):
     """A motor that is not enabled does not move; its driver's pin says so."""
-    both.accept(MotorConfigure(2, m.MOTOR_ENABLED | m.MOTOR_BLUR), MotorConfigure(3, 0))
-    both.refuse(Ack.ERR_GENERAL, MotorMove(3, 100), MotorJog(3, 100, 100))
-    both.run(0.1)
+    both.accept(p.MotorConfigure(2, m.MOTOR_ENABLED | m.MOTOR_BLUR), p.MotorConfigure(3, 0))
+    both.refuse(p.Ack.ERR_GENERAL, p.MotorMove(3, 100), p.MotorJog(3, 100, 100)).run(0.1)
     assert both.made(3) == 0
     assert both.moving == []
-    both.accept(MotorConfigure(3, m.MOTOR_ENABLED))
-    assert both.code(MotorMove(3, 100)) == Ack.OK
-    both.refuse(Ack.ERR_MOVING, MotorConfigure(3, 0))
-    both.wait_idle()
+    both.accept(p.MotorConfigure(3, m.MOTOR_ENABLED))
+    assert both.code(p.MotorMove(3, 100)) == p.Ack.OK
+    both.refuse(p.Ack.ERR_MOVING, p.MotorConfigure(3, 0)).wait_idle()
     assert both.position(3) == both.made(3) == 100
-    both.accept(MotorConfigure(3, 0))
+    both.accept(p.MotorConfigure(3, 0))
     assert both.trace().signals["enable3"][1].tolist() == [0, 1, 0]
-    both.accept(MotorConfigure(8, 0x0F))
-    both.refuse(Ack.ERR_RANGE, MotorConfigure(0, 1), MotorConfigure(9, 1))
+    both.accept(p.MotorConfigure(8, 0x0F))
+    both.refuse(p.Ack.ERR_RANGE, p.MotorConfigure(0, 1), p.MotorConfigure(9, 1))
 
 
 def test_set_speed_refused(both):
     """Velocity 0, and more than the board's pulses allow: 500 000 steps/s with pulses of 1 µs, high
     and low."""
     for velocity in (0, 500_001, 2**30, 2**31, 2**32 - 1):
-        both.refuse(Ack.ERR_RANGE, MotorSetSpeed(1, velocity, 1000))
-    both.refuse(Ack.ERR_RANGE, MotorSetSpeed(0, 1000, 1000), MotorSetSpeed(9, 1000, 1000))
-    both.code(MotorMove(1, 4000))
+        both.refuse(p.Ack.ERR_RANGE, p.MotorSetSpeed(1, velocity, 1000))
+    both.refuse(p.Ack.ERR_RANGE, p.MotorSetSpeed(0, 1000, 1000), p.MotorSetSpeed(9, 1000, 1000))
+    both.code(p.MotorMove(1, 4000))
     both.wait_idle()
     times, _ = both.steps(1)
     assert 1 / np.diff(times).min() == pytest.approx(5000, rel=2e-3), "a refused speed is in force"
@@ -71,11 +60,9 @@ def test_fastest_speed_depends_on_the_pulse(pulse_us, fastest):
     rig = simulated({"motors": [{"pulse_us": pulse_us}]})
     if isinstance(fastest, dict):
         fastest = fastest[getattr(rig.board, "engine_mhz", CLOCK_HZ // 1_000_000)]
-    rig.refuse(Ack.ERR_RANGE, MotorSetSpeed(1, fastest + 1, 1000))
-    rig.speed(1, fastest, 4_000_000)
+    rig.refuse(p.Ack.ERR_RANGE, p.MotorSetSpeed(1, fastest + 1, 1000)).speed(1, fastest, 4_000_000)
     way = int(fastest**2 / 4_000_000 + fastest / 20)
-    rig.ask(MotorMove(1, way))
-    rig.wait_idle()
+    rig.accept(p.MotorMove(1, way)).wait_idle()
     times, _ = rig.steps(1)
     assert len(times) == way
     assert 1 / np.median(np.diff(times)[way // 2 - 1000 :][:2000]) == pytest.approx(
@@ -87,22 +74,17 @@ def test_fastest_speed_depends_on_the_pulse(pulse_us, fastest):
 @pytest.mark.parametrize(
     ("velocity", "acceleration", "expected"),
     [
-        (4000, 0, 2000),
-        (10, 0, 5),
-        (1, 0, 5),
-        (3, 40, 40),
-        (1000, 2**32 - 1, None),
+        (4000, 0, 2000), (10, 0, 5), (1, 0, 5), (3, 40, 40), (1000, 2**32 - 1, None),
         (480_000, 4_000_000, None),
     ],
-)
+)  # fmt: skip
 def test_set_speed(rig, velocity, acceleration, expected):
     """Field note 4.1: acceleration 0 is half the velocity, and the minimum velocity is 10
     steps/s."""
     rig.speed(1, velocity, acceleration)
     top = max(velocity, 10)
     way = int(top * 1.5 * (top / expected if expected else 0.1)) + 30
-    rig.ask(MotorMove(1, way))
-    rig.wait_idle(200)
+    rig.accept(p.MotorMove(1, way)).wait_idle(200)
     times, signs = rig.steps(1)
     assert len(times) == way == rig.position(1)
     assert 1 / np.diff(times).min() == pytest.approx(top, rel=0.01)
@@ -114,77 +96,78 @@ def test_set_speed(rig, velocity, acceleration, expected):
 
 def test_set_speed_in_motion(rig):
     """It counts for the next motion; the present one ends at its target."""
-    rig.ask(MotorMove(1, 6000))
-    rig.run(0.5)
-    rig.speed(1, 1000, 2000)
-    rig.wait_idle()
+    rig.accept(p.MotorMove(1, 6000)).run(0.5).speed(1, 1000, 2000).wait_idle()
     assert rig.made(1) == 6000
-    rig.forget()
-    rig.ask(MotorMove(1, 4000))
-    rig.wait_idle()
+    rig.forget().accept(p.MotorMove(1, 4000)).wait_idle()
     assert_within(*rig.steps(1), 1000, 2000)
 
 
 def test_soft_limits(both):
     """Field note 4.3: 0x20 above, 0x21 below, and nothing moves; a motor past a limit may
     return."""
-    both.accept(MotorSetLimits(1, 1, -500, 1, 800))
+    both.accept(p.MotorSetLimits(1, 1, -500, 1, 800))
     for target, code in (
-        (801, Ack.ERR_SOFT_UP),
-        (FARTHEST, Ack.ERR_SOFT_UP),
-        (-501, Ack.ERR_SOFT_LOW),
+        (801, p.Ack.ERR_SOFT_UP),
+        (FARTHEST, p.Ack.ERR_SOFT_UP),
+        (-501, p.Ack.ERR_SOFT_LOW),
     ):
-        both.refuse(code, MotorMove(1, target))
-    both.refuse(Ack.ERR_SOFT_LOW, MotorMove(1, LOWEST))
-    both.run(0.1)
+        both.refuse(code, p.MotorMove(1, target))
+    both.refuse(p.Ack.ERR_SOFT_LOW, p.MotorMove(1, LOWEST)).run(0.1)
     assert both.moving == []
     assert both.made(1) == 0
     for target in (800, -500, 0):
-        assert both.code(MotorMove(1, target)) == Ack.OK
+        assert both.code(p.MotorMove(1, target)) == p.Ack.OK
         both.wait_idle()
         assert both.position(1) == target
-    both.accept(MotorResetPosition(1, 2000))
-    both.refuse(Ack.ERR_SOFT_UP, MotorMove(1, 2001))
+    both.accept(p.MotorResetPosition(1, 2000))
+    both.refuse(p.Ack.ERR_SOFT_UP, p.MotorMove(1, 2001))
     for target in (1500, 900, 800):
-        assert both.code(MotorMove(1, target)) == Ack.OK, "may move back toward the allowed range"
+        assert both.code(p.MotorMove(1, target)) == p.Ack.OK, (
+            "may move back toward the allowed range"
+        )
         both.wait_idle()
         assert both.position(1) == target
-    both.refuse(Ack.ERR_SOFT_UP, MotorMove(1, 801))
-    both.accept(MotorResetPosition(1, -2000))
-    both.refuse(Ack.ERR_SOFT_LOW, MotorMove(1, -2001))
-    both.refuse(Ack.ERR_SOFT_UP, MotorMove(1, 900))
-    assert both.code(MotorMove(1, -600)) == Ack.OK
+    both.refuse(p.Ack.ERR_SOFT_UP, p.MotorMove(1, 801))
+    both.accept(p.MotorResetPosition(1, -2000))
+    both.refuse(p.Ack.ERR_SOFT_LOW, p.MotorMove(1, -2001))
+    both.refuse(p.Ack.ERR_SOFT_UP, p.MotorMove(1, 900))
+    assert both.code(p.MotorMove(1, -600)) == p.Ack.OK
 
 
 def test_limits_off_and_one_sided(rig):
-    rig.accept(MotorSetLimits(1, 0, 10, 1, 500))
-    rig.refuse(Ack.ERR_SOFT_UP, MotorMove(1, 501))
-    rig.ask(MotorMove(1, -300))
-    rig.wait_idle()
-    rig.accept(MotorSetLimits(1, 0, 10, 0, -10))
-    rig.ask(MotorMove(1, 600))
-    rig.wait_idle()
+    rig.accept(p.MotorSetLimits(1, 0, 10, 1, 500))
+    rig.refuse(p.Ack.ERR_SOFT_UP, p.MotorMove(1, 501))
+    rig.accept(p.MotorMove(1, -300))
+    rig.wait_idle().accept(p.MotorSetLimits(1, 0, 10, 0, -10))
+    rig.accept(p.MotorMove(1, 600)).wait_idle()
     assert rig.position(1) == 600
 
 
 def test_limits_refused(both):
     """Limits that cross, a flag other than 0 or 1, a limit set that the rig does not have."""
-    both.accept(MotorSetLimits(1, 1, -100, 1, 100))
+    both.accept(p.MotorSetLimits(1, 1, -100, 1, 100))
     both.refuse(
-        Ack.ERR_RANGE, MotorSetLimits(1, 1, 101, 1, 100), MotorSetLimits(1, 1, FARTHEST, 1, LOWEST)
+        p.Ack.ERR_RANGE,
+        p.MotorSetLimits(1, 1, 101, 1, 100),
+        p.MotorSetLimits(1, 1, FARTHEST, 1, LOWEST),
     )
-    both.refuse(Ack.ERR_RANGE, MotorSetLimits(0, 1, 0, 1, 1), MotorSetLimits(9, 1, 0, 1, 1))
+    both.refuse(p.Ack.ERR_RANGE, p.MotorSetLimits(0, 1, 0, 1, 1), p.MotorSetLimits(9, 1, 0, 1, 1))
     both.refuse(
-        Ack.ERR_RANGE, MotorSetLimits(1, 2, -300, 1, 300), MotorSetLimits(1, 1, -300, 255, 300)
+        p.Ack.ERR_RANGE,
+        p.MotorSetLimits(1, 2, -300, 1, 300),
+        p.MotorSetLimits(1, 1, -300, 255, 300),
     )
-    both.refuse(Ack.ERR_RANGE, MotorSetLimits(1, 1, -300, 1, 300, limit_set=3))
-    both.refuse(Ack.ERR_SOFT_UP, MotorMove(1, 101))
-    both.refuse(Ack.ERR_SOFT_LOW, MotorMove(1, -101))
-    both.accept(MotorSetLimits(1, 1, 50, 1, 50), MotorSetLimits(1, 1, LOWEST, 1, FARTHEST))
+    both.refuse(p.Ack.ERR_RANGE, p.MotorSetLimits(1, 1, -300, 1, 300, limit_set=3))
+    both.refuse(p.Ack.ERR_SOFT_UP, p.MotorMove(1, 101))
+    both.refuse(p.Ack.ERR_SOFT_LOW, p.MotorMove(1, -101))
+    both.accept(p.MotorSetLimits(1, 1, 50, 1, 50), p.MotorSetLimits(1, 1, LOWEST, 1, FARTHEST))
 
 
 def test_no_such_motor(both):
     for motor in (0, 9, 32, 255):
         both.refuse(
-            Ack.ERR_RANGE, MotorMove(motor, 5), MotorStop(motor), MotorResetPosition(motor, 5)
+            p.Ack.ERR_RANGE,
+            p.MotorMove(motor, 5),
+            p.MotorStop(motor),
+            p.MotorResetPosition(motor, 5),
         )

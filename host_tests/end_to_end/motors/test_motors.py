@@ -39,9 +39,7 @@ def test_hi_is_sent_at_each_opening(both):
     """Field note 1.5: with full data and ID 0 each time DTR rises."""
     info = both.ask(p.Hi())
     for _ in range(2):
-        both.leave()
-        both.run(0.2)
-        both.come_back()
+        both.leave().run(0.2).come_back()
         frames = both.bytes_for(b"")
         assert [(f.type, f.id) for f in frames] == [(m.MSG_HI, 0)]
         assert p.DeviceInfo.unpack(frames[0].payload) == info
@@ -142,17 +140,12 @@ def test_answer_to_a_move(both):
 @pytest.mark.parametrize(
     ("target", "velocity", "acceleration"),
     [
-        (8000, 5000, 20000),
-        (-3000, 9000, 30000),
-        (1, 5000, 20000),
-        (-2, 40, 7),
+        (8000, 5000, 20000), (-3000, 9000, 30000), (1, 5000, 20000), (-2, 40, 7),
         (4000, 120_000, 400_000),
     ],
-)
+)  # fmt: skip
 def test_move(rig, target, velocity, acceleration):
-    rig.speed(3, velocity, acceleration)
-    rig.ask(p.MotorMove(3, target))
-    rig.wait_idle()
+    rig.speed(3, velocity, acceleration).accept(p.MotorMove(3, target)).wait_idle()
     times, signs = rig.steps(3)
     assert rig.position(3) == target == signs.sum() == np.sign(target) * len(signs)
     if abs(target) > 2:
@@ -169,8 +162,7 @@ def test_move(rig, target, velocity, acceleration):
 
 def test_default_speed(rig):
     """Field note 4.1: 5000 steps/s, 20000 steps/s²."""
-    rig.ask(p.MotorMove(1, 4000))
-    rig.wait_idle()
+    rig.accept(p.MotorMove(1, 4000)).wait_idle()
     times, signs = rig.steps(1)
     assert 1 / np.diff(times).min() == pytest.approx(5000, rel=2e-3)
     assert deceleration(times, signs, times[-1] - 0.2) == pytest.approx(20000, rel=0.01)
@@ -178,9 +170,7 @@ def test_default_speed(rig):
 
 def test_no_distance(both):
     """To its own position: an answer, no motion, no report, the same position."""
-    both.accept(p.MotorResetPosition(1, -77))
-    both.run(0.1)
-    both.forget()
+    both.accept(p.MotorResetPosition(1, -77)).run(0.1).forget()
     assert both.code(p.MotorMove(1, -77)) == p.Ack.OK
     assert both.moving == []
     both.run(0.5)
@@ -192,17 +182,13 @@ def test_no_distance(both):
 def test_retarget_farther_nearer_and_back(rig):
     """Field note 4.8: there is no stop if the distance is long enough, and the acceleration keeps
     its limit."""
-    rig.ask(p.MotorMove(1, 4000))
-    rig.run(0.5)
-    rig.ask(p.MotorMove(1, 9000))
-    rig.run(0.7)
+    rig.accept(p.MotorMove(1, 4000)).run(0.5)
+    rig.accept(p.MotorMove(1, 9000)).run(0.7)
     times, signs = rig.steps(1)
     inside = times > times[0] + 0.3
     assert np.diff(times[inside]).max() < 1 / 4900, "slowed down for a target that lies ahead"
-    rig.ask(p.MotorMove(1, 8000))
-    rig.run(0.3)
-    rig.ask(p.MotorMove(1, -2000))
-    rig.wait_idle()
+    rig.accept(p.MotorMove(1, 8000)).run(0.3)
+    rig.accept(p.MotorMove(1, -2000)).wait_idle()
     times, signs = rig.steps(1)
     assert rig.position(1) == -2000 == signs.sum()
     assert_within(times, signs, 5000, 20000)
@@ -212,11 +198,9 @@ def test_retarget_farther_nearer_and_back(rig):
 @pytest.mark.needs("prompt")
 def test_retarget_nearer_than_it_can_stop(rig):
     """It overshoots by the length of the ramp and comes back."""
-    rig.ask(p.MotorMove(1, 20000))
-    rig.run(0.6)
+    rig.accept(p.MotorMove(1, 20000)).run(0.6)
     here = rig.made(1)
-    rig.ask(p.MotorMove(1, here + 200))
-    rig.wait_idle()
+    rig.accept(p.MotorMove(1, here + 200)).wait_idle()
     times, signs = rig.steps(1)
     assert rig.position(1) == here + 200
     assert_within(times, signs, 5000, 20000)
@@ -229,8 +213,7 @@ def test_retarget_storm(rig):
     are kept."""
     chance = np.random.default_rng(4)
     for target in chance.integers(-4000, 4000, 40):
-        rig.ask(p.MotorMove(1, int(target)))
-        rig.run(float(chance.uniform(0.005, 0.08)))
+        rig.accept(p.MotorMove(1, int(target))).run(float(chance.uniform(0.005, 0.08)))
     rig.wait_idle()
     times, signs = rig.steps(1)
     assert rig.position(1) == signs.sum() == target
@@ -254,7 +237,7 @@ def test_large_positions(both):
 
 def test_all_motors_at_once(rig):
     for motor in range(1, 9):
-        rig.ask(p.MotorMove(motor, 700 * motor * (-1) ** motor))
+        rig.accept(p.MotorMove(motor, 700 * motor * (-1) ** motor))
     assert rig.moving == list(range(1, 9))
     rig.wait_idle()
     for motor in range(1, 9):
@@ -267,7 +250,7 @@ def test_inverted_motor():
     """The rig file's `invert` changes the pin, not the counting."""
     rig = simulated({"motors": [{}, {"invert": True}]})
     for motor in (1, 2):
-        rig.ask(p.MotorMove(motor, 50))
+        rig.accept(p.MotorMove(motor, 50))
     rig.wait_idle()
     levels = {
         signal: values[-1]
@@ -276,21 +259,6 @@ def test_inverted_motor():
     }
     assert levels == {"dir1": 1}  # motor 2's pin stays low
     assert rig.made(1) == rig.made(2) == 50 == rig.position(2)
-
-
-def test_jerk_limit():
-    """With `jerk` in the rig file velocity and acceleration keep their limits, too, and the move is
-    exact and longer."""
-    rig = simulated({"motors": [{"jerk": 200}]})
-    for motor in (1, 2):
-        rig.speed(motor, 8000, 40000)
-        rig.ask(p.MotorMove(motor, 6000))
-    rig.wait_idle()
-    assert rig.made(1) == rig.made(2) == 6000
-    assert_within(*rig.steps(1), 8000, 40000)
-    durations = {motor: np.ptp(rig.steps(motor)[0]) for motor in (1, 2)}
-    # a/j longer than a trapezoid; the first and the last step hardly show
-    assert durations[1] - durations[2] == pytest.approx(40000 / 200_000, abs=0.04)
 
 
 # ---- reports -------------------------------------------------------------------------------------
@@ -316,8 +284,7 @@ def test_moving_bits(both):
 
 def test_moving_bit_until_the_last_edge(rig):
     """At requests every millisecond, the bit is set at each edge."""
-    rig.speed(2, 5000, 100_000)
-    rig.ask(p.MotorMove(2, 120))
+    rig.speed(2, 5000, 100_000).accept(p.MotorMove(2, 120))
     seen = []
     while not seen or seen[-1][1]:
         seen.append((rig.now, rig.moving == [2]))
@@ -336,9 +303,7 @@ def test_positions_in_motion(report_ms):
     rig.run(0.5)
     assert rig.events(p.Positions) == [], "positions come though nothing moves"
     begun = rig.now
-    rig.ask(p.MotorMove(1, 5000))
-    rig.ask(p.MotorMove(4, -2500))
-    rig.run(2)
+    rig.accept(p.MotorMove(1, 5000), p.MotorMove(4, -2500)).run(2)
     reports = rig.events(p.Positions)
     ends = max(rig.steps(motor)[0][-1] for motor in (1, 4))
     assert reports[0][0] - begun <= report_ms / 1000 + 0.003
@@ -360,11 +325,9 @@ def test_positions_in_motion(report_ms):
 
 def test_stop(rig):
     """The motor ramps down with its own acceleration; the others continue."""
-    rig.speed(1, 6000, 30000)
-    rig.ask(p.MotorMove(1, 20000))
-    rig.ask(p.MotorMove(2, 6000))
-    rig.run(0.6)
-    rig.accept(p.MotorStop(1))
+    rig.speed(1, 6000, 30000).accept(p.MotorMove(1, 20000))
+    rig.accept(p.MotorMove(2, 6000))
+    rig.run(0.6).accept(p.MotorStop(1))
     asked = rig.now
     assert rig.moving == [1, 2]
     rig.wait_idle()
@@ -373,16 +336,13 @@ def test_stop(rig):
     assert times[-1] - asked == pytest.approx(6000 / 30000, abs=0.008)
     assert rig.position(1) == signs.sum()
     assert rig.position(2) == 6000
-    rig.accept(p.MotorStop(1))
-    rig.ask(p.MotorMove(1, 0))
-    rig.wait_idle()
+    rig.accept(p.MotorStop(1), p.MotorMove(1, 0)).wait_idle()
     assert rig.made(1) == 0
 
 
 def test_stop_before_the_first_step(rig):
-    rig.ask(p.MotorMove(1, 1000))
-    rig.accept(p.MotorStop(1))
-    rig.wait_idle()
+    rig.accept(p.MotorMove(1, 1000))
+    rig.accept(p.MotorStop(1)).wait_idle()
     assert rig.made(1) == rig.position(1)
     assert rig.made(1) <= 2
 
@@ -399,11 +359,10 @@ def test_stop_all_once_and_twice(factor, flags):
     def stop(times_asked, pause=0.0):
         rig.forget()
         for motor in (1, 2):
-            rig.ask(p.MotorMove(motor, rig.position(motor) + 30000))
+            rig.accept(p.MotorMove(motor, rig.position(motor) + 30000))
         rig.run(1)
         for _ in range(times_asked):
-            rig.run(pause)
-            rig.accept(p.MotorStopAll(flags))
+            rig.run(pause).accept(p.MotorStopAll(flags))
         asked = rig.now
         rig.wait_idle()
         assert all(rig.made(motor) for motor in (1, 2))
@@ -418,21 +377,14 @@ def test_stop_all_once_and_twice(factor, flags):
 
 def test_second_stop_all_under_way(rig):
     """It also makes a ramp steeper that has begun, and comes too late after a second."""
-    rig.speed(1, 5000, 4000)
-    rig.ask(p.MotorMove(1, 40000))
-    rig.run(1.6)
-    rig.accept(p.MotorStopAll())
-    rig.run(0.3)
+    rig.speed(1, 5000, 4000).accept(p.MotorMove(1, 40000))
+    rig.run(1.6).accept(p.MotorStopAll()).run(0.3)
     rig.accept(p.MotorStopAll())
     asked = rig.now
     rig.wait_idle()
     assert deceleration(*rig.steps(1), asked) == pytest.approx(16000, rel=0.02)
-    rig.run(1.2)
-    rig.speed(1, 5000, 2000)
-    rig.ask(p.MotorMove(1, 60000))
-    rig.run(3)
-    rig.accept(p.MotorStopAll())
-    rig.run(1.1)
+    rig.run(1.2).speed(1, 5000, 2000).accept(p.MotorMove(1, 60000))
+    rig.run(3).accept(p.MotorStopAll()).run(1.1)
     rig.accept(p.MotorStopAll())
     asked = rig.now
     rig.wait_idle()
@@ -446,17 +398,14 @@ def test_reset_position(both):
     """Field note 4.5: first the acknowledgement, then the report; nothing moves. In motion:
     0x12."""
     for value in (-5, 2**30, LOWEST, FARTHEST, 12345):
-        both.forget()
-        both.accept(p.MotorResetPosition(4, value))
-        both.run(0.05)
+        both.forget().accept(p.MotorResetPosition(4, value)).run(0.05)
         ((_, message),) = both.events(p.Positions)
         assert message.steps[3] == value
         assert both.position(4) == value
     assert both.made(4) == 0
     both.code(p.MotorMove(4, 12345 + 2000))
     both.refuse(p.Ack.ERR_MOVING, p.MotorResetPosition(4, 0))
-    both.accept(p.MotorResetPosition(5, 99))
-    both.wait_idle()
+    both.accept(p.MotorResetPosition(5, 99)).wait_idle()
     assert both.position(4) == 14345
     assert both.made(4) == 2000
     assert both.position(5) == 99
@@ -472,18 +421,16 @@ def test_reset_position(both):
 def test_port_closed_in_motion(rig, jogging):
     """Field note 1.11: motors decelerate to a stop, and the next host finds them where their steps
     lead."""
-    rig.ask(p.MotorMove(1, 30000))
+    rig.accept(p.MotorMove(1, 30000))
     rig.code(p.MotorJog(2, 10000, LOWEST) if jogging else p.MotorMove(2, -30000))
-    rig.run(0.4)
-    rig.leave()
+    rig.run(0.4).leave()
     closed = rig.now
     rig.run(1)
     for motor in (1, 2):
         times, signs = rig.steps(motor)
         assert times[-1] - closed == pytest.approx(5000 / 20000, abs=0.008)
         assert deceleration(times, signs, closed) == pytest.approx(20000, rel=0.01)
-    rig.come_back()
-    rig.forget()
+    rig.come_back().forget()
     frames = rig.bytes_for(b"", 0.05)
     assert [f.type for f in frames] == [m.MSG_HI], (
         "what the last host did not read reaches the next"
@@ -494,8 +441,5 @@ def test_port_closed_in_motion(rig, jogging):
 def test_half_a_frame_of_a_lost_host(rig):
     """The beginning of its request does not hold up the next host's first request."""
     rig.port.write(b"DF\1\0\0\0\x31\0\x00\x04" + bytes(100))
-    rig.run(0.02)
-    rig.leave()
-    rig.run(0.02)
-    rig.come_back()
+    rig.run(0.02).leave().run(0.02).come_back()
     assert rig.code(p.MotorStop(1)) == p.Ack.OK

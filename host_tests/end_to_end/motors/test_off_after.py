@@ -34,9 +34,7 @@ def rig(*after, **more):
 
 
 def move(session, motor=1, to=200):
-    session.accept(p.MotorResetPosition(motor, 0), p.MotorMove(motor, to))
-    session.wait_idle()
-    session.forget()
+    session.accept(p.MotorResetPosition(motor, 0), p.MotorMove(motor, to)).wait_idle().forget()
 
 
 @pytest.mark.needs("boards")
@@ -53,10 +51,7 @@ def test_it_is_switched_off_at_rest_and_on_for_the_next_motion():
     assert AFTER - 0.2 <= at - rested <= AFTER + 0.3
     assert trust(session) == (HELD, DRIVER_OFF)
     assert session.events(p.Positions), "the host is told"
-    session.run(10)
-    session.forget()
-    session.accept(p.MotorMove(1, 0))
-    session.wait_idle()
+    session.run(10).forget().accept(p.MotorMove(1, 0)).wait_idle()
     assert [on for _, on in enables(session)] == [1]
     assert trust(session) == (HELD, DRIVER_OFF), "somebody may have turned it"
 
@@ -65,11 +60,8 @@ def test_short_motions_and_jogs_count():
     session = rig(AFTER)
     move(session)
     for i in range(6):
-        session.run(AFTER - 1)
-        session.accept(p.MotorJog(1, 1000, 1000 * (-1) ** i))
-        session.run(0.03)
-        session.accept(p.MotorStop(1))
-        session.wait_idle()
+        session.run(AFTER - 1).accept(p.MotorJog(1, 1000, 1000 * (-1) ** i)).run(0.03)
+        session.accept(p.MotorStop(1)).wait_idle()
     assert enables(session) == []
 
 
@@ -103,15 +95,12 @@ def test_never_while_an_operation_is_prepared_or_runs(state):
     move(session, 2)
     session.upload({1: np.arange(0, 240, 10)})
     request = run_request(2, 1, 24, 500, 500) if state == "runs" else run_request(24, 1, 24)
-    session.ready(request)
-    session.forget()
+    session.ready(request).forget()
     if state == "runs":
         session.accept(p.RtGo())
     session.run(AFTER + 4)
     assert enables(session, 1) == enables(session, 2) == []
-    session.accept(p.MotorStopAll())
-    session.wait_idle()
-    session.run(AFTER + 1)
+    session.accept(p.MotorStopAll()).wait_idle().run(AFTER + 1)
     assert trust(session, 2) == (HELD, DRIVER_OFF)
 
 
@@ -121,8 +110,7 @@ def test_coupled_motors_stay_on():
     move(session)
     session.run(3 * AFTER)
     assert enables(session, 1) == enables(session, 2) == []
-    session.accept(p.MotorConfigure(1, 0x01))
-    session.run(2 * AFTER)
+    session.accept(p.MotorConfigure(1, 0x01)).run(2 * AFTER)
     assert trust(session) == (HELD, DRIVER_OFF)
 
 
@@ -130,10 +118,7 @@ def test_motors_of_a_virtual_axis_stay_on():
     """Others do not, where each driver has a pin of its own."""
     settings = {"motors": [{"off_after_s": AFTER}] * 7}
     session = configured(XYZ, settings=settings)
-    session.accept(VirtMove(m.VIRT_MOTOR_EW, 20 * 100000))
-    session.wait_idle()
-    session.forget()
-    session.run(3 * AFTER)
+    session.accept(VirtMove(m.VIRT_MOTOR_EW, 20 * 100000)).wait_idle().forget().run(3 * AFTER)
     assert all(enables(session, motor) == [] for motor in range(1, 8))
 
 
@@ -141,10 +126,7 @@ def test_motors_of_a_virtual_axis_stay_on():
 def test_a_host_that_has_switched_it_off():
     session = rig(AFTER)
     move(session)
-    session.accept(p.MotorConfigure(1, 0))
-    session.forget()
-    session.run(2 * AFTER)
+    session.accept(p.MotorConfigure(1, 0)).forget().run(2 * AFTER)
     assert enables(session) == []
-    session.accept(p.MotorConfigure(1, 1))
-    session.run(AFTER + 1)
+    session.accept(p.MotorConfigure(1, 1)).run(AFTER + 1)
     assert [on for _, on in enables(session)] == [1, 0]

@@ -141,10 +141,7 @@ def test_a_noisy_wire_moves_nothing(at):
     pin, which = at
     level = ORDER[0][which]
     for _ in range(500):
-        session.board._board.set_input(pin, 1 - level)
-        session.run(0.001)
-        session.board._board.set_input(pin, level)
-        session.run(0.001)
+        session.input(pin, 1 - level).run(0.001).input(pin, level).run(0.001)
     session.run(0.3)
     assert not session.moving
     assert len(session.steps(1)[0]) == 0
@@ -177,15 +174,12 @@ def test_less_than_a_click_moves_nothing():
 def test_limits():
     session, hand = rig(settings={"limits": [{"high": 1}]})
     session.board.wire_switches()
-    session.run(0.1)
-    session.accept(p.MotorSetLimits(1, 1, -4, 1, 30))
+    session.run(0.1).accept(p.MotorSetLimits(1, 1, -4, 1, 30))
     hand.turn(50)
     assert session.position(1) == 30
     hand.turn(-50)
     assert session.position(1) == -4
-    session.accept(p.MotorSetLimits(1, 0, 0, 0, 0, 1))
-    session.board._board.set_input(1, 1)
-    session.run(0.05)
+    session.accept(p.MotorSetLimits(1, 0, 0, 0, 0, 1)).input(1, 1).run(0.05)
     hand.turn(5)
     assert session.position(1) == -4, "it is at its limit switch"
     hand.turn(-5)
@@ -205,9 +199,7 @@ def test_nothing_while_an_operation_is_prepared_or_runs():
     nothing(session, hand)
     session.accept(p.RtGo())
     hand.turn(40, per_s=50, after_s=0)
-    session.client.wait_event(p.RtEnd, 10)
-    session.wait_idle()
-    session.run(0.5)
+    session.until(p.RtEnd, 10).wait_idle().run(0.5)
     assert session.position(1) == 0
     hand.turn(4)
     assert session.position(1) == 4
@@ -226,23 +218,17 @@ def test_nothing_while_something_else_moves_it():
 
 def test_estop_and_a_disabled_motor():
     session, hand = rig(settings={"estop": "nc"})
-    board = session.board._board
-    board.set_input("estop", 0)
-    session.run(0.05)
+    session.input("estop", 0).run(0.05)
     hand.turn(50, after_s=0)
-    board.set_input("estop", 1)
-    session.wait_idle()
+    session.input("estop", 1).wait_idle()
     nothing(session, hand)
-    board.set_input("estop", 0)
-    session.run(0.1)
-    session.accept(p.MotorConfigure(1, 0))
+    session.input("estop", 0).run(0.1).accept(p.MotorConfigure(1, 0))
     nothing(session, hand)
 
 
 def test_without_a_host():
     session, hand = rig()
-    session.leave()
-    session.run(0.3)
+    session.leave().run(0.3)
     hand.turn(25)
     assert session.steps(1)[1].sum() == 25
 

@@ -7,9 +7,9 @@ import pytest
 from framestep.protocol.messages import MSG_MOTOR_GET_POSITION, MSG_MOTOR_STATUS
 from framestep_tools import payloads as p
 from framestep_tools.client.wire import encode
-from host_tests.covering import sweep
 from host_tests.end_to_end.realtime import rig, upload
 from host_tests.end_to_end.session import run_request
+from host_tests.selection import sweep
 
 pytestmark = pytest.mark.with_reports
 
@@ -79,8 +79,7 @@ def assert_of_one_moment(session, pins, messages, motors=(1, 2)):
 def test_in_a_run(fps, way, ask):
     session = loaded(report_ms=20)
     first, last = (1, FRAMES) if way > 0 else (FRAMES, 1)
-    session.ready(run_request(fps, first, last, 400, 400))
-    session.forget()
+    session.ready(run_request(fps, first, last, 400, 400)).forget()
     pins = Pins(session)
     session.accept(p.RtGo())
     messages = watch(session, 0.4 + FRAMES / fps + 0.5, ask)
@@ -108,8 +107,7 @@ def test_in_a_run(fps, way, ask):
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG])
 def test_in_a_loop(flags):
     session = loaded(report_ms=20)
-    session.ready(run_request(24, 1, 20, 200, 200, flags=flags))
-    session.forget()
+    session.ready(run_request(24, 1, 20, 200, 200, flags=flags)).forget()
     pins = Pins(session)
     session.accept(p.RtGo())
     messages = watch(session, 6, True)
@@ -121,9 +119,7 @@ def test_in_a_loop(flags):
 @pytest.mark.parametrize("fps", [0.5, 6, 24])
 def test_in_jog_all(fps):
     session = loaded(report_ms=20)
-    session.accept(p.RtPositionFrame(10))
-    session.wait_idle()
-    session.forget()
+    session.accept(p.RtPositionFrame(10)).wait_idle().forget()
     pins = Pins(session)
     messages = []
     for frame in (30, 12):
@@ -141,22 +137,16 @@ def test_in_jog_all(fps):
 
 def test_position_frame_sets_it_on_arrival():
     session = loaded()
-    session.accept(p.RtPositionFrame(7))
-    session.wait_idle()
+    session.accept(p.RtPositionFrame(7)).wait_idle()
     assert session.ask_positions().move_time == 7000
-    session.accept(p.RtPositionFrame(40))
-    session.run(0.05)
+    session.accept(p.RtPositionFrame(40)).run(0.05)
     assert session.ask_positions().move_time == 7000
-    session.forget()
-    session.wait_idle()
+    session.forget().wait_idle()
     assert session.events(p.Positions)[-1][1].move_time == 40_000
-    session.accept(p.RtPositionFrame(3))
-    session.run(0.05)
-    session.accept(p.MotorStopAll())
-    session.wait_idle()
+    session.accept(p.RtPositionFrame(3)).run(0.05)
+    session.accept(p.MotorStopAll()).wait_idle()
     assert session.ask_positions().move_time == 40_000  # it has not arrived there
-    session.accept(p.RtPositionFrame(3))
-    session.wait_idle()
+    session.accept(p.RtPositionFrame(3)).wait_idle()
     assert session.ask_positions().move_time == 3000
 
 
@@ -164,18 +154,15 @@ def test_moves_and_a_live_motor_beside_a_run():
     """One time for all motors, those of the run and others."""
     session = loaded(report_ms=20)
     session.accept(p.MotorConfigure(3, LIVE))
-    session.speed(3, 9000, 60_000)
-    session.ready(run_request(24, 1, FRAMES, 300, 300))
-    session.forget()
+    session.speed(3, 9000, 60_000).ready(run_request(24, 1, FRAMES, 300, 300)).forget()
     pins = Pins(session)
     session.accept(p.RtGo())
     messages = []
     for target in (3000, -2000, 4000, 0):
-        session.ask(p.MotorMove(3, target))
+        session.accept(p.MotorMove(3, target))
         messages += watch(session, 0.6, True)
     assert_of_one_moment(session, pins, [m for m in messages if m[1].move_time % 1000], (1, 2, 3))
-    session.client.wait_event(p.RtEnd, 20)
-    session.wait_idle()
+    session.until(p.RtEnd, 20).wait_idle()
     for motor in (1, 2, 3):
         assert session.position(motor) == pins(motor, session.now)
 
@@ -195,17 +182,14 @@ def test_at_rest_after_an_absence(away):
     positions are those at rest, and so are the last report's."""
     for back in range(1, 8):  # ms from the last step to the next pass
         session = rig()
-        session.speed(1, 20_000, 400_000)
-        session.speed(2, 20_000, 300_000)
+        session.speed(1, 20_000, 400_000).speed(2, 20_000, 300_000)
         session.accept(p.MotorMove(2, 500), p.MotorMove(1, 1000))
         board = session.board._board
         while board.steps(0) < 1000:
             session.run(0.001)
         ended = board.hal.now_ns
         session = rig()
-        session.speed(1, 20_000, 400_000)
-        session.speed(2, 20_000, 300_000)
-        session.forget()
+        session.speed(1, 20_000, 400_000).speed(2, 20_000, 300_000).forget()
         session.accept(p.MotorMove(2, 500), p.MotorMove(1, 1000))
         board = session.board._board
         session.run((ended - board.hal.now_ns) * 1e-9 + (back - away) * 1e-3)
@@ -230,10 +214,8 @@ def test_at_rest_after_an_absence(away):
 def test_in_a_burst_of_requests(request_):
     """Each answer has its own time, although one pass answers all."""
     session = rig()
-    session.speed(1, 20_000, 400_000)
-    session.speed(2, 17_000, 300_000)
-    session.accept(p.MotorMove(1, 30_000), p.MotorMove(2, -30_000))
-    session.run(0.012)
+    session.speed(1, 20_000, 400_000).speed(2, 17_000, 300_000)
+    session.accept(p.MotorMove(1, 30_000), p.MotorMove(2, -30_000)).run(0.012)
     pins = Pins(session)
     pins.origin = {1: 0, 2: 0}
     board = session.board._board
@@ -262,9 +244,8 @@ def test_in_a_burst_of_requests(request_):
 
 def test_a_position_that_is_reset_while_others_move():
     session = rig()
-    session.ask(p.MotorMove(1, 5000))
-    session.run(0.1)
-    session.accept(p.MotorResetPosition(2, 777))
+    session.accept(p.MotorMove(1, 5000))
+    session.run(0.1).accept(p.MotorResetPosition(2, 777))
     for _ in range(10):
         assert session.position(2) == 777
         session.run(0.003)
@@ -275,17 +256,13 @@ def test_a_position_that_is_reset_beside_a_run():
     uploaded."""
     session = loaded()
     session.accept(p.MotorConfigure(3, LIVE))
-    session.ready(run_request(24, 1, FRAMES, 300, 300))
-    session.forget()
-    session.accept(p.RtGo())
-    session.run(0.5)
+    session.ready(run_request(24, 1, FRAMES, 300, 300)).forget()
+    session.accept(p.RtGo()).run(0.5)
     session.accept(p.MotorResetPosition(3, 777))
     assert session.position(3) == 777
     session.refuse(p.Ack.ERR_MOVING, p.MotorResetPosition(1, 0), p.MotorResetPosition(2, 0))
-    session.ask(p.MotorMove(3, 1777))
-    session.run(0.02)
-    session.refuse(p.Ack.ERR_MOVING, p.MotorResetPosition(3, 0))
-    session.client.wait_event(p.RtEnd, 20)
-    session.wait_idle()
+    session.accept(p.MotorMove(3, 1777))
+    session.run(0.02).refuse(p.Ack.ERR_MOVING, p.MotorResetPosition(3, 0))
+    session.until(p.RtEnd, 20).wait_idle()
     assert session.made(3) == 1000
     assert [session.position(motor) for motor in (1, 2, 3)] == [PATH[1][-1], PATH[2][-1], 1777]

@@ -7,28 +7,18 @@ from framestep.hal.host import HostFlash
 from framestep.motors.positions import DRIVER_OFF, HELD, KNOWN, LOST, SET, STEPS, UNPOWERED, UNSET
 from framestep.protocol import messages as m
 from framestep_tools import cli
+from framestep_tools import payloads as p
 from framestep_tools.client.client import Client
-from framestep_tools.payloads import (
-    Ack,
-    GetCondition,
-    HardStop,
-    MotorConfigure,
-    MotorMove,
-    MotorResetPosition,
-    MotorSetLimits,
-    MotorStopAll,
-    PositionTrust,
-)
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 from host_tests.end_to_end.session import Session, simulated
 
-NOT_SET = PositionTrust(LOST, UNSET)
-IS_SET = PositionTrust(KNOWN, SET)
-MISSING = PositionTrust(LOST, STEPS)
+NOT_SET = p.PositionTrust(LOST, UNSET)
+IS_SET = p.PositionTrust(KNOWN, SET)
+MISSING = p.PositionTrust(LOST, STEPS)
 
 
 def trust(session, *motors):
-    found = session.ask(GetCondition()).positions
+    found = session.ask(p.GetCondition()).positions
     assert len(found) == session.motors
     return [found[motor - 1] for motor in motors]
 
@@ -37,41 +27,35 @@ def trust(session, *motors):
 def moving():
     """Yield a session: motors 1 and 2 cruise, 3 rests, with known positions; 4 moves without."""
     session = simulated({"estop": "nc", "limits": [{"high": 22, "contact": "no"}]})
-    session.board._board.set_input("estop", 0)
-    session.run(0.05)
-    session.accept(*(MotorResetPosition(motor, 100 * motor) for motor in (1, 2, 3)))
-    session.accept(*(MotorMove(motor, 50_000) for motor in (1, 2, 4)))
-    session.run(0.5)
-    session.forget()
+    session.input("estop", 0)
+    session.run(0.05).accept(*(p.MotorResetPosition(motor, 100 * motor) for motor in (1, 2, 3)))
+    session.accept(*(p.MotorMove(motor, 50_000) for motor in (1, 2, 4))).run(0.5).forget()
     return session
 
 
 def at_rest_afterwards(session):
     """Assert that all rest after a fault that the host knows of."""
-    assert {message for _, message in session.events(HardStop)} == {HardStop(100)}
+    assert {message for _, message in session.events(p.HardStop)} == {p.HardStop(100)}
     session.wait_idle()
 
 
 def test_set_and_moved(moving):
     assert trust(moving, 1, 2, 3, 4, 5) == [IS_SET, IS_SET, IS_SET, NOT_SET, NOT_SET]
-    moving.accept(MotorStopAll())
-    moving.wait_idle()
+    moving.accept(p.MotorStopAll()).wait_idle()
     assert trust(moving, 1, 4) == [IS_SET, NOT_SET]
-    moving.accept(MotorResetPosition(4, 0))
+    moving.accept(p.MotorResetPosition(4, 0))
     assert trust(moving, 4) == [IS_SET]
 
 
 def test_a_driver_that_was_off(moving):
-    moving.accept(MotorStopAll())
-    moving.wait_idle()
+    moving.accept(p.MotorStopAll()).wait_idle()
     moving.accept(
-        *(MotorConfigure(motor, 0) for motor in (1, 4)), MotorConfigure(1, m.MOTOR_ENABLED)
+        *(p.MotorConfigure(motor, 0) for motor in (1, 4)), p.MotorConfigure(1, m.MOTOR_ENABLED)
     )
-    assert trust(moving, 1, 2, 4) == [PositionTrust(HELD, DRIVER_OFF), IS_SET, NOT_SET]
-    moving.accept(MotorMove(1, 0))
-    moving.wait_idle()
-    assert trust(moving, 1) == [PositionTrust(HELD, DRIVER_OFF)]
-    moving.accept(MotorResetPosition(1, 0))
+    assert trust(moving, 1, 2, 4) == [p.PositionTrust(HELD, DRIVER_OFF), IS_SET, NOT_SET]
+    moving.accept(p.MotorMove(1, 0)).wait_idle()
+    assert trust(moving, 1) == [p.PositionTrust(HELD, DRIVER_OFF)]
+    moving.accept(p.MotorResetPosition(1, 0))
     assert trust(moving, 1) == [IS_SET]
 
 
@@ -87,10 +71,9 @@ def test_a_command_that_finds_its_fifo_full(moving):
     assert trust(moving, 1, 2, 3, 4) == [IS_SET, MISSING, IS_SET, NOT_SET]
     assert moving.position(2) - before[2] == moving.position(1) - before[1]
     assert moving.made(2) <= moving.made(1) - 3
-    moving.accept(MotorMove(2, 0))
-    moving.wait_idle()
+    moving.accept(p.MotorMove(2, 0)).wait_idle()
     assert trust(moving, 2) == [MISSING]
-    moving.accept(MotorResetPosition(2, 0))
+    moving.accept(p.MotorResetPosition(2, 0))
     assert trust(moving, 2) == [IS_SET]
 
 
@@ -113,41 +96,32 @@ def test_stops_that_lose_nothing(moving):
     moving.run(2)
     axes.feed = feed
     at_rest_afterwards(moving)
-    moving.accept(MotorSetLimits(2, 0, 0, 0, 0, 1))
+    moving.accept(p.MotorSetLimits(2, 0, 0, 0, 0, 1))
     for stop in ("estop", 22, None):
-        moving.accept(*(MotorMove(motor, 0 if stop == "estop" else 30_000) for motor in (1, 2)))
+        moving.accept(*(p.MotorMove(motor, 0 if stop == "estop" else 30_000) for motor in (1, 2)))
         moving.run(0.3)
         if stop is None:
-            moving.leave()
-            moving.run(2)
-            moving.come_back()
+            moving.leave().run(2).come_back()
         else:
             level = 1 if stop == "estop" else 0
-            moving.board._board.set_input(stop, level)
-            moving.run(0.1)
-            moving.board._board.set_input(stop, 1 - level)
+            moving.input(stop, level).run(0.1).input(stop, 1 - level)
         moving.wait_idle()
     assert trust(moving, 1, 2, 3) == [IS_SET] * 3
 
 
 def test_an_e_stop_that_cuts_the_power():
     session = simulated({"estop": "nc", "estop_cuts_power": True})
-    session.board._board.set_input("estop", 0)
-    session.run(0.05)
-    session.accept(*(MotorResetPosition(motor, 0) for motor in (1, 2)))
-    session.accept(*(MotorMove(motor, 50_000) for motor in (1, 4)))
-    session.run(0.5)
-    session.board._board.set_input("estop", 1)
-    session.wait_idle()
-    session.board._board.set_input("estop", 0)
-    session.run(0.1)
-    gone = PositionTrust(LOST, UNPOWERED)
-    assert trust(session, 1, 2, 3, 4) == [gone, PositionTrust(HELD, DRIVER_OFF), NOT_SET, gone]
+    session.input("estop", 0)
+    session.run(0.05).accept(*(p.MotorResetPosition(motor, 0) for motor in (1, 2)))
+    session.accept(*(p.MotorMove(motor, 50_000) for motor in (1, 4))).run(0.5)
+    session.input("estop", 1).wait_idle().input("estop", 0).run(0.1)
+    gone = p.PositionTrust(LOST, UNPOWERED)
+    assert trust(session, 1, 2, 3, 4) == [gone, p.PositionTrust(HELD, DRIVER_OFF), NOT_SET, gone]
 
 
 def test_soft_limits_count_from_a_lost_position(moving):
-    moving.accept(MotorSetLimits(5, 1, -100, 1, 100))
-    moving.refuse(Ack.ERR_SOFT_UP, MotorMove(5, 101))
+    moving.accept(p.MotorSetLimits(5, 1, -100, 1, 100))
+    moving.refuse(p.Ack.ERR_SOFT_UP, p.MotorMove(5, 101))
     assert trust(moving, 5) == [NOT_SET]
 
 
@@ -167,7 +141,7 @@ def test_the_status_command_says_so(monkeypatch, capsys):
     board = SimulatedBoard({"estop": "nc"}, motors=2)
     monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
     with Client.open("x") as client:
-        client.request(MotorResetPosition(1, -7))
+        client.request(p.MotorResetPosition(1, -7))
     assert cli.app.status(["status", "socket://x"]) == 0
     assert capsys.readouterr().out.splitlines()[1:] == [
         "motor 1: -7, known: set by the host",
@@ -177,14 +151,14 @@ def test_the_status_command_says_so(monkeypatch, capsys):
         "(framestep zero)",
     ]
     with Client.open("x") as client:
-        client.request(MotorResetPosition(2, -7))
+        client.request(p.MotorResetPosition(2, -7))
     assert cli.app.status(["status", "socket://x"]) == 0
     assert capsys.readouterr().out.splitlines()[1:] == [
         "motors 1 to 2: -7, known: set by the host",
         "the E-stop is held",
     ]
     with Client.open("x") as client:
-        client.request(MotorResetPosition(2, 0))
+        client.request(p.MotorResetPosition(2, 0))
     board._board.controller.handlers.pop(m.MSG_CONDITION)  # like another device
     assert cli.app.status(["status", "socket://x"]) == 0
     assert capsys.readouterr().out.splitlines()[1:] == [
@@ -211,10 +185,8 @@ def test_positions_of_any_size_outlast_power_cuts(motors):
             assert session.position(motor) == place, f"motor {motor} in turn {turn}"
             assert trust(session, motor)[0].state == HELD, f"motor {motor} in turn {turn}"
         saved = {motor: steps[(motor + turn) % len(steps)] for motor in range(2, motors + 1)}
-        session.accept(*(MotorResetPosition(motor, place) for motor, place in saved.items()))
+        session.accept(*(p.MotorResetPosition(motor, place) for motor, place in saved.items()))
         session.run(2.1)
         if turn == 1:
-            session.accept(MotorMove(2, saved[2] - 900), MotorStopAll())
-            session.wait_idle()
-            session.run(2.1)
+            session.accept(p.MotorMove(2, saved[2] - 900), p.MotorStopAll()).wait_idle().run(2.1)
             saved[2] = session.position(2)

@@ -6,8 +6,9 @@ import pytest
 from framestep.motors.positions import KNOWN, LOST, SERVO
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
-from host_tests.end_to_end.motors.servo_pulses import assert_follows, pulses
-from host_tests.end_to_end.session import run_request, simulated
+from host_tests.end_to_end.session import assert_follows, pulses, run_request, simulated
+
+pytestmark = pytest.mark.needs("servos")
 
 LEAST_US = 0.4  # a 64th of a step, and the rounding of the mapping
 
@@ -25,9 +26,7 @@ def test_no_pulses_before_it_is_to_move():
     session = simulated(rig())
     session.run(0.2)
     assert len(pulses(session)[0]) == 0
-    session.accept(p.MotorMove(2, 500))
-    session.wait_idle()
-    session.run(0.1)
+    session.accept(p.MotorMove(2, 500)).wait_idle().run(0.1)
     rises, widths = pulses(session)
     assert widths[0] == pytest.approx(1500, abs=5)
     assert widths[-3:] == pytest.approx([1750] * 3, abs=LEAST_US)
@@ -56,9 +55,7 @@ def test_ends_of_the_range(invert):
     session.accept(p.MotorSetLimits(2, 1, -9000, 1, 9000, 0))
     session.refuse(m.ERR_SOFT_UP, p.MotorMove(2, 701))
     for target, width in ((700, 2000), (-300, 1000)):
-        session.accept(p.MotorMove(2, target))
-        session.wait_idle()
-        session.run(0.1)
+        session.accept(p.MotorMove(2, target)).wait_idle().run(0.1)
         assert pulses(session)[1][-1] == pytest.approx(3000 - width if invert else width, abs=1e-3)
     session.accept(p.MotorSetLimits(2, 1, -100, 1, 200, 0))
     session.refuse(m.ERR_SOFT_UP, p.MotorMove(2, 201))
@@ -73,9 +70,7 @@ def test_widths_with_many_steps(invert):
     session = simulated(settings)
     session.speed(2, 60000, 10_000_000)
     for position in (30000, 29999, 12345, -1, -29998, -30000):
-        session.accept(p.MotorMove(2, position))
-        session.wait_idle()
-        session.run(0.1)
+        session.accept(p.MotorMove(2, position)).wait_idle().run(0.1)
         wanted = 1500 + position / 30 * (-1 if invert else 1)
         assert pulses(session)[1][-1] == pytest.approx(wanted, abs=0.0081), position
 
@@ -83,8 +78,7 @@ def test_widths_with_many_steps(invert):
 def test_jog_ends_at_the_range():
     session = simulated(rig())
     for _ in range(20):
-        session.accept(p.MotorJog(2, 10000, 30000))
-        session.run(0.1)
+        session.accept(p.MotorJog(2, 10000, 30000)).run(0.1)
     assert session.position(2) == 1000
     assert pulses(session)[1].max() <= 2000.01
 
@@ -96,11 +90,9 @@ def test_widths_follow_an_uploaded_move():
     frames = 48
     x = np.arange(frames) / frames
     path = np.round(600 * np.sin(2 * np.pi * x)).astype(int)
-    session.speed(1, 20000, 200000)
-    session.speed(2, 20000, 200000)
+    session.speed(1, 20000, 200000).speed(2, 20000, 200000)
     # motor 1, a step motor, does the same: its steps are the measure
-    session.upload({1: path.tolist(), 2: path.tolist()})
-    session.forget()
+    session.upload({1: path.tolist(), 2: path.tolist()}).forget()
     before = session.play(run_request(end=frames))
     session.run(0.1)
     _, widths = pulses(session)
@@ -114,9 +106,7 @@ def test_widths_follow_an_uploaded_move():
 def test_finer_than_a_step():
     """With 20 µs per step a slow motion passes widths between steps."""
     session = simulated(rig(low=-50, high=50))
-    session.speed(2, 20, 1000)
-    session.accept(p.MotorMove(2, 10))
-    session.wait_idle()
+    session.speed(2, 20, 1000).accept(p.MotorMove(2, 10)).wait_idle()
     widths = pulses(session)[1]
     moving = widths[(widths > 1510) & (widths < 1590)]
     assert np.abs(np.diff(moving)).max() < 5
@@ -125,8 +115,7 @@ def test_finer_than_a_step():
 def test_position_cannot_be_set():
     """The pulse determines it: with another number the servo would have to jump."""
     session = simulated(rig())
-    session.accept(p.MotorMove(2, 100))
-    session.wait_idle()
+    session.accept(p.MotorMove(2, 100)).wait_idle()
     session.refuse(m.ERR_RANGE, p.MotorResetPosition(2, 0))
     session.accept(p.MotorResetPosition(2, 100), p.MotorResetPosition(1, 7))
     assert session.position(2) == 100
@@ -147,9 +136,7 @@ def test_disabled_it_has_no_pulses():
     session.run(0.1)
     assert len(pulses(session)[1]) >= 4
     enable(session, flags=0)
-    session.run(0.05)
-    session.forget()
-    session.run(0.2)
+    session.run(0.05).forget().run(0.2)
     assert len(pulses(session)[1]) == 0
     session.refuse(m.ERR_GENERAL, p.MotorMove(2, 10))
 
@@ -158,19 +145,12 @@ def test_disabled_it_has_no_pulses():
 def test_emergency_stop(on_stop):
     settings = rig(on_stop=on_stop) | {"estop": "no"}
     session = simulated(settings)
-    session.accept(p.MotorMove(2, 900))
-    session.run(0.1)
-    session.board._board.set_input("estop", 0)
-    session.run(0.5)
+    session.accept(p.MotorMove(2, 900)).run(0.1).input("estop", 0).run(0.5)
     assert not session.moving
-    session.forget()
-    session.run(0.2)
+    session.forget().run(0.2)
     widths = pulses(session)[1]
     assert len(widths) >= 9 if on_stop == "hold" else len(widths) == 0
-    session.board._board.set_input("estop", 1)
-    session.run(0.1)
-    session.accept(p.MotorMove(2, 0))
-    session.wait_idle()
+    session.input("estop", 1).run(0.1).accept(p.MotorMove(2, 0)).wait_idle()
     session.run(0.1)
     assert pulses(session)[1][-1] == pytest.approx(1500, abs=LEAST_US)
 
@@ -182,7 +162,5 @@ def test_fault_releases_it():
     session.run(0.1)
     assert len(pulses(session)[1])
     session.board._board.hal.taken = 0  # the REPL has taken pins
-    session.run(0.2)
-    session.forget()
-    session.run(0.2)
+    session.run(0.2).forget().run(0.2)
     assert len(pulses(session)[1]) == 0

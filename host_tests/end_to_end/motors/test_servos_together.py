@@ -7,11 +7,10 @@ import pytest
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
 from framestep_tools.judge.virtual_reference import Axis, Rig
-from host_tests.end_to_end.motors.servo_pulses import assert_follows, pulses
-from host_tests.end_to_end.session import simulated
+from host_tests.end_to_end.session import assert_follows, pulses, simulated
 from host_tests.end_to_end.virtual_axes.judging import UNIT, assert_straight, configured, joints
 
-pytestmark = pytest.mark.needs("servo edges")
+pytestmark = pytest.mark.needs("servos", "servo edges")
 
 STEPS_PER_US = 2  # of a servo with default settings: -1000 at 1000 µs, 1000 at 2000 µs
 COUPLE = {1: 0x10, -1: 0x20}
@@ -33,22 +32,15 @@ def test_coupled_with_a_step_motor(servo, sense):
     motors = [{}, {}]
     motors[servo - 1] = {"servo": {}}
     session = simulated({"motors": motors})
-    session.accept(p.MotorConfigure(1, m.MOTOR_ENABLED | COUPLE[sense]))
-    session.run(0.1)
+    session.accept(p.MotorConfigure(1, m.MOTOR_ENABLED | COUPLE[sense])).run(0.1)
     session.refuse(m.ERR_SOFT_UP, p.MotorMove(1, 1001))
-    session.refuse(m.ERR_SOFT_LOW, p.MotorMove(1, -1001))
-    session.forget()
+    session.refuse(m.ERR_SOFT_LOW, p.MotorMove(1, -1001)).forget()
     for target in (700, -999):
-        session.accept(p.MotorMove(1, target))
-        session.wait_idle()
-        session.run(0.1)
+        session.accept(p.MotorMove(1, target)).wait_idle().run(0.1)
     assert len(pulses(session, servo)[1]) > 40
     assert_follows(session, 0, STEPS_PER_US, motor=3 - servo, servo=servo, sense=sense)
-    session.accept(p.MotorJog(1, 10_000, 2**31 - 1))
-    session.run(0.2)
-    session.accept(p.MotorStop(2))
-    session.wait_idle()
-    session.run(0.1)
+    session.accept(p.MotorJog(1, 10_000, 2**31 - 1)).run(0.2)
+    session.accept(p.MotorStop(2)).wait_idle().run(0.1)
     assert -1000 < session.position(1) < 1000
     assert_follows(session, 0, STEPS_PER_US, motor=3 - servo, servo=servo, sense=sense)
 
@@ -70,10 +62,7 @@ def test_in_go_motion():
     session.ready(shot(-150, 200))
     before = session.positions
     assert before[1] == before[2] < -150
-    session.forget()
-    session.accept(p.RtGo())
-    session.client.wait_event(p.RtEnd, 60)
-    session.run(0.3)
+    session.forget().accept(p.RtGo()).until(p.RtEnd, 60).run(0.3)
     assert session.position(2) > 200
     assert_follows(session, before[1], STEPS_PER_US)
     (opened, closed), levels = session.trace().signals["shutter"]
@@ -96,9 +85,7 @@ def test_as_a_virtual_axis():
     assert beside.positions == before
     number = m.VIRT_MOTOR_PAN
     for each in (session, beside):
-        each.accept(p.VirtMove(number, 25 * 100_000))
-        each.wait_idle()
-        each.run(0.1)
+        each.accept(p.VirtMove(number, 25 * 100_000)).wait_idle().run(0.1)
     assert_straight(RIG, beside, before, UNIT[number], 25)
     assert session.positions == beside.positions
     assert_follows(session, 0, 6, motor=PAN, servo=PAN, beside=beside)
@@ -107,8 +94,7 @@ def test_as_a_virtual_axis():
             np.testing.assert_array_equal(found, expected)
     # 30 degrees are its end
     session.refuse(m.ERR_SOFT_UP, p.VirtMove(number, 31 * 100_000))
-    session.accept(p.VirtJog(number, 10_000, 2**31 - 1))
-    session.run(0.1)
+    session.accept(p.VirtJog(number, 10_000, 2**31 - 1)).run(0.1)
     while session.moving:
         session.ask(p.VirtJog(number, 10_000, 2**31 - 1))
         session.run(0.1)

@@ -53,16 +53,14 @@ def next_rest(session, motor):
 def test_a_virtual_jog_that_waits():
     """Asked for while the one before comes to rest."""
     session = configured(XYZ, 20_000, FAST)
-    session.accept(p.VirtJog(m.VIRT_MOTOR_TRACK, 10_000, FAR))
-    session.run(0.3)
+    session.accept(p.VirtJog(m.VIRT_MOTOR_TRACK, 10_000, FAR)).run(0.3)
     session.accept(p.VirtJog(m.VIRT_MOTOR_TRACK, 10_000, -FAR))
     for axis in XYZ.axes:
         session.speed(axis.motor, 20_000, SLOW)
     turned = session.now
     motor = XYZ.axes[2].motor
     for _ in range(10):
-        session.run(0.1)
-        session.accept(p.VirtJog(m.VIRT_MOTOR_TRACK, 10_000, -FAR))
+        session.run(0.1).accept(p.VirtJog(m.VIRT_MOTOR_TRACK, 10_000, -FAR))
     ((_, rate),) = starts(session, turned, motor)
     assert 0.8 * SLOW < rate < SLOW
 
@@ -70,13 +68,11 @@ def test_a_virtual_jog_that_waits():
 @pytest.mark.parametrize("after", [0.2, 1.0, 1.45, 1.7, 1.99])
 def test_the_way_back_after_a_run(after):
     session = loaded()
-    session.ready(run_request(24, 1, 25, 500, 500))
-    session.forget()
-    session.accept(p.RtGo())
-    session.run(after)
+    session.ready(run_request(24, 1, 25, 500, 500)).forget()
+    session.accept(p.RtGo()).run(after)
     for motor in MOVE:
         session.speed(motor, 20_000, SLOW)
-    session.client.wait_event(p.RtEnd, 10)
+    session.until(p.RtEnd, 10)
     ended = session.now
     session.run(2)  # no request meanwhile
     for motor in MOVE:
@@ -88,11 +84,8 @@ def test_the_way_back_in_a_loop():
     session = rig()
     far = {1: 3000 * np.arange(25) // 24, 2: np.zeros(25, int)}
     upload(session, far)
-    session.ready(run_request(24, 1, 25, 2000, 2000, flags=LOOP))
-    session.forget()
-    session.accept(p.RtGo())
-    session.run(3.5)
-    session.speed(1, 20_000, SLOW)
+    session.ready(run_request(24, 1, 25, 2000, 2000, flags=LOOP)).forget()
+    session.accept(p.RtGo()).run(3.5).speed(1, 20_000, SLOW)
     begun = next_rest(session, 1)
     session.run(4)
     assert_starts(session, begun, 1)
@@ -102,8 +95,7 @@ def test_the_way_back_in_a_loop():
 @pytest.mark.parametrize("phase", ["seek", "back", "again"])
 def test_homing(phase):
     session, _ = rails(Switch(1, LOW, -1700), slow_speed=1000, back_off=800)
-    session.speed(1, 20_000, FAST)
-    session.accept(p.Home(b""))
+    session.speed(1, 20_000, FAST).accept(p.Home(b""))
     for name in ("seek", "back", "again"):
         session.run(0.2)
         if name == phase:
@@ -121,12 +113,10 @@ def last_leg(set_first):
     session = rig()
     path = 60 * np.arange(241)
     upload(session, {1: path}, frames=241)
-    session.accept(p.RtPositionFrame(121))
-    session.wait_idle()
+    session.accept(p.RtPositionFrame(121)).wait_idle()
     if set_first:
         session.speed(1, 20_000, 200)
-    session.accept(p.RtJogAll(48_000, 140))
-    session.run(1.5)
+    session.accept(p.RtJogAll(48_000, 140)).run(1.5)
     session.accept(p.RtJogAll(48_000, 115))
     if not set_first:
         session.speed(1, 20_000, 200)

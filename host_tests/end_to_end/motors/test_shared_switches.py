@@ -51,9 +51,7 @@ def reasons(session):
 
 
 def go(session, to, speed=2000):
-    session.speed(1, speed, 20000)
-    session.accept(p.MotorMove(1, to))
-    session.wait_idle()
+    session.speed(1, speed, 20000).accept(p.MotorMove(1, to)).wait_idle()
 
 
 @pytest.mark.parametrize("toward", ["low", "high"])
@@ -106,8 +104,7 @@ def test_only_away_from_where_it_was_hit(end, reason, into, away):
     code = p.Ack.ERR_HARD_UP if end else p.Ack.ERR_HARD_LOW
     session.refuse(code, p.MotorMove(1, into), p.MotorJog(1, 5000, into))
     assign(session)  # as a host does once more when it connects
-    session.refuse(code, p.MotorMove(1, into))
-    session.forget()
+    session.refuse(code, p.MotorMove(1, into)).forget()
     go(session, away)
     assert rail.steps[1] == away
     assert reasons(session) == []
@@ -123,8 +120,7 @@ def test_it_stops_again_on_the_way_into_the_end():
     go(session, 3000)
     for _ in range(3):
         go(session, 2400)
-        session.run(0.1)
-        session.forget()
+        session.run(0.1).forget()
         go(session, 3000)
         assert reasons(session) == [(1, 1)]
         assert 0 <= 2500 + rail.steps[1] - LENGTH < 40
@@ -141,8 +137,7 @@ def test_a_noisy_switch_does_not_count_as_the_other_end():
     rail.hal.set_level(PIN, 1)
     session.run(0.05)
     rail.hal.set_level(PIN, 0)
-    session.wait_idle()
-    session.run(0.1)
+    session.wait_idle().run(0.1)
     assert rail.steps[1] == 2300
     assert reasons(session) == [(1, 1)]
     go(session, 3000)
@@ -200,8 +195,7 @@ def test_position_set_on_the_switch():
     session, rail = rail_from(2500)
     assign(session)
     go(session, 3000)
-    session.accept(p.MotorResetPosition(1, -100000))
-    session.forget()
+    session.accept(p.MotorResetPosition(1, -100000)).forget()
     session.refuse(p.Ack.ERR_HARD_UP, p.MotorMove(1, -99000))
     at = rail.steps[1]
     go(session, -101000)
@@ -220,8 +214,7 @@ def test_pushed_by_hand_to_the_other_end():
     switch.at = 2500 - at  # in the middle
     session.run(0.5)
     switch.at = -20 - at  # on the lower switch
-    session.run(0.5)
-    session.refuse(p.Ack.ERR_HARD_LOW, p.MotorMove(1, 0))
+    session.run(0.5).refuse(p.Ack.ERR_HARD_LOW, p.MotorMove(1, 0))
     session.refuse(p.Ack.ERR_HARD_UP, p.MotorMove(1, 3000))
     lowest = rail.steps[1]
     session.accept(p.Home(b"\1"))
@@ -248,10 +241,8 @@ def test_stop_while_it_tries_an_end():
     """It stays at rest, and the switch counts for both ends again."""
     session, rail = rail_from(5020)
     assign(session)
-    session.accept(p.Home(b"\1"))
-    session.run(0.5)
-    session.accept(p.MotorStopAll())
-    session.wait_idle()
+    session.accept(p.Home(b"\1")).run(0.5)
+    session.accept(p.MotorStopAll()).wait_idle()
     at = rail.steps[1]
     assert 0 < at < BACK_OFF
     session.run(0.5)

@@ -40,14 +40,9 @@ def played(session, positions, fps, first=1, pre=500, post=500, limits=None, smo
     frames = max(len(steps) for steps in positions.values())
     before = session.play(run_request(fps, first, first + frames - 1, pre, post), 300)
     return judge(
-        session.trace(),
-        positions,
-        round(fps * 1000),
-        before,
-        session.positions,
-        limits=limits or Limits(),
-        smooth=smooth,
-    )
+        session.trace(), positions, round(fps * 1000), before, session.positions,
+        limits=limits or Limits(), smooth=smooth,
+    )  # fmt: skip
 
 
 @pytest.mark.needs("fine edges", only=tuple(f"{fps}-exact" for fps in RATES))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from framestep_tools import cli
+from framestep_tools import payloads as p
 from framestep_tools.client.client import Client
 from framestep_tools.judge.judge import judge
 from framestep_tools.judge.reference import Reference
@@ -14,14 +15,6 @@ from framestep_tools.judge.trace import Trace
 from framestep_tools.move.move_check import FITS, REFUSED, STEEP, Device, Setting, check
 from framestep_tools.move.move_file import Move, read_move
 from framestep_tools.move.move_peaks import peaks
-from framestep_tools.payloads import (
-    MotorGetPosition,
-    MotorSetLimits,
-    MotorSetSpeed,
-    RtEnd,
-    RtGo,
-    RtRunMove,
-)
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 pytestmark = pytest.mark.needs("inside")
@@ -35,7 +28,7 @@ def move_of(*motors, start=1):
 
 
 def run_of(move, fps=24, pre=1000, post=1000, flags=0):
-    return RtRunMove(fps * 1000, move.start_frame, move.end_frame, pre, post, flags=flags)
+    return p.RtRunMove(fps * 1000, move.start_frame, move.end_frame, pre, post, flags=flags)
 
 
 def verdicts(found):
@@ -82,7 +75,7 @@ def test_places_are_scene_frames_and_rolls():
     found = check(even, run_of(even), {1: FAST}, Device({}))
     assert found.place(found.motors[0].peaks.acceleration)[0] == "pre-roll"
     jump = move_of([0] * 10 + [100] * 10, start=101)
-    for run in (run_of(jump), RtRunMove(24_000, 120, 101, 1000, 1000)):
+    for run in (run_of(jump), p.RtRunMove(24_000, 120, 101, 1000, 1000)):
         found = check(jump, run, {1: FAST}, Device({}))
         part, frame = found.place(found.motors[0].peaks.velocity)
         assert part == "frames"
@@ -99,16 +92,16 @@ def test_the_path_that_is_judged_is_the_one_that_is_played():
     assert found.peaks.velocity.value < peaks(Reference({1: steps}, 24_000, 1000, 1000), 1)[0].value
     board = SimulatedBoard()
     with Client(LockstepPort(board)) as client:
-        client.request(MotorSetSpeed(1, setting.velocity, setting.acceleration))
+        client.request(p.MotorSetSpeed(1, setting.velocity, setting.acceleration))
         client.upload_move(1, 12, move.positions)
-        start = dict(enumerate(client.request(MotorGetPosition()).steps, 1))
+        start = dict(enumerate(client.request(p.MotorGetPosition()).steps, 1))
         client.request(run)
         client.wait_idle()
-        client.request(RtGo())
-        client.wait_event(RtEnd, 30)
+        client.request(p.RtGo())
+        client.wait_event(p.RtEnd, 30)
         client.wait_idle()
         client.pump(0.2)
-        end = dict(enumerate(client.request(MotorGetPosition()).steps, 1))
+        end = dict(enumerate(client.request(p.MotorGetPosition()).steps, 1))
     played = judge(Trace.from_edges(board.edges()), move.positions, 24_000, start, end, found.path)
     assert played.good, played.complaints
 
@@ -174,7 +167,7 @@ def test_memory_counts_for_the_move_as_a_whole():
     wild = [((i * 7919) % 4001) * 3 for i in range(300)]
     fast = Setting(400_000, 2_000_000)
     settings = {motor: fast for motor in range(1, 9)}
-    run = RtRunMove(1000, 1, 300, 600_000, 600_000)
+    run = p.RtRunMove(1000, 1, 300, 600_000, 600_000)
     device = Device({}, frames=384)
     assert check(move_of(wild), run, settings, device).reason == ""
     found = check(move_of(*[wild] * 8), run, settings, device)
@@ -243,8 +236,8 @@ def test_for_programs(framestep):
 def test_what_a_board_has_set_is_asked(framestep, monkeypatch):
     board = SimulatedBoard({"motor_count": 3})
     with Client(LockstepPort(board)) as client:
-        client.request(MotorSetSpeed(1, 15_000, 90_000))
-        client.request(MotorSetLimits(1, 1, -3000, 0, 0, 0))
+        client.request(p.MotorSetSpeed(1, 15_000, 90_000))
+        client.request(p.MotorSetLimits(1, 1, -3000, 0, 0, 0))
     monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
     _, out, _ = framestep("check socket://x camera_move.csv --json")
     motors = json.loads(out)["motors"]

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from framestep_tools import payloads as p
-from host_tests.covering import sweep
 from host_tests.end_to_end.realtime import rig, upload
 from host_tests.end_to_end.runs.moves import (
     ACCELERATION,
@@ -17,6 +16,7 @@ from host_tests.end_to_end.runs.moves import (
     indices,
 )
 from host_tests.end_to_end.session import assert_within, run_request, velocities
+from host_tests.selection import sweep
 
 
 def test_frame_by_frame(standing):
@@ -55,8 +55,7 @@ def test_at_speed(standing, fps, way):
 @pytest.mark.parametrize("after", [0.3, 0.9, 2.0, 4.1])
 def test_reversed_on_the_way(standing, after):
     """To a frame behind: on to the first frame where it can end, then back."""
-    standing.accept(p.RtJogAll(12000, 200))
-    standing.run(after)
+    standing.accept(p.RtJogAll(12000, 200)).run(after)
     standing.accept(p.RtJogAll(12000, 60))
     while standing.moving:
         standing.run(0.05)
@@ -86,8 +85,7 @@ def test_new_destinations_under_way(standing):
 @pytest.mark.parametrize("grain", sweep(range(8), 0, 3, 7))
 def test_a_request_in_each_millisecond_of_a_turn(standing, grain):
     """The time at rest before it goes back is not special."""
-    standing.accept(p.RtJogAll(12000, 130))
-    standing.run(0.3)
+    standing.accept(p.RtJogAll(12000, 130)).run(0.3)
     standing.accept(p.RtJogAll(12000, 115))
     while standing.steps(1)[1][-1:].tolist() != [-1]:
         before = standing.now
@@ -107,10 +105,8 @@ def test_a_request_in_each_millisecond_of_a_turn(standing, grain):
 @pytest.mark.with_reports
 def test_lower_and_higher_speed_under_way(standing):
     """It reaches a new FPS by the axis' acceleration, up or down."""
-    standing.accept(p.RtJogAll(10000, 200))
-    standing.run(3.5)
-    standing.accept(p.RtJogAll(2000, 200))
-    standing.run(3)
+    standing.accept(p.RtJogAll(10000, 200)).run(3.5)
+    standing.accept(p.RtJogAll(2000, 200)).run(3)
     rate = np.count_nonzero(standing.steps(1)[0] > standing.now - 0.5) / 0.5 / PER_FRAME
     assert rate == pytest.approx(2, rel=0.02)
     standing.accept(p.RtJogAll(5000, 200))
@@ -125,8 +121,7 @@ def test_lower_and_higher_speed_under_way(standing):
 def test_stop_lands_on_a_frame(standing, fps, after, request_):
     """Field note 6.10: on the next frame that it can reach at 4 frames/s², or at a frame per second
     if that takes more than 2 s. A STOP of one motor stops the axis."""
-    standing.accept(p.RtJogAll(round(fps * 1000), 220))
-    standing.run(after)
+    standing.accept(p.RtJogAll(round(fps * 1000), 220)).run(after)
     times, signs = standing.steps(1)
     rate = velocities(times, signs, 0.1)[0][-1] / PER_FRAME if len(times) > 30 else 0
     before = 120 + signs.sum() / PER_FRAME
@@ -153,9 +148,7 @@ def test_stop_lands_on_a_frame(standing, fps, after, request_):
 
 def test_a_stop_keeps_the_limits_of_the_motors(standing):
     """The motors can follow a slow axis, but not one at a frame per second."""
-    standing.speed(1, 40, 60)
-    standing.accept(p.RtJogAll(300, 140))
-    standing.run(5.1)
+    standing.speed(1, 40, 60).accept(p.RtJogAll(300, 140)).run(5.1)
     standing.accept(p.MotorStopAll())
     standing.client.wait_idle(30, 0.02)
     assert_on_frame(standing, round(indices(standing)))
@@ -166,22 +159,17 @@ def test_a_stop_keeps_the_limits_of_the_motors(standing):
 @pytest.mark.parametrize("later", [0, 0.4, 1.05])
 def test_second_stop_all_while_it_lands(standing, fps, later):
     """Field note 6.10: it is a hard stop, whenever it comes."""
-    standing.accept(p.RtJogAll(round(fps * 1000), 220))
-    standing.run(3.3)
-    standing.accept(p.MotorStop(1))
-    standing.run(0.05)
-    standing.accept(p.MotorStopAll())
-    standing.run(later)
+    standing.accept(p.RtJogAll(round(fps * 1000), 220)).run(3.3)
+    standing.accept(p.MotorStop(1)).run(0.05)
+    standing.accept(p.MotorStopAll()).run(later)
     assert standing.moving
-    standing.accept(p.MotorStopAll())
-    standing.run(0.1)
+    standing.accept(p.MotorStopAll()).run(0.1)
     assert not standing.moving
     assert indices(standing) != round(indices(standing))
 
 
 def test_second_stop_all_is_hard(standing):
-    standing.accept(p.RtJogAll(20000, 220))
-    standing.run(4)
+    standing.accept(p.RtJogAll(20000, 220)).run(4)
     standing.accept(p.MotorStopAll(), p.MotorStopAll())
     asked = standing.now
     standing.run(0.3)
@@ -194,31 +182,20 @@ def test_second_stop_all_is_hard(standing):
 
 def test_refused(standing):
     """Numbers out of range, not on a frame, in a run; nothing moves."""
-    standing.refuse(
-        p.Ack.ERR_RANGE, p.RtJogAll(24000, 0), p.RtJogAll(24000, PATH_FRAMES + 1), p.RtJogAll(0, 5)
-    )
-    standing.refuse(
-        p.Ack.ERR_RANGE,
-        p.RtJogAll(200001, 5),
-        p.RtJogAll(2**32 - 1, 5),
-        p.RtJogAll(24000, -(2**31)),
-    )
+    for rate, frame in (
+        (24000, 0), (24000, PATH_FRAMES + 1), (24000, -(2**31)),
+        (0, 5), (200001, 5), (2**32 - 1, 5),
+    ):  # fmt: skip
+        standing.refuse(p.Ack.ERR_RANGE, p.RtJogAll(rate, frame))
     assert standing.ask(p.MotorMove(2, standing.position(2) + 1))
-    assert standing.wait_idle() is None
-    standing.forget()
-    standing.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtJogAll(24000, 121))
-    standing.run(0.2)
+    standing.wait_idle().forget().refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtJogAll(24000, 121)).run(0.2)
     assert not standing.trace().motors
-    standing.ask(p.MotorMove(5, 2000))
-    standing.refuse(p.Ack.ERR_MOVING, p.RtJogAll(24000, 121))
-    standing.wait_idle()
+    standing.accept(p.MotorMove(5, 2000))
+    standing.refuse(p.Ack.ERR_MOVING, p.RtJogAll(24000, 121)).wait_idle()
     standing.accept(p.RtPositionFrame(9))
-    standing.refuse(p.Ack.ERR_MOVING, p.RtJogAll(24000, 121))
-    standing.wait_idle()
-    standing.accept(p.RtJogAll(24000, 12))
-    standing.wait_idle()
-    standing.speed(2, 20000, 1_000_000)
-    standing.ready(run_request(24, 100, 110))
+    standing.refuse(p.Ack.ERR_MOVING, p.RtJogAll(24000, 121)).wait_idle()
+    standing.accept(p.RtJogAll(24000, 12)).wait_idle()
+    standing.speed(2, 20000, 1_000_000).ready(run_request(24, 100, 110))
     standing.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtJogAll(24000, 12))
     standing.accept(p.RtGo())
     standing.refuse(p.Ack.ERR_MOVING, p.RtJogAll(24000, 121))
@@ -230,18 +207,13 @@ def test_too_far_to_be_checked_under_way():
     frames = 3600
     session = rig()
     upload(session, {1: 10 * np.arange(frames), 2: -7 * np.arange(frames)}, frames=frames)
-    session.accept(p.RtPositionFrame(1))
-    session.wait_idle()
-    session.accept(p.RtJogAll(24000, 60))
-    session.run(0.5)
+    session.accept(p.RtPositionFrame(1)).wait_idle()
+    session.accept(p.RtJogAll(24000, 60)).run(0.5)
     session.refuse(p.Ack.ERR_MOVING, p.RtJogAll(24000, 3500))
-    session.accept(p.RtJogAll(24000, 70))
-    session.wait_idle()
+    session.accept(p.RtJogAll(24000, 70)).wait_idle()
     assert [session.position(1), session.position(2)] == [690, -483]
-    session.accept(p.RtJogAll(24000, 3500))
-    session.run(1)
-    session.accept(p.MotorStopAll())
-    session.wait_idle()
+    session.accept(p.RtJogAll(24000, 3500)).run(1)
+    session.accept(p.MotorStopAll()).wait_idle()
     frame = session.position(1) / 10
     assert frame == round(frame) > 72
     assert session.position(2) == -7 * frame
@@ -249,19 +221,14 @@ def test_too_far_to_be_checked_under_way():
 
 def test_where_it_stands_is_found_by_positions(standing):
     """On any frame, however it got there."""
-    standing.ask(p.MotorMove(1, int(PATH[1][77])))
-    standing.ask(p.MotorMove(2, int(PATH[2][77])))
-    standing.wait_idle()
-    standing.forget()
-    standing.accept(p.RtJogAll(12000, 80))
-    standing.wait_idle()
+    standing.accept(p.MotorMove(1, int(PATH[1][77])), p.MotorMove(2, int(PATH[2][77])))
+    standing.wait_idle().forget().accept(p.RtJogAll(12000, 80)).wait_idle()
     assert_on_frame(standing, 79)
     assert_followed(standing, 77, 12)
     standing.accept(
         p.MotorResetPosition(1, int(PATH[1][3])), p.MotorResetPosition(2, int(PATH[2][3]))
     )
-    standing.accept(p.RtJogAll(12000, 1))
-    standing.wait_idle()
+    standing.accept(p.RtJogAll(12000, 1)).wait_idle()
     assert_on_frame(standing, 0)
 
 

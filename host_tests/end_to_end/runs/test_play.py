@@ -7,20 +7,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from framestep_tools import payloads as p
 from framestep_tools.client.client import Client
 from framestep_tools.errors import INTERRUPTED, REFUSED
 from framestep_tools.judge.judge import frame_times_ns
 from framestep_tools.move.light_file import read_lights
 from framestep_tools.move.move_display import MoveDisplay
 from framestep_tools.move.move_file import MoveFileError
-from framestep_tools.payloads import (
-    MotorGetPosition,
-    MotorStopAll,
-    Positions,
-    RtUploadMoveDmx,
-    RtUploadMoveTriggers,
-    Trigger,
-)
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 RIG = {"estop": "no", "outputs": [{"pin": 22}, {"pin": 26}]}
@@ -49,7 +42,7 @@ def move(tmp_path):
 
 def standing(board):
     with Client(LockstepPort(board)) as client:
-        return list(client.request(MotorGetPosition()).steps)[:2]
+        return list(client.request(p.MotorGetPosition()).steps)[:2]
 
 
 def rises(edges, signal):
@@ -117,7 +110,7 @@ def test_a_loop_ends_with_ctrl_c_where_it_is_said(framestep, board, move, monkey
     seen = []
 
     def show(display, event):
-        if isinstance(event.message, Positions) and event.message.move_time % 1000 == 0:
+        if isinstance(event.message, p.Positions) and event.message.move_time % 1000 == 0:
             seen.append(event.message.move_time // 1000)
             if seen.count(20) == 2 and seen[-1] == 20:
                 raise KeyboardInterrupt
@@ -147,7 +140,7 @@ def test_a_second_ctrl_c_stops_harder(framestep, board, move, monkeypatch):
         wait_idle(client, *more, **options)
 
     def noted(client, message, *more):
-        if isinstance(message, MotorStopAll):
+        if isinstance(message, p.MotorStopAll):
             stops.append(client.clock())
         return request(client, message, *more)
 
@@ -162,7 +155,7 @@ def test_a_second_ctrl_c_stops_harder(framestep, board, move, monkeypatch):
 
 def test_what_ends_a_run_is_reported(framestep, board, move, monkeypatch):
     def show(display, event):
-        if isinstance(event.message, Positions) and event.message.move_time == 20_000:
+        if isinstance(event.message, p.Positions) and event.message.move_time == 20_000:
             board._board.set_input("estop", 0)
 
     monkeypatch.setattr(MoveDisplay, "show", show)
@@ -181,9 +174,9 @@ def test_a_table_of_lights(tmp_path):
     lights = read_lights(path)
     assert (lights.start_frame, lights.end_frame) == (1, 2)
     assert list(lights.requests()) == [
-        RtUploadMoveDmx(5, 1 << 31, [0, 9]),
-        RtUploadMoveDmx(12, 1 << 31, [255, 254]),
-        RtUploadMoveTriggers(4, [Trigger(1, 4)]),
+        p.RtUploadMoveDmx(5, 1 << 31, [0, 9]),
+        p.RtUploadMoveDmx(12, 1 << 31, [255, 254]),
+        p.RtUploadMoveTriggers(4, [p.Trigger(1, 4)]),
     ]
 
 
@@ -193,7 +186,7 @@ def test_a_long_table_goes_in_sections(tmp_path):
     levels, triggers, last = [], [], []
     for request in read_lights(path).requests():
         assert len(request.pack()) <= 4096
-        if isinstance(request, RtUploadMoveDmx):
+        if isinstance(request, p.RtUploadMoveDmx):
             assert request.start_index & 0x7FFF_FFFF == len(levels)
             levels += request.levels
             last.append(request.start_index >> 31)

@@ -6,23 +6,7 @@ import numpy as np
 import pytest
 
 from framestep_tools import payloads as p
-from host_tests.end_to_end.realtime import (
-    ACCELERATION,
-    ALL_OFF,
-    FRAMES,
-    LOOP,
-    MOVE,
-    PING_PONG,
-    STILLS,
-    VELOCITY,
-    VIDEO,
-    camera,
-    go,
-    judged,
-    level_now,
-    loaded,
-    to_the_end,
-)
+from host_tests.end_to_end import realtime as rt
 from host_tests.end_to_end.session import assert_within, run_request
 
 # ---- planning before GO -------------------------------------------------------------------
@@ -31,16 +15,15 @@ from host_tests.end_to_end.session import assert_within, run_request
 @pytest.mark.parametrize("ms", [0, 1, 2, 3, 5, 8, 12, 20, 50])
 def test_go_at_any_moment_of_planning(ms):
     """The run is the same, whether its beginning is planned, is being planned, or was dropped."""
-    session = loaded()
-    session.ready(run_request(24, 1, FRAMES, 300, 300))
-    session.speed(1, VELOCITY, ACCELERATION)  # planning begins again
+    session = rt.loaded()
+    session.ready(run_request(24, 1, rt.FRAMES, 300, 300))
+    session.speed(1, rt.VELOCITY, rt.ACCELERATION)  # planning begins again
     session.run(ms / 1000)
     assert not session.moving
     before = session.positions
-    session.forget()
-    session.accept(p.RtGo())
-    to_the_end(session)
-    assert len(judged(session, before, roll=0.3)) == 1
+    session.forget().accept(p.RtGo())
+    rt.to_the_end(session)
+    assert len(rt.judged(session, before, roll=0.3)) == 1
 
 
 @pytest.mark.parametrize("ms", [1, 4, 9, 20, 60])
@@ -48,122 +31,56 @@ def test_go_at_any_moment_of_planning(ms):
 def test_a_stop_while_the_beginning_is_planned(cause, ms):
     """Nothing moves, GO is refused, and afterwards the same run plays as if nothing had
     happened."""
-    session = loaded(estop="nc")
-    board = session.board._board
-    board.set_input("estop", 0)
-    session.run(0.05)
-    session.ready(run_request(24, 1, FRAMES, 300, 300))
-    session.speed(1, VELOCITY, ACCELERATION)  # planning begins again
+    session = rt.loaded(estop="nc")
+    session.input("estop", 0).run(0.05).ready(run_request(24, 1, rt.FRAMES, 300, 300))
+    session.speed(1, rt.VELOCITY, rt.ACCELERATION)  # planning begins again
     session.run(ms / 1000)
     before = session.positions
     session.forget()
     if cause == "E-stop":
-        board.set_input("estop", 1)
-        session.run(0.1)
-        session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
-        board.set_input("estop", 0)
-        session.run(0.1)
+        session.input("estop", 1).run(0.1).refuse(p.Ack.ERR_GENERAL, p.RtGo())
+        session.input("estop", 0).run(0.1)
     else:
         session.leave()
         session.board.run_until(session.board.now_ns + 10**8)
-        session.come_back()
-        session.run(0.1)
-    session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
-    session.run(0.5)
+        session.come_back().run(0.1)
+    session.refuse(p.Ack.ERR_GENERAL, p.RtGo()).run(0.5)
     assert session.positions == before
     assert not session.moving
     assert not session.trace().motors
-    session.ready(run_request(24, 1, FRAMES, 300, 300))
-    session.forget()
+    session.ready(run_request(24, 1, rt.FRAMES, 300, 300)).forget()
     session.accept(p.RtGo())
-    to_the_end(session)
-    assert len(judged(session, before, roll=0.3)) == 1
+    rt.to_the_end(session)
+    assert len(rt.judged(session, before, roll=0.3)) == 1
 
 
 def test_what_is_planned_before_go_makes_no_edge():
-    session = loaded()
-    session.ready(run_request(24, 1, FRAMES, 300, 300))
-    session.run(0.3)
+    session = rt.loaded()
+    session.ready(run_request(24, 1, rt.FRAMES, 300, 300)).run(0.3)
     before = session.positions
-    session.forget()
-    session.accept(p.MotorStopAll())
-    to_the_end(session, 1)
+    session.forget().accept(p.MotorStopAll())
+    rt.to_the_end(session, 1)
     assert session.positions == before
     assert not session.trace().motors
     session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
     # away and back: MOVE starts from the motor's position
-    session.ready(run_request(24, 1, FRAMES, 300, 300))
-    session.run(0.3)
+    session.ready(run_request(24, 1, rt.FRAMES, 300, 300)).run(0.3)
     for place in (before[1] + 700, before[1]):
         session.accept(p.MotorMove(1, place))
-        session.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
-        session.wait_idle()
-        session.run(0.1)
-    session.forget()
-    session.accept(p.RtGo())
-    to_the_end(session)
-    assert len(judged(session, before, roll=0.3)) == 1
+        session.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo()).wait_idle().run(0.1)
+    session.forget().accept(p.RtGo())
+    rt.to_the_end(session)
+    assert len(rt.judged(session, before, roll=0.3)) == 1
 
 
 # ---- refusals, without motion ---------------------------------------------------------
 
-REFUSED = {
-    "lower limit in the pre-roll": (
-        p.MotorSetLimits(1, 1, 100 - 350, 1, 9000),
-        (1, FRAMES, 500, 500),
-        p.Ack.ERR_PREROLL,
-    ),
-    "upper limit in the post-roll": (
-        p.MotorSetLimits(1, 1, -9000, 1, 1540 + 350),
-        (1, FRAMES, 500, 500),
-        p.Ack.ERR_POSTROLL,
-    ),
-    "upper limit in the pre-roll": (
-        p.MotorSetLimits(1, 1, -9000, 1, 1540 + 350),
-        (FRAMES, 1, 500, 500),
-        p.Ack.ERR_PREROLL,
-    ),
-    "lower limit in the post-roll": (
-        p.MotorSetLimits(1, 1, 100 - 350, 1, 9000),
-        (FRAMES, 1, 500, 500),
-        p.Ack.ERR_POSTROLL,
-    ),
-    "a frame above": (p.MotorSetLimits(1, 0, 0, 1, 1000), (1, FRAMES, 500, 500), p.Ack.ERR_SOFT_UP),
-    "a frame below": (p.MotorSetLimits(1, 1, 200, 0, 0), (1, FRAMES, 500, 500), p.Ack.ERR_SOFT_LOW),
-    "a frame of another motor": (
-        p.MotorSetLimits(2, 0, 0, 1, 390),
-        (1, FRAMES, 500, 500),
-        p.Ack.ERR_SOFT_UP,
-    ),
-    "a frame behind the end": (None, (1, FRAMES + 1, 500, 500), p.Ack.ERR_RANGE),
-    "a pre-roll that is too steep": (None, (1, FRAMES, 5, 500), p.Ack.ERR_PREROLL),
-    "a post-roll that is too steep": (None, (1, FRAMES, 500, 5), p.Ack.ERR_POSTROLL),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-@pytest.mark.parametrize("flags", [None, LOOP, PING_PONG | STILLS])
-def test_refused_before_motion(case, flags):
-    setting, (first, last, pre, post), code = REFUSED[case]
-    session = loaded()
-    if setting:
-        session.accept(setting)
-    session.forget()
-    session.refuse(code, run_request(24, first, last, pre, post, flags=flags, sync_dmx=1))
-    session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
-    session.run(0.3)
-    trace = session.trace()
-    assert not trace.motors, "something has changed"
-    assert not trace.signals, "something has changed"
-    assert not session.moving
-    assert not session.events(p.RtEnd)
-
 
 def test_refused_keeps_what_waits():
     """A refused run does not affect a waiting one."""
-    session = loaded()
+    session = rt.loaded()
     session.ready(
-        run_request(24, 1, FRAMES, 500, 500, flags=STILLS, open_angle=90, close_angle=180)
+        run_request(24, 1, rt.FRAMES, 500, 500, flags=rt.STILLS, open_angle=90, close_angle=180)
     )
     session.refuse(
         p.Ack.ERR_RANGE,
@@ -171,14 +88,13 @@ def test_refused_keeps_what_waits():
         run_request(12, 0, 5),
         p.RtShootFrame(99, 1, 100, 500),
     )
-    session.refuse(p.Ack.ERR_PREROLL, run_request(12, 20, 3, 1, 500, flags=VIDEO))
+    session.refuse(p.Ack.ERR_PREROLL, run_request(12, 20, 3, 1, 500, flags=rt.VIDEO))
     session.refuse(p.Ack.ERR_RANGE, p.RtShootFrame2(3, 100, 50, 20), p.RtJogAll(24000, 99))
     before = session.positions
-    session.forget()
-    session.accept(p.RtGo())
-    to_the_end(session)
-    judged(session, before)
-    assert len(camera(session)) == FRAMES
+    session.forget().accept(p.RtGo())
+    rt.to_the_end(session)
+    rt.judged(session, before)
+    assert len(rt.camera(session)) == rt.FRAMES
 
 
 @pytest.mark.parametrize(
@@ -188,8 +104,8 @@ def test_refused_keeps_what_waits():
 def test_go_too_early(request_):
     """Field note 6.1: 0x16 until all are in position; a client that waits for zero before its GO is
     accepted."""
-    session = loaded()
-    for motor in MOVE:
+    session = rt.loaded()
+    for motor in rt.MOVE:
         session.speed(motor, 4000, 20_000)
     session.accept(request_)
     early = 0
@@ -205,23 +121,21 @@ def test_go_too_early(request_):
         session.accept(p.RtGo())
     assert early > 10
     session.run(0.5)
-    for motor in MOVE:
+    for motor in rt.MOVE:
         times, _ = session.steps(motor)
         assert not np.any(np.abs(times - begun) < 0.001), "it had not arrived"
-    to_the_end(session)
+    rt.to_the_end(session)
 
 
 def test_go_with_a_motor_disabled_meanwhile():
-    session = loaded()
-    for request in (run_request(24, 1, FRAMES), p.RtShootFrame(5, 1, 100, 500)):
+    session = rt.loaded()
+    for request in (run_request(24, 1, rt.FRAMES), p.RtShootFrame(5, 1, 100, 500)):
         session.ready(request)
-        session.accept(p.MotorConfigure(2, 0))
-        session.forget()
-        session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
-        session.run(0.2)
+        session.accept(p.MotorConfigure(2, 0)).forget()
+        session.refuse(p.Ack.ERR_GENERAL, p.RtGo()).run(0.2)
         assert not session.trace().motors
         session.accept(p.MotorConfigure(2, 3), p.RtGo())
-        to_the_end(session)
+        rt.to_the_end(session)
 
 
 # ---- stops at any time -----------------------------------------------------------------------
@@ -229,17 +143,17 @@ def test_go_with_a_motor_disabled_meanwhile():
 
 OPERATIONS = {
     "run": run_request(
-        24, 1, FRAMES, 400, 400, sync_dmx=1, bloop_outputs=8, bloop_channel=40, bloop_ms=300
+        24, 1, rt.FRAMES, 400, 400, sync_dmx=1, bloop_outputs=8, bloop_channel=40, bloop_ms=300
     ),
     "stills": run_request(
-        24, FRAMES, 1, 400, 400, flags=STILLS, sync_dmx=1, open_angle=0, close_angle=300
+        24, rt.FRAMES, 1, 400, 400, flags=rt.STILLS, sync_dmx=1, open_angle=0, close_angle=300
     ),
-    "loop": run_request(24, 1, FRAMES, 300, 0, flags=LOOP, sync_dmx=1),
-    "ping-pong": run_request(24, 1, 9, 0, 200, flags=PING_PONG | STILLS),
+    "loop": run_request(24, 1, rt.FRAMES, 300, 0, flags=rt.LOOP, sync_dmx=1),
+    "ping-pong": run_request(24, 1, 9, 0, 200, flags=rt.PING_PONG | rt.STILLS),
     "shoot": p.RtShootFrame(12, 1, 400, 700),
     "shoot 2": p.RtShootFrame2(12, 400, -60, 400),
-    "jog": p.RtJogAll(24000, FRAMES),
-    "position": p.RtPositionFrame(FRAMES),
+    "jog": p.RtJogAll(24000, rt.FRAMES),
+    "position": p.RtPositionFrame(rt.FRAMES),
 }
 STOPS = ("stop all", "twice", "stop one", "stop and all", "lost host")
 
@@ -248,16 +162,14 @@ def stop(session, how, rng):
     if how == "stop one":
         session.accept(p.MotorStop(rng.choice((1, 2))))
     elif how == "stop and all":
-        session.accept(p.MotorStop(1))
-        session.run(rng.random() * 0.05)
+        session.accept(p.MotorStop(1)).run(rng.random() * 0.05)
         session.accept(p.MotorStopAll())
     elif how == "lost host":
         session.leave()
     else:
         session.accept(p.MotorStopAll())
         if how == "twice":
-            session.run(rng.choice((0, rng.random() * 0.3)))
-            session.accept(p.MotorStopAll())
+            session.run(rng.choice((0, rng.random() * 0.3))).accept(p.MotorStopAll())
 
 
 @pytest.mark.parametrize("how", STOPS)
@@ -266,19 +178,16 @@ def test_stopped_at_any_moment(name, how):
     """In the end all rest after ramps within the limits, RT_END comes once for runs and exposures,
     and nothing is left on."""
     rng = random.Random(f"{name} {how}")
-    session = loaded()
+    session = rt.loaded()
     for _ in range(3):
         if name == "jog":
-            session.accept(p.RtPositionFrame(rng.choice((1, 10))))
-            session.wait_idle()
+            session.accept(p.RtPositionFrame(rng.choice((1, 10)))).wait_idle()
         before = session.positions
-        session.forget()
-        session.accept(OPERATIONS[name])
+        session.forget().accept(OPERATIONS[name])
         reports = name not in ("jog", "position")
         begun = 0
         if reports and rng.random() < 0.8:
-            session.wait_idle()
-            session.accept(p.RtGo())
+            session.wait_idle().accept(p.RtGo())
             begun = session.now
             session.run(rng.random() * (2.5 if name in ("loop", "ping-pong") else 1.7))
         else:
@@ -287,8 +196,7 @@ def test_stopped_at_any_moment(name, how):
         stop(session, how, rng)
         session.run(7 if name == "jog" and how in ("stop all", "stop one", "stop and all") else 1.3)
         if how == "lost host":
-            session.come_back()
-            session.run(0.1)
+            session.come_back().run(0.1)
             assert not [e for e in session.events(p.RtEnd) if not over]
         elif reports:
             assert len(session.events(p.RtEnd)) == 1, (begun, how)
@@ -296,35 +204,30 @@ def test_stopped_at_any_moment(name, how):
             assert not session.events(p.RtEnd)
         assert not session.moving
         factor = 4 if how == "twice" else 1
-        for motor in MOVE:
+        for motor in rt.MOVE:
             times, signs = session.steps(motor)
             if len(times) > 2:
-                assert_within(times, signs, VELOCITY, factor * ACCELERATION)
+                assert_within(times, signs, rt.VELOCITY, factor * rt.ACCELERATION)
             assert session.position(motor) == before[motor] + signs.sum()
-        for signal in ALL_OFF:
+        for signal in rt.ALL_OFF:
             if name != "position" or not signal.startswith("gio"):  # those have its frame's levels
-                assert level_now(session, signal) == 0, signal
-        assert level_now(session, "dmx40") == 0
+                assert rt.level_now(session, signal) == 0, signal
+        assert rt.level_now(session, "dmx40") == 0
         if reports:
             session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
         # after any of these the rig works
-        session.accept(p.RtPositionFrame(3))
-        session.wait_idle()
-        assert session.positions[1] == MOVE[1][2]
-        assert session.positions[2] == MOVE[2][2]
+        session.accept(p.RtPositionFrame(3)).wait_idle()
+        assert session.positions[1] == rt.MOVE[1][2]
+        assert session.positions[2] == rt.MOVE[2][2]
 
 
 def test_lost_host_while_it_waits():
     """In each state before GO; nothing is prepared for the next host."""
     for request in (OPERATIONS["stills"], OPERATIONS["shoot"], OPERATIONS["shoot 2"]):
         for wait in (0.05, 3):
-            session = loaded()
-            session.accept(request)
-            session.run(wait)
-            session.leave()
-            session.run(0.6)
-            session.come_back()
-            session.run(0.1)
+            session = rt.loaded()
+            session.accept(request).run(wait).leave().run(0.6)
+            session.come_back().run(0.1)
             assert not session.moving
             assert not session.events(p.RtEnd)
             session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
@@ -334,19 +237,16 @@ def test_lost_host_while_it_waits():
 def test_lost_host_that_comes_back_at_once():
     """While the motors still ramp down: the next host gets no RT_END of an operation that it does
     not know."""
-    session = loaded()
-    for motor in MOVE:
-        session.speed(motor, VELOCITY, 20_000)
-    session.ready(run_request(12, 1, FRAMES))
-    session.accept(p.RtGo())
-    session.run(1)
-    session.leave()
-    session.run(0.005)
+    session = rt.loaded()
+    for motor in rt.MOVE:
+        session.speed(motor, rt.VELOCITY, 20_000)
+    session.ready(run_request(12, 1, rt.FRAMES))
+    session.accept(p.RtGo()).run(1).leave().run(0.005)
     session.come_back()
     assert session.moving
     session.run(1)
     assert not session.events(p.RtEnd)
     assert not session.moving
     # the next run has its reports
-    go(session, run_request(12, 1, FRAMES))
-    to_the_end(session)
+    rt.go(session, run_request(12, 1, rt.FRAMES))
+    rt.to_the_end(session)

@@ -7,40 +7,31 @@ from framestep.moves.operation_runner import POSITIONING
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
 from framestep_tools.building.board_files import ROOT
-from host_tests.end_to_end import realtime_answers
+from host_tests.end_to_end import realtime
 from host_tests.end_to_end.realtime import FRAMES, loaded, rig
 from host_tests.end_to_end.session import run_request
 
 CODES = {
-    "OK": p.Ack.OK,
-    "12": p.Ack.ERR_MOVING,
-    "13": p.Ack.ERR_UNSUPPORTED,
-    "15": p.Ack.ERR_GENERAL,
+    "OK": p.Ack.OK, "12": p.Ack.ERR_MOVING, "13": p.Ack.ERR_UNSUPPORTED, "15": p.Ack.ERR_GENERAL,
     "16": p.Ack.ERR_NOT_IN_POSITION,
-}
+}  # fmt: skip
 SLOW = 2000, 4000  # a state lasts for all the messages
 # Requests that no state refuses
 QUESTIONS = {
     r.TYPE
     for r in (
-        p.Hi,
-        p.MotorStatus,
-        p.MotorGetPosition,
-        p.Dmx,
-        p.GioOut,
-        p.GioIn,
-        p.GioCam,
+        p.Hi, p.MotorStatus, p.MotorGetPosition, p.Dmx, p.GioOut, p.GioIn, p.GioCam,
         p.MotorSetLimits,
     )
-}
+}  # fmt: skip
 
 
 def test_what_sets_motors_in_motion_is_declared():
     """Such a message is accepted with a move uploaded, or for a run that is ready, but not while
     the E-stop is held."""
     tried = set()
-    for _, request, answers in realtime_answers.ANSWERS:
-        reported = dict(zip(realtime_answers.STATES, answers.split(), strict=True))
+    for _, request, answers in realtime.ANSWERS:
+        reported = dict(zip(realtime.STATES, answers.split(), strict=True))
         if "OK" in reported.values():  # other messages need virtual axes or switches
             taken = "OK" in (reported["idle"], reported["ready"])
             refused = reported["estop"] == "15"
@@ -64,24 +55,20 @@ def enter(state):
     if state == "upload":
         session.accept(p.RtUploadMoveBegin(1, 9))
     elif state == "idle":
-        session.accept(p.RtPositionFrame(2))
-        session.wait_idle()
+        session.accept(p.RtPositionFrame(2)).wait_idle()
     elif state == "move":
         slow(session)
         session.accept(p.MotorMove(1, 9000))
     elif state == "positioning":
-        session.accept(p.MotorMove(1, 9000))
-        session.wait_idle()
-        session.accept(run_request(24, 1, FRAMES))
-        session.run(0.005)
+        session.accept(p.MotorMove(1, 9000)).wait_idle()
+        session.accept(run_request(24, 1, FRAMES)).run(0.005)
     elif state in ("ready", "run", "ending"):
         for motor in (1, 2):
             # just enough for the run, so that a stop takes some time
             session.speed(motor, 20_000, 20_000)
         session.ready(run_request(24, 1, FRAMES))
         if state != "ready":
-            session.accept(p.RtGo())
-            session.run(0.6)
+            session.accept(p.RtGo()).run(0.6)
         if state == "ending":
             session.accept(p.MotorStopAll())
     elif state == "next lap":
@@ -95,16 +82,12 @@ def enter(state):
         assert controller.operations.state == POSITIONING
     elif state == "shoot":
         session.ready(p.RtShootFrame(9, 1, 400, 500))
-        session.accept(p.RtGo())
-        session.run(0.9)
+        session.accept(p.RtGo()).run(0.9)
     elif state == "jog":
-        session.accept(p.RtPositionFrame(2))
-        session.wait_idle()
-        session.accept(p.RtJogAll(6000, 20))
-        session.run(0.3)
+        session.accept(p.RtPositionFrame(2)).wait_idle()
+        session.accept(p.RtJogAll(6000, 20)).run(0.3)
     elif state == "estop":
-        session.board._board.set_input("estop", 0)
-        session.run(0.05)
+        session.input("estop", 0).run(0.05)
     return session
 
 
@@ -121,32 +104,29 @@ def inside(session):
     moves = session.board._board.controller.moves
     operations = moves.operations
     return (
-        operations.state,
-        operations.operation,
-        operations.running,
-        moves.store.state,
+        operations.state, operations.operation, operations.running, moves.store.state,
         moves.run.looping,
-    )
+    )  # fmt: skip
 
 
 @pytest.mark.each_processor
 @pytest.mark.needs("inside")
-@pytest.mark.parametrize("state", realtime_answers.STATES)
+@pytest.mark.parametrize("state", realtime.STATES)
 def test_refusals_and_questions(state):
     """In a row in one session, refusals, questions and settings do not change the state."""
     session = enter(state)
     was = inside(session)
-    for request, answer in realtime_answers.expected(state):
+    for request, answer in realtime.expected(state):
         if answer not in ("OK", "--") or request.TYPE in QUESTIONS:
             assert session.code(request) == code_of(session, request, answer), (state, request)
             assert inside(session) == was, (state, request)
 
 
 @pytest.mark.needs("inside")
-@pytest.mark.parametrize("state", realtime_answers.STATES)
+@pytest.mark.parametrize("state", realtime.STATES)
 def test_accepted(state):
     """Each in its own session; whatever it starts must come to its end."""
-    for request, answer in realtime_answers.expected(state):
+    for request, answer in realtime.expected(state):
         if answer != "OK":
             continue
         if request.TYPE in QUESTIONS:
@@ -154,8 +134,7 @@ def test_accepted(state):
         session = enter(state)
         before = inside(session)
         assert session.code(request) == p.Ack.OK, (state, request)
-        session.accept(p.MotorStopAll(), p.MotorStopAll())
-        session.run(1.5)
+        session.accept(p.MotorStopAll(), p.MotorStopAll()).run(1.5)
         assert not session.moving, (state, request)
         if state in ("run", "next lap", "ending", "shoot"):
             assert len(session.events(p.RtEnd)) == 1, (state, request)
@@ -169,33 +148,32 @@ def test_accepted(state):
 @pytest.mark.needs("inside")
 def test_landing():
     """A JOG_ALL that lands counts as running."""
-    for request, answer in realtime_answers.expected("jog"):
+    for request, answer in realtime.expected("jog"):
         session = enter("jog")
-        session.accept(p.MotorStopAll())
-        session.run(0.1)
+        session.accept(p.MotorStopAll()).run(0.1)
         if answer != "--" and request.TYPE != 0x0033:
             assert session.code(request) == code_of(session, request, answer), request
 
 
 def test_every_message_is_in_the_table():
     names = {value: name for name, value in vars(m).items() if name.startswith("MSG_")}
-    asked = {request.TYPE for _, request, _ in realtime_answers.ANSWERS}
+    asked = {request.TYPE for _, request, _ in realtime.ANSWERS}
     missing = ", ".join(sorted(names[kind] for kind in m.SIZES.keys() - asked))
     assert not missing, (
-        "add a line to ANSWERS in realtime_answers.py, what is answered in each of its STATES, "
+        "add a line to ANSWERS in realtime.py, what is answered in each of its STATES, "
         f"for {missing}; then "
-        "run python -m host_tests.end_to_end.realtime_answers > docs/internals/realtime.md"
+        "run python -m host_tests.end_to_end.realtime > docs/internals/realtime.md"
     )
-    for _, request, answers in realtime_answers.ANSWERS:
-        given, wanted = len(answers.split()), len(realtime_answers.STATES)
+    for _, request, answers in realtime.ANSWERS:
+        given, wanted = len(answers.split()), len(realtime.STATES)
         assert given == wanted, f"{type(request).__name__} has {given} answers for {wanted} states"
 
 
 def test_page():
     """docs/internals/realtime.md is the table's page."""
     page = (ROOT / "docs/internals/realtime.md").read_text()
-    assert page == realtime_answers.page(), (
-        "run python -m host_tests.end_to_end.realtime_answers > docs/internals/realtime.md"
+    assert page == realtime.page(), (
+        "run python -m host_tests.end_to_end.realtime > docs/internals/realtime.md"
     )
 
 

@@ -14,9 +14,7 @@ def played_to(loaded, run):
     came."""
     loaded.ready(run)
     before = loaded.positions
-    loaded.forget()
-    loaded.accept(p.RtGo())
-    loaded.client.wait_event(p.RtEnd, 20)
+    loaded.forget().accept(p.RtGo()).until(p.RtEnd, 20)
     return before, loaded.now
 
 
@@ -52,8 +50,7 @@ def test_the_last_frame_lasts_its_period(loaded, first, last, fps, post):
         assert loaded.position(motor) == steps[last - 1]
     assert loaded.ask_positions().move_time == last * 1000
     # it rests on a frame, so a JOG_ALL can start from here
-    loaded.accept(p.RtJogAll(12_000, 12))
-    loaded.wait_idle()
+    loaded.accept(p.RtJogAll(12_000, 12)).wait_idle()
     assert loaded.position(1) == MOVE[1][11]
 
 
@@ -64,10 +61,8 @@ def test_the_way_back_is_a_position_frame(loaded):
     run = run_request(10, 1, FRAMES, 700, 700)
     _, end = played_to(loaded, run)
     assert 1 in loaded.moving
-    loaded.run(0.1)
-    loaded.refuse(p.Ack.ERR_MOVING, run)
-    loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
-    loaded.wait_idle()
+    loaded.run(0.1).refuse(p.Ack.ERR_MOVING, run)
+    loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo()).wait_idle()
     times, signs = loaded.steps(1)
     back = times > end
     assert set(signs[back]) == {-1}
@@ -75,16 +70,12 @@ def test_the_way_back_is_a_position_frame(loaded):
     assert loaded.position(1) == 1540
     # another frame in motion
     played_to(loaded, run)
-    loaded.run(0.1)
-    loaded.accept(p.RtPositionFrame(20))
-    loaded.wait_idle()
+    loaded.run(0.1).accept(p.RtPositionFrame(20)).wait_idle()
     assert loaded.position(1) == MOVE[1][19]
     assert loaded.ask_positions().move_time == 20_000
     # stopped
     played_to(loaded, run)
-    loaded.run(0.15)
-    loaded.accept(p.MotorStop(1))
-    loaded.wait_idle()
+    loaded.run(0.15).accept(p.MotorStop(1)).wait_idle()
     assert MOVE[1][24] < loaded.position(1) < MOVE[1][24] + 60 + 210
     assert not loaded.events(p.RtEnd)
     loaded.play(run)
@@ -125,11 +116,8 @@ def test_no_way_back_after_a_stop(loaded):
     """A run that is stopped stays where it rests."""
     for after in (0.2, 0.8, 1.62):
         loaded.ready(run_request(24, 1, FRAMES, 500, 500))
-        loaded.accept(p.RtGo())
-        loaded.run(after)
-        loaded.forget()
-        loaded.accept(p.MotorStopAll())
-        loaded.client.wait_event(p.RtEnd, 5)
+        loaded.accept(p.RtGo()).run(after).forget()
+        loaded.accept(p.MotorStopAll()).until(p.RtEnd, 5)
         end = loaded.now
         loaded.run(0.5)
         assert not loaded.moving
@@ -143,12 +131,8 @@ def test_only_motors_of_the_run_go_back(loaded):
         p.MotorConfigure(2, 0), p.MotorConfigure(4, 0x01 | 0x08), p.MotorResetPosition(2, 70)
     )
     loaded.ready(run_request(24, 1, FRAMES, 500, 500))
-    loaded.accept(p.RtGo())
-    loaded.run(0.5)
-    loaded.accept(p.MotorConfigure(2, 1))
-    loaded.ask(p.MotorMove(4, 4321))
-    loaded.client.wait_event(p.RtEnd, 5)
-    loaded.wait_idle()
+    loaded.accept(p.RtGo()).run(0.5)
+    loaded.accept(p.MotorConfigure(2, 1), p.MotorMove(4, 4321)).until(p.RtEnd, 5).wait_idle()
     assert (loaded.position(1), loaded.position(2), loaded.position(4)) == (MOVE[1][24], 70, 4321)
 
 
@@ -156,11 +140,9 @@ def test_the_way_back_keeps_to_limits(loaded):
     """A way back that POSITION_FRAME would then refuse does not happen: the rig stays at the end of
     the post-roll."""
     loaded.ready(run_request(24, 1, FRAMES, 500, 500))
-    loaded.accept(p.RtGo())
-    loaded.run(1.0)
+    loaded.accept(p.RtGo()).run(1.0)
     loaded.accept(
         p.MotorSetLimits(1, 1, 1800, 0, 0)
     )  # accepted at any time; the end frame is below
-    loaded.client.wait_event(p.RtEnd, 5)
-    loaded.run(0.5)
+    loaded.until(p.RtEnd, 5).run(0.5)
     assert loaded.position(1) == 1540 + 60 + 360

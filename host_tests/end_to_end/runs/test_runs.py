@@ -32,9 +32,7 @@ def reported(loaded):
     """A run of MOVE from beginning to end, and when each frame was on its motors' pins."""
     loaded.ready(run_request(24, 1, FRAMES, 700, 300))
     before = loaded.positions
-    loaded.forget()
-    loaded.accept(p.RtGo())
-    loaded.run(0.7 + FRAMES / 24 + 1)
+    loaded.forget().accept(p.RtGo()).run(0.7 + FRAMES / 24 + 1)
     verdict = assert_played(loaded, before, MOVE, 24)
     loaded.frames_s = (verdict.origin_ns + frame_times_ns(FRAMES, 24000)) * 1e-9
     return loaded
@@ -81,9 +79,7 @@ def test_roll_positions(loaded, first, last, roll):
     velocity = 60 * fps * (1 if last > first else -1)
     assert loaded.position(1) == round(MOVE[1][first - 1] - velocity * pre / 2)
     before = loaded.positions
-    loaded.forget()
-    loaded.accept(p.RtGo())
-    loaded.client.wait_event(p.RtEnd, 10)
+    loaded.forget().accept(p.RtGo()).until(p.RtEnd, 10)
     end = loaded.now
     loaded.run(0.5)
     times, signs = loaded.steps(1)
@@ -117,11 +113,8 @@ def test_sections_and_backward(loaded, first, last):
 def test_single_frame(loaded):
     """Field note 6.5: START = END moves there, then RT_END."""
     for frame in (12, 1, 25):
-        loaded.ready(run_request(24, frame, frame, 500, 500))
-        loaded.forget()
-        loaded.accept(p.RtGo())
-        loaded.client.wait_event(p.RtEnd, 3)
-        loaded.run(0.3)
+        loaded.ready(run_request(24, frame, frame, 500, 500)).forget()
+        loaded.accept(p.RtGo()).until(p.RtEnd, 3).run(0.3)
         assert not loaded.events(p.RtEnd)
         for motor, steps in MOVE.items():
             assert loaded.position(motor) == steps[frame - 1]
@@ -176,8 +169,7 @@ def test_a_second_run_and_after(loaded):
     for _ in range(2):
         before = loaded.play(run_request(24, 1, FRAMES))
         assert_played(loaded, before, MOVE, 24)
-        loaded.ask(p.MotorMove(1, -300))
-        loaded.wait_idle()
+        loaded.accept(p.MotorMove(1, -300)).wait_idle()
         assert loaded.position(1) == -300
     loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
 
@@ -190,16 +182,11 @@ def test_motors_without_a_part_hold_still(loaded):
     before = loaded.positions
     assert before[2] == 77
     assert before[4] == -3
-    loaded.forget()
-    loaded.accept(p.RtGo())
-    loaded.run(0.2)
+    loaded.forget().accept(p.RtGo()).run(0.2)
     assert loaded.code(p.MotorMove(4, 300)) == p.Ack.OK, (
         "a motor under live control moves during a run"
     )
-    loaded.run(0.3)
-    loaded.accept(p.MotorJog(4, 5000, 500), p.MotorStop(4))
-    loaded.client.wait_event(p.RtEnd, 10)
-    loaded.run(0.5)
+    loaded.run(0.3).accept(p.MotorJog(4, 5000, 500), p.MotorStop(4)).until(p.RtEnd, 10).run(0.5)
     trace = loaded.trace()
     assert 2 not in trace.motors
     assert 4 in trace.motors
@@ -207,61 +194,24 @@ def test_motors_without_a_part_hold_still(loaded):
     assert judge(trace, {1: MOVE[1]}, 24000, before).good
 
 
-def test_go_too_early(loaded):
-    """Field note 6.1: 0x16 until all are in position, then GO is accepted. MOTOR_STATUS shows
-    it."""
-    loaded.accept(run_request(24, 1, FRAMES))
-    while loaded.moving:
-        loaded.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
-        loaded.run(0.03)
-    loaded.run(0.05)
-    before = loaded.positions
-    loaded.forget()
-    loaded.accept(p.RtGo())
-    loaded.client.wait_event(p.RtEnd, 10)
-    loaded.wait_idle()
-    assert_played(loaded, before, MOVE, 24)
-
-
-def test_go_after_a_motor_was_moved(loaded):
-    """The waiting run is no longer in position: 0x16; after the motor is back, GO is accepted."""
-    loaded.ready(run_request(24, 1, FRAMES))
-    waits = loaded.position(1)
-    loaded.ask(p.MotorMove(1, waits + 10))
-    loaded.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
-    loaded.wait_idle()
-    loaded.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
-    loaded.ask(p.MotorMove(1, waits))
-    loaded.wait_idle()
-    before = loaded.positions
-    loaded.forget()
-    loaded.accept(p.RtGo())
-    loaded.client.wait_event(p.RtEnd, 10)
-    loaded.wait_idle()
-    assert_played(loaded, before, MOVE, 24)
-
-
 def test_acknowledged_before_it_moves(loaded):
     """Field note 6.3; and all motors start in the same tick."""
-    loaded.ready(run_request(24, 1, FRAMES, 200, 200))
-    loaded.forget()
+    loaded.ready(run_request(24, 1, FRAMES, 200, 200)).forget()
     loaded.accept(p.RtGo())
     acknowledged = loaded.now
     loaded.run(0.5)
     assert loaded.steps(1)[0][0] > acknowledged - 0.001
-    loaded.client.wait_event(p.RtEnd, 10)
+    loaded.until(p.RtEnd, 10)
 
 
 def test_moving_bits_from_the_acknowledgement_on(loaded):
     loaded.accept(p.RtPositionFrame(9))
     assert loaded.moving == [1, 2]  # motor 4 is there already
-    loaded.wait_idle()
-    loaded.accept(run_request(24, 1, FRAMES))
+    loaded.wait_idle().accept(run_request(24, 1, FRAMES))
     assert set(loaded.moving) >= {1, 2}
-    loaded.wait_idle()
-    loaded.accept(p.RtGo())
+    loaded.wait_idle().accept(p.RtGo())
     assert loaded.ask(p.MotorStatus()).motor_bits == 0b1011
-    loaded.client.wait_event(p.RtEnd, 10)
+    loaded.until(p.RtEnd, 10)
 
 
 # ---- stopping a run ------------------------------------------------------------------------------
@@ -272,12 +222,9 @@ def test_moving_bits_from_the_acknowledgement_on(loaded):
 def test_stop_all_in_a_run(loaded, after, hard):
     """Field note 6.6: the motors ramp down, RT_END comes once; in the pre-roll, at its end, between
     frames, in the post-roll."""
-    loaded.speed(1, 20000, 20_000)
-    loaded.ready(run_request(24, 1, FRAMES, 500, 500))
+    loaded.speed(1, 20000, 20_000).ready(run_request(24, 1, FRAMES, 500, 500))
     before = loaded.positions
-    loaded.forget()
-    loaded.accept(p.RtGo())
-    loaded.run(after)
+    loaded.forget().accept(p.RtGo()).run(after)
     loaded.accept(*[p.MotorStopAll()] * (2 if hard else 1))
     asked = loaded.now
     loaded.run(1.0)
@@ -294,64 +241,6 @@ def test_stop_all_in_a_run(loaded, after, hard):
     assert_played(loaded, before, MOVE, 24)
 
 
-def test_stop_of_one_motor_ends_the_run(loaded):
-    loaded.ready(run_request(24, 1, FRAMES))
-    loaded.forget()
-    loaded.accept(p.RtGo())
-    loaded.run(0.8)
-    loaded.accept(p.MotorStop(4))
-    loaded.run(0.6)
-    assert len(loaded.events(p.RtEnd)) == 1
-    assert loaded.moving == []
-
-
-def test_stop_all_before_go(loaded):
-    """It ends a run that waits, or is on its way to its start: RT_END comes, and GO is no longer
-    accepted."""
-    for wait in (0.03, 3):
-        loaded.accept(run_request(24, 1, FRAMES))
-        loaded.run(wait)
-        loaded.forget()
-        loaded.accept(p.MotorStopAll())
-        loaded.run(1.2)
-        assert len(loaded.events(p.RtEnd)) == 1
-        loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
-        loaded.ask(p.MotorMove(1, 2000))
-        loaded.wait_idle()
-
-
-def test_port_closed_in_a_run(loaded):
-    """Field note 1.11: a lost host; motors ramp down, the run is over, and the next host finds a
-    rig at rest."""
-    loaded.ready(run_request(24, 1, FRAMES))
-    before = loaded.positions
-    loaded.forget()
-    loaded.accept(p.RtGo())
-    loaded.run(0.8)
-    loaded.leave()
-    closed = loaded.now
-    loaded.run(1.0)
-    times, signs = loaded.steps(1)
-    assert times[-1] - closed < 60 * 24 / 100_000 + 0.006
-    loaded.come_back()
-    loaded.run(0.2)
-    assert loaded.events(p.RtEnd) == []
-    assert loaded.moving == []
-    assert loaded.position(1) == before[1] + signs.sum()
-    loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
-    before = loaded.play(run_request(24, 1, FRAMES))
-    assert_played(loaded, before, MOVE, 24)
-
-
-def test_port_closed_before_go(loaded):
-    loaded.ready(run_request(24, 1, FRAMES))
-    loaded.leave()
-    loaded.run(0.1)
-    loaded.come_back()
-    loaded.run(0.1)
-    loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
-
-
 @pytest.mark.needs("inside")
 @pytest.mark.parametrize("smoothing", [True, False])
 @pytest.mark.parametrize("sign", [1, -1])
@@ -364,8 +253,7 @@ def test_the_shortest_ramps_of_slow_motors(velocity, acceleration, each, sign, s
     step and the smoothed path begins beside one."""
     board = SimulatedBoard({"smoothing": smoothing})
     session = Session(board)
-    session.speed(1, velocity, acceleration)
-    session.accept(p.MotorResetPosition(1, sign))
+    session.speed(1, velocity, acceleration).accept(p.MotorResetPosition(1, sign))
     session.upload({1: [0, sign * each, 2 * sign * each]})
     session.ready(run_request(1, 1, 3, 0, 0))
     session.accept(p.RtGo())

@@ -54,21 +54,15 @@ def test_before_go(change, code, pause):
     """GO answers as RUN_MOVE would; a refused GO moves nothing, and the old setting allows it
     again."""
     session = loaded()
-    session.ready(RUN)
-    session.forget()
-    session.accept(change)
-    session.run(pause)
+    session.ready(RUN).forget()
+    session.accept(change).run(pause)
     if code != p.Ack.OK:
-        session.refuse(code, p.RtGo())
-        session.run(0.2)
+        session.refuse(code, p.RtGo()).run(0.2)
         assert not session.trace().motors
         assert not session.moving
         session.refuse(code, p.RtGo())
-        session.accept(*BACK)
-        session.run(pause)
-    session.accept(p.RtGo())
-    session.client.wait_event(p.RtEnd, 10)
-    session.wait_idle()
+        session.accept(*BACK).run(pause)
+    session.accept(p.RtGo()).until(p.RtEnd, 10).wait_idle()
     assert session.position(1) == UP[-1]
 
 
@@ -76,13 +70,9 @@ def test_shortest_rolls_are_others_now():
     """The motors no longer wait where they would begin."""
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 0, 0))
-    session.speed(1, VELOCITY, 20_000)
-    session.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
-    session.ready(run_request(24, 1, FRAMES, 0, 0))
-    session.forget()
-    session.accept(p.RtGo())
-    session.client.wait_event(p.RtEnd, 10)
-    session.wait_idle()
+    session.speed(1, VELOCITY, 20_000).refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
+    session.ready(run_request(24, 1, FRAMES, 0, 0)).forget()
+    session.accept(p.RtGo()).until(p.RtEnd, 10).wait_idle()
     times, signs = session.steps(1)
     assert_within(times, signs, 20_000, 20_000)
 
@@ -121,8 +111,7 @@ def test_before_go_of_an_exposure(second):
         if code != p.Ack.OK:
             session.refuse(code, p.RtGo())
             session.accept(*BACK[:3])
-        session.accept(p.RtGo())
-        session.client.wait_event(p.RtEnd, 10)
+        session.accept(p.RtGo()).until(p.RtEnd, 10)
 
 
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG])
@@ -140,11 +129,8 @@ def test_in_a_loop(flags, after, change):
     there."""
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 500, 500, flags=flags))
-    session.accept(p.RtGo())
-    session.run(after)
-    session.accept(change)
-    session.client.wait_event(p.RtEnd, 6)
-    session.wait_idle()
+    session.accept(p.RtGo()).run(after)
+    session.accept(change).until(p.RtEnd, 6).wait_idle()
     assert session.now < 9
 
 
@@ -152,11 +138,8 @@ def test_a_slower_way_back_in_a_loop():
     """A setting that allows the next lap also counts on the way back."""
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 500, 500, flags=LOOP))
-    session.accept(p.RtGo())
-    session.run(1)
-    session.speed(1, 1500, 3000)
-    session.forget()
-    session.run(9)
+    session.accept(p.RtGo()).run(1)
+    session.speed(1, 1500, 3000).forget().run(9)
     times, signs = session.steps(1)
     assert_within(times, signs, 1500 * 1.01, 3000 * 1.02, window=0.05)
     assert not session.events(p.RtEnd)
@@ -166,10 +149,8 @@ def test_a_slower_way_back_in_a_loop():
 def test_a_limit_set_on_the_way_to_the_start():
     """The motors go no further than the limit, and GO is refused."""
     session = loaded()
-    session.accept(p.MotorSetSpeed(1, 2_000, 4_000), RUN)
-    session.run(0.2)
-    session.accept(p.MotorSetLimits(1, 1, -100, 1, 500))
-    session.wait_idle()
+    session.accept(p.MotorSetSpeed(1, 2_000, 4_000), RUN).run(0.2)
+    session.accept(p.MotorSetLimits(1, 1, -100, 1, 500)).wait_idle()
     assert session.position(1) == session.made(1) == 500
     session.refuse(p.Ack.ERR_SOFT_UP, p.RtGo())
 
@@ -178,12 +159,9 @@ def test_a_limit_set_on_the_way_to_the_start():
 def test_a_limit_set_in_a_loop_holds_on_the_way_back(when):
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 500, 500, flags=LOOP))
-    session.accept(p.RtGo())
-    session.run(2.1 if when == "on the way back" else 1.5)
+    session.accept(p.RtGo()).run(2.1 if when == "on the way back" else 1.5)
     assert session.position(1) > 1500
     set_at = session.now
-    session.accept(p.MotorSetLimits(1, 1, 900, 1, 100_000))
-    session.client.wait_event(p.RtEnd, 6)
-    session.wait_idle()
+    session.accept(p.MotorSetLimits(1, 1, 900, 1, 100_000)).until(p.RtEnd, 6).wait_idle()
     times, signs = session.steps(1)
     assert np.cumsum(signs)[times > set_at].min() >= 900

@@ -5,20 +5,12 @@ import itertools
 import numpy as np
 import pytest
 
+from framestep_tools import payloads as p
 from framestep_tools.bench.moves import RIPPLE_FRAMES, ripple_paths
 from framestep_tools.client.client import Client
 from framestep_tools.judge.judge import frame_times_ns
 from framestep_tools.judge.ripple import Ripple, origins_ns, ripple
 from framestep_tools.judge.trace import Trace
-from framestep_tools.payloads import (
-    MotorGetPosition,
-    MotorSetLimits,
-    MotorSetSpeed,
-    RtEnd,
-    RtGo,
-    RtRunMove,
-    RtStopLoop,
-)
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 pytestmark = pytest.mark.needs("short pulses")
@@ -28,26 +20,26 @@ def prepared(upload, fps, first=None, last=None, rig=None, flags=0, velocity=400
     board = SimulatedBoard({"smoothing": True, **(rig or {})})
     client = Client(LockstepPort(board))
     for motor in upload:
-        client.request(MotorSetSpeed(motor, velocity, 2_000_000))
+        client.request(p.MotorSetSpeed(motor, velocity, 2_000_000))
     count = len(next(iter(upload.values())))
     client.upload_move(1, count, upload)
     first = 1 if first is None else first
     last = count if last is None else last
-    client.request(RtRunMove(round(1000 * fps), first, last, roll_ms, roll_ms, flags=flags))
+    client.request(p.RtRunMove(round(1000 * fps), first, last, roll_ms, roll_ms, flags=flags))
     client.wait_idle()
     return board, client
 
 
 def positions(client):
-    return dict(enumerate(client.request(MotorGetPosition()).steps, 1))
+    return dict(enumerate(client.request(p.MotorGetPosition()).steps, 1))
 
 
 def played(board, client, seconds=60):
     """Return (trace, positions before it)."""
     start = positions(client)
     board.edges()
-    client.request(RtGo())
-    client.wait_event(RtEnd, seconds)
+    client.request(p.RtGo())
+    client.wait_event(p.RtEnd, seconds)
     trace = Trace.from_edges(board.edges())
     client.wait_idle()
     return trace, start
@@ -100,7 +92,10 @@ def test_the_uploaded_positions_at_each_frame_and_less_ripple(fps):
                 (times - origin) * fps / 1e9, ways, start[motor], path, RIPPLE_FRAMES - 1
             )
         found[smoothing] = sums
-        assert positions(client) == {**positions(client), **{m: p[-1] for m, p in upload.items()}}
+        assert positions(client) == {
+            **positions(client),
+            **{m: path[-1] for m, path in upload.items()},
+        }
     assert found[True].velocity_rms < 0.25 * found[False].velocity_rms
     assert found[True].acceleration_rms < 0.15 * found[False].acceleration_rms
 
@@ -190,10 +185,10 @@ def test_loops_come_to_where_they_begin():
     upload = rounded(ripple_paths(), 30)
     _, client = prepared(upload, 24, flags=2)
     start = positions(client)
-    client.request(RtGo())
+    client.request(p.RtGo())
     client.pump(12)
-    client.request(RtStopLoop())
-    client.wait_event(RtEnd, 60)
+    client.request(p.RtStopLoop())
+    client.wait_event(p.RtEnd, 60)
     client.wait_idle()
     found = positions(client)
     assert all(found[motor] in (upload[motor][0], upload[motor][-1]) for motor in upload)
@@ -205,7 +200,7 @@ def test_a_motor_at_its_limits_is_not_driven_beyond_them(reach, period):
     steps = np.rint(reach * np.sin(np.arange(60) * 2 * np.pi / period)).astype(int).tolist()
     last = period * (59 // period)
     board, client = prepared({1: steps}, 24, 1, last + 1, roll_ms=20)
-    client.request(MotorSetLimits(1, 1, min(steps), 1, max(steps)))
+    client.request(p.MotorSetLimits(1, 1, min(steps), 1, max(steps)))
     trace, start = played(board, client)
     at = start[1] + np.cumsum(trace.steps(1)[1])
     assert (at.min(), at.max()) == (min(steps), max(steps))

@@ -9,8 +9,8 @@ import pytest
 from framestep_tools.judge.judge import frame_times_ns
 from framestep_tools.judge.ripple import origins_ns
 from framestep_tools.payloads import MotorConfigure, Positions, RtGo
-from host_tests.covering import sweep
 from host_tests.end_to_end.session import run_request, simulated
+from host_tests.selection import sweep
 
 pytestmark = pytest.mark.needs("short pulses")
 
@@ -20,17 +20,13 @@ SLACK_NS = 30_000
 def played(positions, fps, flags=1, motor=1):
     """Return where the motor waits, and the times (s) and directions of its steps."""
     session = simulated()
-    session.speed(1, 200_000, 4_000_000)
-    session.speed(2, 200_000, 4_000_000)
+    session.speed(1, 200_000, 4_000_000).speed(2, 200_000, 4_000_000)
     session.accept(MotorConfigure(1, flags))
     session.upload({1: positions})
     frames = len(positions)
-    session.accept(run_request(fps=fps, end=frames, pre=500, post=500))
-    session.wait_idle()
+    session.accept(run_request(fps=fps, end=frames, pre=500, post=500)).wait_idle()
     before = session.positions[motor]
-    session.forget()
-    session.accept(RtGo())
-    session.run(1.3 + frames / fps)
+    session.forget().accept(RtGo()).run(1.3 + frames / fps)
     times, signs = session.steps(motor)
     return before, times, signs
 

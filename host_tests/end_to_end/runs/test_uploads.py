@@ -4,8 +4,10 @@ frame numbers."""
 import numpy as np
 import pytest
 
+from framestep.hal import host
 from framestep.protocol.messages import LARGEST_PAYLOAD
 from framestep_tools import payloads as p
+from host_tests.end_to_end import realtime
 from host_tests.end_to_end.realtime import edges
 from host_tests.end_to_end.runs.moves import FRAMES, MOVE, assert_played
 from host_tests.end_to_end.session import run_request
@@ -23,8 +25,7 @@ def test_upload_message_by_message(both):
         p.RtUploadMoveEnd(),
     )
     for frame, expected in ((10, 0), (13, 30), (14, 40), (17, 70), (19, 70), (12, 20)):
-        both.accept(p.RtPositionFrame(frame))
-        both.wait_idle()
+        both.accept(p.RtPositionFrame(frame)).wait_idle()
         positions = both.ask_positions()
         assert positions.steps[1:3] == (expected, -5)
         assert positions.move_time == frame * 1000
@@ -69,8 +70,7 @@ def test_upload_refused(both):
     both.refuse(
         p.Ack.ERR_RANGE, p.RtPositionFrame(-(2**31)), run_request(24, 0, 3), run_request(24, 1, 5)
     )
-    both.accept(p.RtPositionFrame(4))
-    both.wait_idle()
+    both.accept(p.RtPositionFrame(4)).wait_idle()
     assert both.position(1) == 4
 
 
@@ -122,8 +122,7 @@ def test_frame_numbers_at_their_ends(fast):
     for start in (-1_000_000, 1_000_000 - FRAMES + 1):
         fast.upload(MOVE, start_frame=start)
         for frame in (start, start + FRAMES - 1):
-            fast.accept(p.RtPositionFrame(frame))
-            fast.wait_idle()
+            fast.accept(p.RtPositionFrame(frame)).wait_idle()
             assert fast.ask_positions().move_time == frame * 1000
         before = fast.play(run_request(24, start, start + FRAMES - 1))
         assert_played(fast, before, MOVE, 24)
@@ -133,8 +132,7 @@ def test_frame_numbers_at_their_ends(fast):
 def test_a_new_upload_replaces(loaded):
     loaded.upload({1: [7, 8, 9]}, start_frame=101)
     loaded.refuse(p.Ack.ERR_RANGE, p.RtPositionFrame(1))
-    loaded.accept(p.RtPositionFrame(103))
-    loaded.wait_idle()
+    loaded.accept(p.RtPositionFrame(103)).wait_idle()
     assert loaded.positions == {1: 9} | dict.fromkeys(range(2, 9), 0)
 
 
@@ -147,11 +145,30 @@ def test_negative_frames_and_far_positions(fast):
         p.MotorResetPosition(2, int(positions[2][0]) + 700),
     )
     fast.upload(positions, start_frame=-10)
-    fast.accept(p.RtPositionFrame(-10))
-    fast.wait_idle()
+    fast.accept(p.RtPositionFrame(-10)).wait_idle()
     assert fast.position(1) == positions[1][0]
     assert fast.position(2) == positions[2][0]
     # run-ups and run-outs would exceed the range of 32 bits; from -5 to 9 they do not
     before = fast.play(run_request(24, -5, 9, 100, 100))
     assert_played(fast, before, {m: s[5:20] for m, s in positions.items()}, 24)
     assert set(fast.frames_reported()) >= {1000 * frame for frame in range(-5, 10)}
+
+
+@pytest.mark.needs("little memory")
+def test_each_of_65535_frames_counts(monkeypatch):
+    """Those at the end as well: in what is refused, in a run and in JOG_ALL."""
+    monkeypatch.setattr(host, "UPLOAD_BYTES", 2**20)
+    session = realtime.rig()
+    frames = 65_535
+    steps = 3 * np.arange(frames)
+    realtime.upload(session, {1: steps}, frames=frames)
+    session.accept(p.MotorSetLimits(1, 0, 0, 1, int(steps[-1]) - 1))
+    session.refuse(p.Ack.ERR_SOFT_UP, run_request(24, 1, frames), p.RtPositionFrame(frames))
+    session.accept(p.MotorSetLimits(1, 0, 0, 0, 0), p.MotorResetPosition(1, int(steps[-9])))
+    realtime.go(session, run_request(24, frames - 5, frames, 200, 200))
+    realtime.to_the_end(session)
+    assert session.position(1) == steps[-1]
+    assert session.frames_reported()[-6:] == [1000 * (frames + i) for i in range(-5, 1)]
+    session.accept(p.RtJogAll(6000, frames - 3)).wait_idle()
+    assert session.position(1) == steps[-4]
+    assert session.ask_positions().move_time == 1000 * (frames - 3)

@@ -33,19 +33,13 @@ def rig(**settings):
 
 
 def press(session, seconds=0.1):
-    session.board._board.set_input(BUTTON, 0)
-    session.run(seconds)
-    session.board._board.set_input(BUTTON, 1)
-    session.run(0.1)
+    session.input(BUTTON, 0).run(seconds).input(BUTTON, 1).run(0.1)
 
 
 def first(session, request):
     """Let the host shoot a frame."""
     session.ready(request)
-    session.accept(p.RtGo())
-    session.client.wait_event(p.RtEnd, 20)
-    session.wait_idle()
-    session.forget()
+    session.accept(p.RtGo()).until(p.RtEnd, 20).wait_idle().forget()
 
 
 def shot(session):
@@ -53,9 +47,7 @@ def shot(session):
     edges of motors 1 and 2."""
     session.forget()
     press(session)
-    session.client.wait_event(p.RtEnd, 20)
-    session.run(0.2)
-    session.wait_idle()
+    session.until(p.RtEnd, 20).run(0.2).wait_idle()
     (opened, _), (closed, _) = edges(session, "shutter")
     return opened, closed
 
@@ -82,8 +74,7 @@ def test_without_a_host():
     """The computer has gone since the first frame."""
     session = rig()
     first(session, p.RtShootFrame2(1, 200, 0, 180))
-    session.leave()
-    session.run(0.3)
+    session.leave().run(0.3)
     session.board.edges()
     press(session)
     session.run(5)
@@ -94,14 +85,11 @@ def test_without_a_host():
 def test_a_shot_that_waits_for_go():
     """The button gives GO, and the host is told so; while it runs, nothing more."""
     session = rig()
-    session.ready(p.RtShootFrame2(5, 500, 0, 360))
-    session.forget()
+    session.ready(p.RtShootFrame2(5, 500, 0, 360)).forget()
     press(session)
     assert len(session.events(p.RtGo)) == 1
     press(session)
-    session.client.wait_event(p.RtEnd, 20)
-    session.run(3)
-    session.wait_idle()
+    session.until(p.RtEnd, 20).run(3).wait_idle()
     assert len(edges(session, "shutter")) == 2
     assert session.position(1) == ends(list(MOVE[1]), 4)[1]
 
@@ -112,9 +100,7 @@ def test_backward():
     shot(session)
     steps = session.steps(1)[1]
     assert steps.sum() < 0
-    session.accept(p.RtPositionFrame(4))
-    session.wait_idle()
-    session.forget()
+    session.accept(p.RtPositionFrame(4)).wait_idle().forget()
 
 
 def nothing_shot(session):
@@ -135,8 +121,7 @@ def test_nothing_to_shoot():
     upload(session)  # another sequence
     nothing_shot(session)
     first(session, p.RtShootFrame2(1, 200, 0, 180))
-    session.ready(run_request(24, 1, 5))
-    session.forget()
+    session.ready(run_request(24, 1, 5)).forget()
     nothing_shot(session)
 
 
@@ -144,12 +129,9 @@ def test_nothing_to_shoot():
 def test_a_stop_on_the_way_ends_it(stop):
     """Nothing goes on by itself."""
     session = rig(estop="nc")
-    board = session.board._board
-    board.set_input("estop", 0)
-    session.run(0.1)
+    session.input("estop", 0).run(0.1)
     first(session, p.RtShootFrame2(1, 200, 0, 180))
-    session.accept(p.MotorMove(1, 9000))
-    session.wait_idle()
+    session.accept(p.MotorMove(1, 9000)).wait_idle()
     press(session, 0.05)
     assert 1 in session.moving
     if stop == "all":
@@ -157,12 +139,8 @@ def test_a_stop_on_the_way_ends_it(stop):
     elif stop == "one":
         session.accept(p.MotorStop(1))
     else:
-        board.set_input("estop", 1)
-        session.run(0.1)
-        board.set_input("estop", 0)
-    session.wait_idle()
-    session.forget()
-    session.run(3)
+        session.input("estop", 1).run(0.1).input("estop", 0)
+    session.wait_idle().forget().run(3)
     assert edges(session, "shutter") == []
     assert len(session.steps(1)[0]) == len(session.steps(2)[0]) == 0
 
@@ -176,21 +154,16 @@ def stop_by(session, stop):
     elif stop == "leave":
         session.leave()
     else:
-        session.board._board.set_input("estop", 1)
-        session.run(0.1)
-        session.board._board.set_input("estop", 0)
+        session.input("estop", 1).run(0.1).input("estop", 0)
 
 
 @pytest.mark.parametrize("stop", ["all", "one", "estop", "leave"])
 def test_a_stop_while_drivers_wake_up_ends_it(stop):
     """The motors are on the frame already, so nothing but their drivers is waited for."""
     session = rig(estop="nc", motors=[{"enable_ms": 500, "off_after_s": 3}] * 2)
-    session.board._board.set_input("estop", 0)
-    session.run(0.1)
+    session.input("estop", 0).run(0.1)
     first(session, p.RtShootFrame2(1, 200, 0, 180))
-    session.accept(p.RtPositionFrame(2))
-    session.wait_idle()
-    session.run(4)
+    session.accept(p.RtPositionFrame(2)).wait_idle().run(4)
     session.board.edges()
     press(session)
     stop_by(session, stop)
@@ -202,11 +175,9 @@ def test_a_frame_that_a_motor_cannot_do():
     """It is refused like a request."""
     session = rig()
     first(session, p.RtShootFrame2(3, 500, 0, 180))
-    session.speed(1, 10, ACCELERATION)
-    session.forget()
+    session.speed(1, 10, ACCELERATION).forget()
     press(session)
-    session.run(8)
-    session.wait_idle()
+    session.run(8).wait_idle()
     assert edges(session, "shutter") == []
     found = session.ask(p.GetExceeded())
     assert (found.what, found.motor) == (1, 1)
@@ -222,10 +193,8 @@ def test_shutter_delay_and_hold(delay, hold, angles):
     seen = []
     for more in ({}, {"shutter_delay_ms": delay, "shutter_hold_ms": hold}):
         session = rig(**more)
-        session.ready(p.RtShootFrame2(7, 800, *angles, []))
-        session.forget()
-        session.accept(p.RtGo())
-        session.client.wait_event(p.RtEnd, 20)
+        session.ready(p.RtShootFrame2(7, 800, *angles, [])).forget()
+        session.accept(p.RtGo()).until(p.RtEnd, 20)
         ended = session.now
         session.run(0.3)
         (opened, _), (closed, _) = edges(session, "shutter")

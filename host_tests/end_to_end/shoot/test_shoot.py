@@ -28,10 +28,9 @@ def shoot(session, request, start_s=0.005):
     """
     session.ready(request)
     before = session.positions
-    session.forget()
-    session.accept(p.RtGo())
+    session.forget().accept(p.RtGo())
     went = session.now
-    session.client.wait_event(p.RtEnd, 70)
+    session.until(p.RtEnd, 70)
     ended = session.now
     session.run(0.3)
     assert not session.events(p.RtEnd)
@@ -96,6 +95,8 @@ def test_whole_window(ready, exposure, direction, pair):
     assert opened - went == pytest.approx(1.0, abs=0.006), (
         "fixed, so that Dragonframe can time its shutter"
     )
+    (started, _), _ = edges(ready, "meter")
+    assert opened - started == pytest.approx(1.001, abs=2e-5), "in a whole tick"
     assert_window(ready, 1, before, opened, closed, a, b)
     times, _ = ready.steps(1)
     assert times[-1] - closed <= 1.0 + 1e-4
@@ -109,8 +110,7 @@ def test_the_very_velocity_that_is_set(ready, velocity):
     """Rounding refuses nothing: a window of a second takes as many steps as the velocity has."""
     ready.accept(p.MotorSetSpeed(1, velocity, ACCELERATION))
     ready.accept(p.RtShootFrame(FRAME, 1, 1000, 1000, [p.BlurMotor(1, 0, velocity)]))
-    ready.accept(p.MotorStopAll())
-    ready.wait_idle()
+    ready.accept(p.MotorStopAll()).wait_idle()
     request = p.RtShootFrame(FRAME, 1, 1000, 1000, [p.BlurMotor(1, 0, velocity + 1)])
     ready.refuse(p.Ack.ERR_RANGE, request)
 
@@ -226,17 +226,10 @@ def assert_angles(session, motor, before, opened, closed, opens, closes, a, b):
 @pytest.mark.parametrize(
     "angles",
     [
-        (0, 360),
-        (90, 270),
-        (45, 315),
-        (0, 180),
-        (-90, 270),
-        (90, 450),
-        (-60, 400),
-        (-300, -90),
+        (0, 360), (90, 270), (45, 315), (0, 180), (-90, 270), (90, 450), (-60, 400), (-300, -90),
         (400, 600),
     ],
-)
+)  # fmt: skip
 @pytest.mark.parametrize("exposure", [100, 400, 3000])
 def test_angles(ready, angles, exposure):
     """Field note 7.3: the motor waits on A, starts at GO, rests on B; the shutter opens and closes
@@ -283,7 +276,7 @@ def test_the_end_of_angles(ready):
         ready.ready(p.RtShootFrame2(FRAME, 500, opens, closes, [p.BlurMotor(1, 0, 400)]))
         ready.accept(p.RtGo())
         went = ready.now
-        ready.client.wait_event(p.RtEnd, 10)
+        ready.until(p.RtEnd, 10)
         degree = 0.5 / (closes - opens)
         assert ready.now - went == pytest.approx(
             (max(closes, 360) + max(-opens, 0)) * degree, abs=0.03
@@ -390,26 +383,19 @@ PAIR = [p.BlurMotor(1, 0, 400)]
         (p.RtShootFrame2(FRAME, 500, 180, 180, PAIR), p.Ack.ERR_RANGE),
         (p.RtShootFrame2(FRAME, 500, 180, 0, PAIR), p.Ack.ERR_RANGE),
         (p.RtShootFrame(FRAME, 1, 17, 1000, PAIR), p.Ack.ERR_RANGE),  # 23 500 steps/s
-        (
-            p.RtShootFrame(FRAME, 1, 500, 1000, [p.BlurMotor(1, -(2**31), 2**31 - 1)]),
-            p.Ack.ERR_RANGE,
-        ),
+        (p.RtShootFrame(FRAME, 1, 500, 1000, [p.BlurMotor(1, -(2**31), 2**31 - 1)]),
+         p.Ack.ERR_RANGE),
         (p.RtShootFrame2(FRAME, 17, 0, 360, PAIR), p.Ack.ERR_RANGE),
         (p.RtShootFrame2(FRAME, 60000, 0, 1, PAIR), p.Ack.ERR_RANGE),  # six hours from A to B
         # it opens after 22 days
         (p.RtShootFrame2(FRAME, 60000, 32766, 32767, PAIR), p.Ack.ERR_RANGE),
         # the motors start 4 days after that
-        (
-            p.RtShootFrame2(FRAME, 10000, -32768, -32767, PAIR),
-            p.Ack.ERR_RANGE,
-        ),
+        (p.RtShootFrame2(FRAME, 10000, -32768, -32767, PAIR), p.Ack.ERR_RANGE),
         (p.RtShootFrame2(FRAME, 120, -32768, -32767, PAIR), p.Ack.ERR_RANGE),
     ],
-)
+)  # fmt: skip
 def test_refused_for_its_numbers(ready, request_, code):
-    ready.forget()
-    ready.refuse(code, request_)
-    ready.run(0.2)
+    ready.forget().refuse(code, request_).run(0.2)
     assert not ready.trace().signals
     assert not ready.moving
     ready.refuse(p.Ack.ERR_GENERAL, p.RtGo())
@@ -425,10 +411,8 @@ def test_limits_in_the_way(ready):
         (10, 9000, p.Ack.ERR_PREROLL),
         (-9000, 390, p.Ack.ERR_POSTROLL),
     ):
-        ready.accept(p.MotorSetLimits(1, 1, lower, 1, upper))
-        ready.forget()
-        ready.refuse(code, request)
-        ready.run(0.1)
+        ready.accept(p.MotorSetLimits(1, 1, lower, 1, upper)).forget()
+        ready.refuse(code, request).run(0.1)
         assert not ready.trace().signals
         assert not ready.moving
     ready.accept(p.MotorSetLimits(1, 1, -400, 1, 800))
@@ -447,10 +431,8 @@ def test_limits_and_angles(ready, angles):
         (-9000, -1, p.Ack.ERR_PREROLL),
         (1, 399, p.Ack.ERR_PREROLL),
     ):
-        ready.accept(p.MotorSetLimits(1, 1, lower, 1, upper))
-        ready.forget()
-        ready.refuse(code, request)
-        ready.run(0.1)
+        ready.accept(p.MotorSetLimits(1, 1, lower, 1, upper)).forget()
+        ready.refuse(code, request).run(0.1)
         assert not ready.trace().signals
         assert not ready.moving
     ready.accept(p.MotorSetLimits(1, 1, 0, 1, 400))
@@ -463,15 +445,10 @@ def test_too_steep(ready):
     """800 steps/s within the 1.0 s of the run-up; with angles 914 steps/s within 1/16 s."""
     ready.speed(1, VELOCITY, 790)
     ready.refuse(p.Ack.ERR_PREROLL, p.RtShootFrame(FRAME, 1, 500, 1000, PAIR))
-    ready.speed(1, VELOCITY, 810)
-    ready.accept(p.RtShootFrame(FRAME, 1, 500, 1000, PAIR))
-    ready.wait_idle()
+    ready.speed(1, VELOCITY, 810).accept(p.RtShootFrame(FRAME, 1, 500, 1000, PAIR)).wait_idle()
     request = p.RtShootFrame2(FRAME, 500, 0, 360, PAIR)
-    ready.speed(1, VELOCITY, 14_500)
-    ready.refuse(p.Ack.ERR_RANGE, request)
-    ready.speed(1, 910, 14_800)
-    ready.refuse(p.Ack.ERR_RANGE, request)
-    ready.speed(1, 918, 14_800)
+    ready.speed(1, VELOCITY, 14_500).refuse(p.Ack.ERR_RANGE, request)
+    ready.speed(1, 910, 14_800).refuse(p.Ack.ERR_RANGE, request).speed(1, 918, 14_800)
     shoot(ready, request)
     times, signs = ready.steps(1)
     assert_within(times, signs, 918, 14_800)
@@ -483,24 +460,17 @@ def test_without_an_upload():
     session.refuse(p.Ack.ERR_GENERAL, *both)
     session.accept(p.RtUploadMoveBegin(1, 25))
     session.refuse(p.Ack.ERR_GENERAL, *both)
-    session.accept(p.RtUploadMoveEnd())
-    session.accept(both[0])
+    session.accept(p.RtUploadMoveEnd(), both[0])
 
 
 def test_refused_while_moving(ready):
     both = p.RtShootFrame(FRAME, 1, 500, 500, PAIR), p.RtShootFrame2(FRAME, 500, 0, 180, PAIR)
-    ready.ask(p.MotorMove(7, 500))
-    ready.refuse(p.Ack.ERR_MOVING, *both)
-    ready.wait_idle()
+    ready.accept(p.MotorMove(7, 500))
+    ready.refuse(p.Ack.ERR_MOVING, *both).wait_idle()
     ready.ready(both[0])
     ready.accept(p.RtGo())
     ready.refuse(
-        p.Ack.ERR_MOVING,
-        *both,
-        p.RtGo(),
-        p.RtPositionFrame(1),
-        p.RtJogAll(24000, 3),
+        p.Ack.ERR_MOVING, *both, p.RtGo(), p.RtPositionFrame(1), p.RtJogAll(24000, 3),
         run_request(24, 1, 5),
-    )
-    ready.client.wait_event(p.RtEnd, 10)
-    ready.accept(both[1])
+    )  # fmt: skip
+    ready.until(p.RtEnd, 10).accept(both[1])

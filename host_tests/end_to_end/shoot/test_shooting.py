@@ -6,22 +6,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from framestep_tools import payloads as p
 from framestep_tools.client.client import Client
 from framestep_tools.errors import INTERRUPTED, REFUSED
 from framestep_tools.judge.trace import Trace
 from framestep_tools.move.half_frame import ends
 from framestep_tools.move.move_display import ShotDisplay
 from framestep_tools.move.shoot import FramesError, frames_of, spans
-from framestep_tools.payloads import (
-    MotorConfigure,
-    MotorGetPosition,
-    MotorResetPosition,
-    MotorSetSpeed,
-    Positions,
-    RtEnd,
-    RtGo,
-    RtShootFrame2,
-)
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 PAN = [0, 0, 40, 120, 260, 420, 560, 640, 660, 640]
@@ -76,16 +67,16 @@ def test_frames_are_shot_in_motion(framestep, board, move):
 def test_the_ends_of_the_blur_are_those_of_the_firmware(index, board):
     """Without a list the firmware takes them from the path."""
     with Client(LockstepPort(board)) as client:
-        client.request(MotorSetSpeed(1, 20_000, 100_000))
-        client.request(MotorConfigure(1, 3))
+        client.request(p.MotorSetSpeed(1, 20_000, 100_000))
+        client.request(p.MotorConfigure(1, 3))
         client.upload_move(5, 14, {1: PAN})
-        client.request(RtShootFrame2(5 + index, 500, 0, 360))
+        client.request(p.RtShootFrame2(5 + index, 500, 0, 360))
         client.wait_idle()
-        waits = client.request(MotorGetPosition()).steps[0]
-        client.request(RtGo())
-        client.wait_event(RtEnd, 10)
+        waits = client.request(p.MotorGetPosition()).steps[0]
+        client.request(p.RtGo())
+        client.wait_event(p.RtEnd, 10)
         client.wait_idle()
-        assert (waits, client.request(MotorGetPosition()).steps[0]) == ends(PAN, index)
+        assert (waits, client.request(p.MotorGetPosition()).steps[0]) == ends(PAN, index)
 
 
 def test_what_is_there_is_shot(framestep, board, move):
@@ -137,7 +128,7 @@ def test_ctrl_c_reports_what_is_shot(framestep, board, move, monkeypatch):
             display.armed = True
 
     def show(display, event):
-        if isinstance(event.message, Positions) and getattr(display, "armed", False):
+        if isinstance(event.message, p.Positions) and getattr(display, "armed", False):
             raise KeyboardInterrupt
 
     monkeypatch.setattr(ShotDisplay, "shot", shot)
@@ -154,7 +145,7 @@ def test_ctrl_c_reports_what_is_shot(framestep, board, move, monkeypatch):
 @pytest.mark.needs("inside")
 def test_a_stop_ends_the_sequence(framestep, board, move, monkeypatch):
     def show(display, event):
-        if isinstance(event.message, Positions) and any(
+        if isinstance(event.message, p.Positions) and any(
             name == "shutter" for _, name, _ in board._edges
         ):
             board._board.set_input("estop", 0)
@@ -215,7 +206,7 @@ def test_what_are_no_frames(text):
 )  # fmt: skip
 def test_one_sentence_says_what_is_wrong(framestep, board, move, line, status, words):
     with Client(LockstepPort(board)) as client:
-        client.request(MotorResetPosition(1, 0))
+        client.request(p.MotorResetPosition(1, 0))
     found, out, err = framestep(line.replace("MOVE", str(move)))
     assert (found, out) == (status, "")
     assert words in err

@@ -32,12 +32,9 @@ SWUNG = Rig(
     BOOM.extension,
 )
 COLUMN = Rig(
-    3,
-    (Axis(1, 100.0, 30.0), *BOOM.axes[1:]),
-    length=600.0,
-    extension=-20.0,
+    3, (Axis(1, 100.0, 30.0), *BOOM.axes[1:]), length=600.0, extension=-20.0,
     nodal=(0.0, 50.0, 10.0),
-)
+)  # fmt: skip
 SWING_PAN = Rig(2, (Axis(3, 500.0), Axis(2, 100.0)))
 
 
@@ -56,8 +53,7 @@ def configured(rig: Rig, velocity=20_000, acceleration=50_000, settings=None, mo
         if axis.motor:
             session.speed(axis.motor, velocity, acceleration)
             session.accept(MotorResetPosition(axis.motor, axis.step))
-    session.accept(VirtConfig.unpack(rig.payload()))
-    session.forget()
+    session.accept(VirtConfig.unpack(rig.payload())).forget()
     return session
 
 

@@ -4,22 +4,8 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
+from framestep_tools import payloads as p
 from framestep_tools.judge.virtual_reference import Axis, Rig, aim, world
-from framestep_tools.payloads import (
-    Ack,
-    HardStop,
-    MotorConfigure,
-    MotorJog,
-    MotorMove,
-    MotorStop,
-    SetVirtAimPoint,
-    VirtAimPoint,
-    VirtConfig,
-    VirtGetPosition,
-    VirtJogOnLine,
-    VirtMove,
-    VirtStop,
-)
 from host_tests.end_to_end.session import simulated
 from host_tests.end_to_end.virtual_axes.judging import (
     BOOM,
@@ -43,12 +29,10 @@ def enabled(rig, point=POINT, **more):
     """Return a session whose rig looks at the point, and follows it."""
     session = configured(rig, **more)
     pan, tilt = aim(world(pose(session)), point)
-    session.accept(VirtMove(m.VIRT_MOTOR_PAN, round(pan * 100000)))
-    session.wait_idle()
-    session.accept(VirtMove(m.VIRT_MOTOR_TILT, round(tilt * 100000)))
-    session.wait_idle()
-    asked = SetVirtAimPoint(1, *(round(1000 * x) for x in point))
-    assert session.ask(asked) == VirtAimPoint(1, *(round(1000 * x) for x in point))
+    session.accept(p.VirtMove(m.VIRT_MOTOR_PAN, round(pan * 100000))).wait_idle()
+    session.accept(p.VirtMove(m.VIRT_MOTOR_TILT, round(tilt * 100000))).wait_idle()
+    asked = p.SetVirtAimPoint(1, *(round(1000 * x) for x in point))
+    assert session.ask(asked) == p.VirtAimPoint(1, *(round(1000 * x) for x in point))
     session.forget()
     return session
 
@@ -58,9 +42,9 @@ def beside(rig, track, point, offset=(0.0, 0.0)):
     tilt."""
     angles = []
     for row in track.places:
-        p = rig.host_pose(rig.forward(joints(rig, row)))
-        pan, tilt = aim(world(p), point)
-        angles.append(((p[3] - pan - offset[0] + 180) % 360 - 180, p[4] - tilt - offset[1]))
+        pose = rig.host_pose(rig.forward(joints(rig, row)))
+        pan, tilt = aim(world(pose), point)
+        angles.append(((pose[3] - pan - offset[0] + 180) % 360 - 180, pose[4] - tilt - offset[1]))
     return np.array(angles)
 
 
@@ -71,8 +55,7 @@ def test_the_camera_stays_on_the_point(rig):
 
     def follows(*requests, key=None, stop=None):
         before = session.positions
-        session.forget()
-        session.accept(*requests)
+        session.forget().accept(*requests)
         for _ in range(5):
             if key:
                 session.accept(key)
@@ -80,20 +63,20 @@ def test_the_camera_stays_on_the_point(rig):
         if stop:
             session.accept(stop)
         session.wait_idle()
-        assert not session.events(HardStop)
+        assert not session.events(p.HardStop)
         track = Track(session, before)
         assert np.ptp(track.places, axis=0).max() > 500
         track.limits(20_000, 50_000)
         assert np.abs(beside(rig, track, POINT)).max() < 0.01
         assert np.ptp(track.places[:, 3]) > 100, "it had to be turned for that"
 
-    follows(VirtMove(m.VIRT_MOTOR_TRACK, 3120 * 100000))
-    follows(VirtMove(m.VIRT_MOTOR_EW, -100 * 100000))
-    follows(VirtJogOnLine(m.LINE_X, 5000), stop=VirtStop(m.VIRT_MOTOR_EW))
-    follows(MotorMove(3, 4000))
-    follows(MotorMove(2, -9000))
-    follows(MotorMove(1, 3000))
-    follows(key=MotorJog(3, 10_000, -90_000), stop=MotorStop(3))
+    follows(p.VirtMove(m.VIRT_MOTOR_TRACK, 3120 * 100000))
+    follows(p.VirtMove(m.VIRT_MOTOR_EW, -100 * 100000))
+    follows(p.VirtJogOnLine(m.LINE_X, 5000), stop=p.VirtStop(m.VIRT_MOTOR_EW))
+    follows(p.MotorMove(3, 4000))
+    follows(p.MotorMove(2, -9000))
+    follows(p.MotorMove(1, 3000))
+    follows(key=p.MotorJog(3, 10_000, -90_000), stop=p.MotorStop(3))
 
 
 @pytest.mark.parametrize("back", [False, True], ids=["the same way", "back"])
@@ -104,12 +87,9 @@ def test_a_jog_that_is_asked_for_while_one_stops(back):
     before = session.positions
     session.forget()
     for _ in range(4):
-        session.accept(MotorJog(3, 10_000, 90_000))
-        session.run(0.2)
-    session.accept(MotorStop(3))
-    session.run(0.06)
-    session.accept(MotorJog(3, 10_000, -90_000 if back else 90_000))
-    session.run(0.3)
+        session.accept(p.MotorJog(3, 10_000, 90_000)).run(0.2)
+    session.accept(p.MotorStop(3)).run(0.06)
+    session.accept(p.MotorJog(3, 10_000, -90_000 if back else 90_000)).run(0.3)
     assert session.moving
     session.wait_idle()
     track = Track(session, before)
@@ -128,25 +108,20 @@ def test_enabling_does_not_jump_and_keeps_the_offset():
     start = pose(session)
     pan, tilt = aim(world(start), POINT)
     session.forget()
-    assert session.ask(SetVirtAimPoint(1, *(round(1000 * x) for x in POINT)))
+    assert session.ask(p.SetVirtAimPoint(1, *(round(1000 * x) for x in POINT)))
     session.run(0.5)
     assert all(session.made(motor) == 0 for motor in range(1, 7))
     before = session.positions
     for target in (3110, 3050, 3100):
-        session.accept(VirtMove(m.VIRT_MOTOR_TRACK, target * 100000))
-        session.wait_idle()
+        session.accept(p.VirtMove(m.VIRT_MOTOR_TRACK, target * 100000)).wait_idle()
     offset = start[3] - pan, start[4] - tilt
     assert np.abs(beside(BOOM_FINE, Track(session, before), POINT, offset)).max() < 0.01
     # the operator's own pan is added
     here = pose(session)
-    session.accept(VirtMove(m.VIRT_MOTOR_PAN, round((here[3] + 7) * 100000)))
-    session.wait_idle()
-    session.ask(MotorMove(5, session.position(5) + 2000))
-    session.wait_idle()
+    session.accept(p.VirtMove(m.VIRT_MOTOR_PAN, round((here[3] + 7) * 100000))).wait_idle()
+    session.accept(p.MotorMove(5, session.position(5) + 2000)).wait_idle()
     before = session.positions
-    session.forget()
-    session.accept(VirtMove(m.VIRT_MOTOR_EW, 220 * 100000))
-    session.wait_idle()
+    session.forget().accept(p.VirtMove(m.VIRT_MOTOR_EW, 220 * 100000)).wait_idle()
     offset = offset[0] + 7, offset[1] + 2
     assert np.abs(beside(BOOM_FINE, Track(session, before), POINT, offset)).max() < 0.01
 
@@ -159,25 +134,20 @@ def test_the_safe_distance():
     x, y, z = world(pose(session))
 
     def asked(*point):
-        return SetVirtAimPoint(1, *(round(1000 * c) for c in point))
+        return p.SetVirtAimPoint(1, *(round(1000 * c) for c in point))
 
-    session.refuse(Ack.ERR_AIM_COD, asked(x, y + 500, z - 149), asked(x + 100, y, z + 100))
-    assert session.ask(VirtGetPosition()).aim_enabled == 0
+    session.refuse(p.Ack.ERR_AIM_COD, asked(x, y + 500, z - 149), asked(x + 100, y, z + 100))
+    assert session.ask(p.VirtGetPosition()).aim_enabled == 0
     session.accept(asked(x, y + 500, z - 200))
-    session.refuse(Ack.ERR_AIM_COD, VirtMove(m.VIRT_MOTOR_TRACK, round((z - 100) * 100000)))
-    session.refuse(Ack.ERR_AIM_COD, MotorMove(3, -400 * 80))
-    session.run(0.3)
+    session.refuse(p.Ack.ERR_AIM_COD, p.VirtMove(m.VIRT_MOTOR_TRACK, round((z - 100) * 100000)))
+    session.refuse(p.Ack.ERR_AIM_COD, p.MotorMove(3, -400 * 80)).run(0.3)
     assert session.made(3) == 0
-    session.accept(VirtMove(m.VIRT_MOTOR_TRACK, round((z - 40) * 100000)))
-    session.wait_idle()
+    session.accept(p.VirtMove(m.VIRT_MOTOR_TRACK, round((z - 40) * 100000))).wait_idle()
     # a jog ends there
-    session.accept(VirtJogOnLine(m.LINE_TILT, 100))
-    session.run(0.1)
-    session.accept(VirtStop(m.VIRT_MOTOR_TILT))
-    session.wait_idle()
+    session.accept(p.VirtJogOnLine(m.LINE_TILT, 100)).run(0.1)
+    session.accept(p.VirtStop(m.VIRT_MOTOR_TILT)).wait_idle()
     for _ in range(20):
-        session.accept(MotorJog(3, 10_000, -90_000))
-        session.run(0.2)
+        session.accept(p.MotorJog(3, 10_000, -90_000)).run(0.2)
         if not session.moving:
             break
     end = world(pose(session))
@@ -190,12 +160,13 @@ def test_the_safe_distance():
 def test_worked_values(point, pan, tilt):
     """Field note 9.9, in the coordinates of VIRT_CONFIG: the camera looks at the point, and
     continues to."""
-    axes = tuple(Axis(i + 1, 1000.0, p) for i, p in enumerate((0.0, 0.0, 0.0, pan, tilt, 0.0)))
+    axes = tuple(
+        Axis(i + 1, 1000.0, place) for i, place in enumerate((0.0, 0.0, 0.0, pan, tilt, 0.0))
+    )
     rig = Rig(4, axes)
     session = configured(rig)
-    session.accept(SetVirtAimPoint(1, *(1000 * x for x in point)))
-    session.accept(VirtMove(m.VIRT_MOTOR_NS, 5 * 100000))
-    session.wait_idle()
+    session.accept(p.SetVirtAimPoint(1, *(1000 * x for x in point)))
+    session.accept(p.VirtMove(m.VIRT_MOTOR_NS, 5 * 100000)).wait_idle()
     wanted = aim((0, 5, 0), point)
     assert (session.position(4), session.position(5)) == (
         pytest.approx(1000 * (wanted[0] - pan), abs=1),
@@ -205,38 +176,33 @@ def test_worked_values(point, pan, tilt):
 
 def test_answers():
     session = simulated()
-    session.refuse(Ack.ERR_GENERAL, SetVirtAimPoint(1, 1, 2, 3))
+    session.refuse(p.Ack.ERR_GENERAL, p.SetVirtAimPoint(1, 1, 2, 3))
     session = configured(XYZ)
     answer = session.answer_to(
-        m.MSG_VIRT_AIM_POINT, SetVirtAimPoint(1, 5, -(2**31), 2**31 - 1).pack()
+        m.MSG_VIRT_AIM_POINT, p.SetVirtAimPoint(1, 5, -(2**31), 2**31 - 1).pack()
     )
     assert not answer.is_ack
-    assert answer.payload == SetVirtAimPoint(1, 5, -(2**31), 2**31 - 1).pack()
-    p = session.ask(VirtGetPosition())
-    assert (p.aim_enabled, p.aim_x, p.aim_y, p.aim_z) == (1, 5, -(2**31), 2**31 - 1)
-    session.refuse(Ack.ERR_RANGE, SetVirtAimPoint(2, 0, 0, 0))
-    session.ask(SetVirtAimPoint(0, 1, 2, 3))
-    p = session.ask(VirtGetPosition())
-    assert (p.aim_enabled, p.aim_x, p.aim_y, p.aim_z) == (0, 1, 2, 3)
-    session.ask(SetVirtAimPoint(1, 1, 2, 3000))
-    session.accept(VirtMove(1, 302 * 100000))
+    assert answer.payload == p.SetVirtAimPoint(1, 5, -(2**31), 2**31 - 1).pack()
+    said = session.ask(p.VirtGetPosition())
+    assert (said.aim_enabled, said.aim_x, said.aim_y, said.aim_z) == (1, 5, -(2**31), 2**31 - 1)
+    session.refuse(p.Ack.ERR_RANGE, p.SetVirtAimPoint(2, 0, 0, 0))
+    session.ask(p.SetVirtAimPoint(0, 1, 2, 3))
+    said = session.ask(p.VirtGetPosition())
+    assert (said.aim_enabled, said.aim_x, said.aim_y, said.aim_z) == (0, 1, 2, 3)
+    session.ask(p.SetVirtAimPoint(1, 1, 2, 3000))
+    session.accept(p.VirtMove(1, 302 * 100000))
     session.refuse(
-        Ack.ERR_MOVING,
-        SetVirtAimPoint(0, 0, 0, 0),
-        MotorMove(1, 0),
-        MotorMove(4, 0),
-        MotorJog(1, 100, 0),
-    )
-    session.wait_idle()
-    session.ask(MotorMove(2, 1000))
-    session.refuse(Ack.ERR_MOVING, MotorMove(2, 0), MotorMove(3, 0), VirtMove(1, 0))
-    session.wait_idle()
-    session.accept(VirtConfig.unpack(XYZ.payload()))
-    assert session.ask(VirtGetPosition()).aim_enabled == 0, "a new configuration"
+        p.Ack.ERR_MOVING, p.SetVirtAimPoint(0, 0, 0, 0), p.MotorMove(1, 0), p.MotorMove(4, 0),
+        p.MotorJog(1, 100, 0),
+    )  # fmt: skip
+    session.wait_idle().accept(p.MotorMove(2, 1000))
+    session.refuse(p.Ack.ERR_MOVING, p.MotorMove(2, 0), p.MotorMove(3, 0), p.VirtMove(1, 0))
+    session.wait_idle().accept(p.VirtConfig.unpack(XYZ.payload()))
+    assert session.ask(p.VirtGetPosition()).aim_enabled == 0, "a new configuration"
     session = configured(SWING_PAN)
-    session.refuse(Ack.ERR_RANGE, SetVirtAimPoint(1, 0, 0, 0))
+    session.refuse(p.Ack.ERR_RANGE, p.SetVirtAimPoint(1, 0, 0, 0))
     session = configured(BOOM_NODAL, settings={"virtuals": m.CAP_VIRTUALS})
-    session.refuse(Ack.ERR_UNSUPPORTED, SetVirtAimPoint(1, 0, 0, 0))
-    assert session.ask(VirtGetPosition()).aim_enabled is None
-    session.accept(MotorConfigure(4, 0))
-    session.refuse(Ack.ERR_GENERAL, VirtMove(1, 0))
+    session.refuse(p.Ack.ERR_UNSUPPORTED, p.SetVirtAimPoint(1, 0, 0, 0))
+    assert session.ask(p.VirtGetPosition()).aim_enabled is None
+    session.accept(p.MotorConfigure(4, 0))
+    session.refuse(p.Ack.ERR_GENERAL, p.VirtMove(1, 0))

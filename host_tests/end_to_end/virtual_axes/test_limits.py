@@ -4,23 +4,13 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
-from framestep_tools.payloads import (
-    Ack,
-    HardStop,
-    MotorSetLimits,
-    MotorStopAll,
-    VirtConfig,
-    VirtJog,
-    VirtJogOnLine,
-    VirtMove,
-    VirtStop,
-)
+from framestep_tools import payloads as p
 from host_tests.end_to_end.session import assert_within, simulated
 from host_tests.end_to_end.virtual_axes.judging import BOOM, NODAL, XYZ, Track, configured, pose
 
 
 def limits(low=None, high=None, motor=1):
-    return MotorSetLimits(motor, low is not None, low or 0, high is not None, high or 0, 0)
+    return p.MotorSetLimits(motor, low is not None, low or 0, high is not None, high or 0, 0)
 
 
 def test_soft_limits_on_the_way():
@@ -28,29 +18,24 @@ def test_soft_limits_on_the_way():
     its limit may return."""
     session = configured(NODAL)
     session.accept(limits(-500, 500))
-    session.refuse(Ack.ERR_SOFT_UP, VirtMove(2, round((pose(session)[1] + 1) * 100000)))
-    session.refuse(Ack.ERR_SOFT_LOW, VirtMove(2, round((pose(session)[1] - 1) * 100000)))
+    session.refuse(p.Ack.ERR_SOFT_UP, p.VirtMove(2, round((pose(session)[1] + 1) * 100000)))
+    session.refuse(p.Ack.ERR_SOFT_LOW, p.VirtMove(2, round((pose(session)[1] - 1) * 100000)))
     # a turn of the camera about its nodal point moves the carriage to one side and back
-    session.refuse(Ack.ERR_SOFT_UP, VirtMove(4, round((pose(session)[3] + 180) * 100000)))
+    session.refuse(p.Ack.ERR_SOFT_UP, p.VirtMove(4, round((pose(session)[3] + 180) * 100000)))
     session.run(0.5)
     assert session.made(1) == 0
     assert session.moving == []
     session.accept(limits(-500, -200))
-    session.refuse(Ack.ERR_SOFT_UP, VirtMove(2, round((pose(session)[1] + 0.01) * 100000)))
-    session.accept(VirtMove(2, round((pose(session)[1] - 0.1) * 100000)))
-    session.wait_idle()
+    session.refuse(p.Ack.ERR_SOFT_UP, p.VirtMove(2, round((pose(session)[1] + 0.01) * 100000)))
+    session.accept(p.VirtMove(2, round((pose(session)[1] - 0.1) * 100000))).wait_idle()
     assert session.position(1) == -100
 
 
 def test_a_motor_in_a_limit_switch():
     session = simulated({"limits": [{"high": 22, "low": 26, "contact": "no"}]})
-    board = session.board._board
-    session.accept(VirtConfig.unpack(XYZ.payload()), MotorSetLimits(2, 0, 0, 0, 0, 1))
-    board.set_input(22, 0)
-    session.run(0.05)
-    session.refuse(Ack.ERR_HARD_UP, VirtMove(3, -19 * 100000))
-    session.accept(VirtMove(3, -21 * 100000))
-    session.wait_idle()
+    session.accept(p.VirtConfig.unpack(XYZ.payload()), p.MotorSetLimits(2, 0, 0, 0, 0, 1))
+    session.input(22, 0).run(0.05).refuse(p.Ack.ERR_HARD_UP, p.VirtMove(3, -19 * 100000))
+    session.accept(p.VirtMove(3, -21 * 100000)).wait_idle()
     assert session.position(2) == -1000
 
 
@@ -60,11 +45,9 @@ def test_backlash_is_taken_up_before_the_line_begins():
     session = configured(BOOM, settings={"motors": [{"backlash": 300}] * 6})
     for target in (250, 150, 180):
         before = session.positions
-        session.forget()
-        session.accept(VirtMove(m.VIRT_MOTOR_EW, target * 100000))
+        session.forget().accept(p.VirtMove(m.VIRT_MOTOR_EW, target * 100000))
         if target == 180:
-            session.run(0.6)
-            session.accept(VirtStop(m.VIRT_MOTOR_EW))
+            session.run(0.6).accept(p.VirtStop(m.VIRT_MOTOR_EW))
         session.wait_idle()
         after = session.positions
         track = Track(session, before)
@@ -83,12 +66,12 @@ LOOSE = {"motors": [{"backlash": 200}] * 6}
 @pytest.mark.parametrize(
     "request_",
     [
-        VirtMove(m.VIRT_MOTOR_EW, 60 * 100000),
-        VirtMove(m.VIRT_MOTOR_NS, -40 * 100000),
-        VirtJog(m.VIRT_MOTOR_EW, 10_000, 3000),
-        VirtJog(m.VIRT_MOTOR_PAN, 5000, -3000),
-        VirtJogOnLine(m.LINE_Y, 10_000),
-        VirtJogOnLine(m.LINE_X, -10_000),
+        p.VirtMove(m.VIRT_MOTOR_EW, 60 * 100000),
+        p.VirtMove(m.VIRT_MOTOR_NS, -40 * 100000),
+        p.VirtJog(m.VIRT_MOTOR_EW, 10_000, 3000),
+        p.VirtJog(m.VIRT_MOTOR_PAN, 5000, -3000),
+        p.VirtJogOnLine(m.LINE_Y, 10_000),
+        p.VirtJogOnLine(m.LINE_X, -10_000),
     ],
     ids=str,
 )
@@ -103,18 +86,16 @@ def test_play_costs_no_motor_its_limits(rig, share, request_, stop_s):
     """Neither at the start, nor at a motor's turn, nor at the end; at rest everything is as
     requested."""
     session = configured(rig, 2000, 20_000, settings={**LOOSE, "jog_timeout_ms": 0})
-    if isinstance(request_, VirtMove):
-        request_ = VirtMove(request_.motor, round(share * request_.position))
-    back = VirtMove(m.VIRT_MOTOR_EW, 100000 * round(pose(session)[1] - 20 * share))
+    if isinstance(request_, p.VirtMove):
+        request_ = p.VirtMove(request_.motor, round(share * request_.position))
+    back = p.VirtMove(m.VIRT_MOTOR_EW, 100000 * round(pose(session)[1] - 20 * share))
     for k, request in enumerate((request_, back)):
         before = session.positions
-        session.forget()
-        session.accept(request)
-        if k == 0 and (stop_s or isinstance(request, VirtJogOnLine)):
-            session.run(stop_s or 2)
-            session.accept(MotorStopAll())
+        session.forget().accept(request)
+        if k == 0 and (stop_s or isinstance(request, p.VirtJogOnLine)):
+            session.run(stop_s or 2).accept(p.MotorStopAll())
         session.wait_idle()
-        assert not session.events(HardStop)
+        assert not session.events(p.HardStop)
         for motor in range(1, 7):
             times, signs = session.steps(motor)
             if len(times) > 2:
@@ -123,7 +104,7 @@ def test_play_costs_no_motor_its_limits(rig, share, request_, stop_s):
             assert abs(moved - signs.sum()) <= 200, "the load is at most the play from the motor"
         if stop_s is None or k == 1:
             now = pose(session)
-            if isinstance(request, VirtMove):
+            if isinstance(request, p.VirtMove):
                 assert now[request.motor - 1] == pytest.approx(request.position / 100000, abs=0.03)
 
 
@@ -131,12 +112,9 @@ def test_a_motor_that_turns_on_the_way_takes_up_its_play_in_the_end():
     """The track of a boom moves forth and back while the camera passes the column's side; it ends
     at its target."""
     session = configured(BOOM, 4000, 20_000, settings=LOOSE)
-    session.accept(VirtMove(m.VIRT_MOTOR_EW, -190 * 100000))
-    session.wait_idle()
+    session.accept(p.VirtMove(m.VIRT_MOTOR_EW, -190 * 100000)).wait_idle()
     before = session.positions
-    session.forget()
-    session.accept(VirtMove(m.VIRT_MOTOR_EW, 210 * 100000))
-    session.wait_idle()
+    session.forget().accept(p.VirtMove(m.VIRT_MOTOR_EW, 210 * 100000)).wait_idle()
     track = Track(session, before)
     track.limits(4000, 20_000)
     turned = np.flatnonzero(np.diff(session.steps(3)[1]))
@@ -150,17 +128,12 @@ def test_no_motor_takes_up_its_play_after_stop_all(stop_s):
     """The track turns on the line, and takes up its play at the end, here for ten seconds; but
     nothing moves on after a STOP_ALL."""
     session = configured(BOOM, 4000, 20_000, settings=LOOSE)
-    session.accept(VirtMove(m.VIRT_MOTOR_EW, -190 * 100000))
-    session.wait_idle()
-    session.forget()
-    session.accept(VirtMove(m.VIRT_MOTOR_EW, 210 * 100000))
-    session.run(stop_s)
+    session.accept(p.VirtMove(m.VIRT_MOTOR_EW, -190 * 100000)).wait_idle().forget()
+    session.accept(p.VirtMove(m.VIRT_MOTOR_EW, 210 * 100000)).run(stop_s)
     assert np.diff(session.steps(3)[1]).any()
-    session.speed(3, 20, 20_000)
-    session.accept(MotorStopAll())
-    session.run(1)
+    session.speed(3, 20, 20_000).accept(p.MotorStopAll()).run(1)
     assert session.moving == []
-    assert not session.events(HardStop)
+    assert not session.events(p.HardStop)
 
 
 @pytest.mark.needs("ramped E-stop", only=("E-stop",))
@@ -172,26 +145,19 @@ def test_a_limit_switch_or_the_e_stop_in_a_move(pin, low, high):
     """All motors of the rig come to rest, each by its own ramp, and the one at the switch by a hard
     stop."""
     session = simulated({"limits": [{"high": 22, "low": 26, "contact": "no"}], "estop": "nc"})
-    board = session.board._board
-    board.set_input("estop", 0)
-    session.run(0.1)
+    session.input("estop", 0).run(0.1)
     for motor in range(1, 7):
         session.speed(motor, 20_000, 50_000)
-    session.accept(VirtConfig.unpack(XYZ.payload()), MotorSetLimits(3, 0, 0, 0, 0, 1))
-    session.forget()
-    session.accept(VirtMove(m.VIRT_MOTOR_TRACK, 400 * 100000))
-    session.run(0.8)
+    session.accept(p.VirtConfig.unpack(XYZ.payload()), p.MotorSetLimits(3, 0, 0, 0, 0, 1)).forget()
+    session.accept(p.VirtMove(m.VIRT_MOTOR_TRACK, 400 * 100000)).run(0.8)
     struck = session.now
-    board.set_input(pin, high)
-    session.run(1.0)
+    session.input(pin, high).run(1.0)
     assert session.moving == []
-    assert len(session.events(HardStop)) == 1
+    assert len(session.events(p.HardStop)) == 1
     assert session.steps(3)[0][-1] - struck < 20_000 / 50_000 / 4 + 0.02
     session.refuse(
-        Ack.ERR_GENERAL if pin == "estop" else Ack.ERR_HARD_UP, VirtMove(1, 500 * 100000)
+        p.Ack.ERR_GENERAL if pin == "estop" else p.Ack.ERR_HARD_UP, p.VirtMove(1, 500 * 100000)
     )
-    board.set_input(pin, low)
-    session.run(0.1)
-    session.accept(VirtMove(m.VIRT_MOTOR_TRACK, 300 * 100000))
-    session.wait_idle()
+    session.input(pin, low)
+    session.run(0.1).accept(p.VirtMove(m.VIRT_MOTOR_TRACK, 300 * 100000)).wait_idle()
     assert session.position(3) == 0

@@ -7,25 +7,9 @@ import pytest
 
 from framestep.protocol import messages as m
 from framestep_tools import cli
+from framestep_tools import payloads as p
 from framestep_tools.client.client import Client
 from framestep_tools.judge.virtual_reference import Axis, Rig
-from framestep_tools.payloads import (
-    Ack,
-    Hi,
-    MotorConfigure,
-    MotorJog,
-    MotorMove,
-    MotorResetPosition,
-    MotorStop,
-    MotorStopAll,
-    Positions,
-    RtPositionFrame,
-    VirtConfig,
-    VirtGetPosition,
-    VirtMove,
-    VirtPositions,
-    VirtStop,
-)
 from framestep_tools.simulator.boards import LockstepPort
 from host_tests.end_to_end.session import simulated
 from host_tests.end_to_end.virtual_axes.judging import (
@@ -37,6 +21,7 @@ from host_tests.end_to_end.virtual_axes.judging import (
     SWUNG,
     UNIT,
     XYZ,
+    Track,
     assert_straight,
     configured,
     joints,
@@ -45,14 +30,9 @@ from host_tests.end_to_end.virtual_axes.judging import (
 )
 
 RIGS = {
-    "x-y-z": XYZ,
-    "x-y-z with a nodal offset": NODAL,
-    "boom": BOOM,
-    "boom swung out": SWUNG,
-    "boom with a nodal offset": BOOM_NODAL,
-    "column": COLUMN,
-    "swing-pan": SWING_PAN,
-}
+    "x-y-z": XYZ, "x-y-z with a nodal offset": NODAL, "boom": BOOM, "boom swung out": SWUNG,
+    "boom with a nodal offset": BOOM_NODAL, "column": COLUMN, "swing-pan": SWING_PAN,
+}  # fmt: skip
 MOVES = [
     ("boom", m.VIRT_MOTOR_EW, 500.0),
     ("boom", m.VIRT_MOTOR_NS, -700.0),
@@ -78,8 +58,7 @@ def test_a_move_is_straight(name, number, length):
     start = rig.forward(joints(rig, np.array([before[n] for n in sorted(before)])))
     np.testing.assert_allclose(pose(session), rig.host_pose(start), atol=1e-9)
     target = rig.host_pose(start)[number - 1] + length
-    session.forget()
-    session.accept(VirtMove(number, round(target * 100000)))
+    session.forget().accept(p.VirtMove(number, round(target * 100000)))
     assert session.moving == sorted(a.motor for a in rig.axes), (
         "the moving bits are set by the acknowledgement"
     )
@@ -97,91 +76,112 @@ def test_a_move_is_straight(name, number, length):
     )
 
 
-def test_a_stop_stays_on_the_line():
-    """VIRT_STOP of that axis, STOP of one of its motors, STOP_ALL, a lost host. VIRT_STOP of
-    another axis has no effect."""
+STOPS = {
+    "VIRT_STOP": p.VirtStop(m.VIRT_MOTOR_PAN),
+    "STOP": p.MotorStop(1),
+    "STOP_ALL": p.MotorStopAll(),
+    "lost host": None,
+}
+
+
+@pytest.fixture(scope="module")
+def unstopped():
     session = configured(NODAL)
-    for stop in (VirtStop(m.VIRT_MOTOR_PAN), MotorStop(1), MotorStopAll(), None):
-        session.run(1.1)  # no second STOP_ALL
-        before = session.positions
-        session.forget()
-        session.accept(VirtMove(m.VIRT_MOTOR_PAN, 60 * 100000 if before[4] < 30_000 else 0))
-        session.run(0.7)
-        session.accept(VirtStop(m.VIRT_MOTOR_EW))
-        asked = session.now
-        if stop:
-            session.accept(stop)
-        else:
-            session.leave()
-        session.run(1.5)
-        if not stop:
-            session.come_back()
-        assert session.moving == []
-        track, s = assert_straight(
-            NODAL, session, before, UNIT[4] * (1 if before[4] < 30_000 else -1), 65.0
-        )
-        assert 5 < s[-1] < 50
-        # some hundredths of a second until it slows down, then as steeply as the motors can
-        peak = np.diff(s).max() * 1000
-        assert track.end - asked < 0.15 + peak / 30
+    before = session.positions
+    session.accept(p.VirtMove(m.VIRT_MOTOR_PAN, 60 * 100000)).wait_idle()
+    return Track(session, before)
+
+
+@pytest.mark.parametrize("stop", STOPS.values(), ids=STOPS)
+@pytest.mark.parametrize("after_s", [0.15, *np.arange(0.3, 1.3, 0.0831), 3.2])
+def test_a_stop_begins_at_once_and_stays_on_the_line(unstopped, stop, after_s):
+    """While it starts, at full speed and where it slows down, wherever between two knots.
+    VIRT_STOP of another axis has no effect."""
+    session = configured(NODAL)
+    before = session.positions
+    session.accept(p.VirtMove(m.VIRT_MOTOR_PAN, 60 * 100000)).run(after_s)
+    session.accept(p.VirtStop(m.VIRT_MOTOR_EW))
+    asked = session.now
+    if stop:
+        session.accept(stop).run(1.5)
+    else:
+        session.leave().run(1.5).come_back()
+    assert session.moving == []
+    track, s = assert_straight(NODAL, session, before, UNIT[4], 65.0)
+    track.limits(20_000, 50_000)
+    peak = np.diff(s).max() * 1000
+    assert track.end - asked < 0.07 + peak / 50  # as steeply as the motors can
+    if after_s < 3:  # later it slows down anyway
+        soon = round((asked - track.begin) * 1000) + 30
+        assert np.abs(track.places[soon] - unstopped.places[soon]).max() > 5
+
+
+@pytest.mark.parametrize(("flag", "sense"), [(m.MOTOR_COUPLE, 1), (m.MOTOR_COUPLE_REVERSED, -1)])
+def test_a_stop_on_the_line_keeps_coupled_motors_together(flag, sense):
+    session = configured(XYZ)
+    session.accept(p.MotorConfigure(6, m.MOTOR_ENABLED | flag))
+    for _ in range(3):
+        session.accept(p.VirtMove(m.VIRT_MOTOR_ROLL, 9_000_000)).run(0.437)
+        session.accept(p.MotorStop(7)).wait_idle()
+        session.accept(p.VirtMove(m.VIRT_MOTOR_ROLL, 0)).wait_idle()
+    assert not session.events(p.HardStop)
+    times, signs = session.steps(6)
+    others, their_signs = session.steps(7)
+    assert len(times) > 1000
+    assert np.array_equal(signs, sense * their_signs)
+    assert np.abs(times - others).max() < 1e-5
 
 
 def test_a_second_stop_all_lets_each_motor_ramp_down_by_itself():
     session = configured(XYZ)
-    session.accept(VirtMove(m.VIRT_MOTOR_EW, 100 * 100000))
-    session.run(0.8)
-    session.accept(MotorStopAll(), MotorStopAll())
+    session.accept(p.VirtMove(m.VIRT_MOTOR_EW, 100 * 100000)).run(0.8)
+    session.accept(p.MotorStopAll(), p.MotorStopAll())
     asked = session.now
     session.run(0.5)
     assert session.moving == []
     assert session.steps(1)[0][-1] - asked < 0.05 + 20_000 / 50_000 / 4
     # and it continues from there
-    session.accept(VirtMove(m.VIRT_MOTOR_EW, 0))
-    session.wait_idle()
+    session.accept(p.VirtMove(m.VIRT_MOTOR_EW, 0)).wait_idle()
     assert session.position(1) == -10_000
 
 
 def test_capabilities_and_their_mask():
-    assert simulated().ask(Hi()).capabilities & 0x7C == 0x7C
+    assert simulated().ask(p.Hi()).capabilities & 0x7C == 0x7C
     session = simulated({"virtuals": m.CAP_X_Y_Z})
-    assert session.ask(Hi()).capabilities & 0x7C == m.CAP_X_Y_Z
-    session.refuse(Ack.ERR_UNSUPPORTED, VirtConfig.unpack(Rig(2, (Axis(1), Axis(2))).payload()))
-    session.accept(VirtConfig.unpack(XYZ.payload()))
+    assert session.ask(p.Hi()).capabilities & 0x7C == m.CAP_X_Y_Z
+    session.refuse(p.Ack.ERR_UNSUPPORTED, p.VirtConfig.unpack(Rig(2, (Axis(1), Axis(2))).payload()))
+    session.accept(p.VirtConfig.unpack(XYZ.payload()))
     session = simulated({"virtuals": 0})
-    assert session.ask(Hi()).capabilities & 0x7C == 0
+    assert session.ask(p.Hi()).capabilities & 0x7C == 0
     session.refuse(
-        Ack.ERR_UNSUPPORTED, VirtConfig(0), VirtGetPosition(), VirtMove(1, 0), VirtStop(1)
+        p.Ack.ERR_UNSUPPORTED, p.VirtConfig(0), p.VirtGetPosition(), p.VirtMove(1, 0), p.VirtStop(1)
     )
 
 
 def test_without_a_configuration():
     session = simulated()
-    requests = VirtGetPosition(), VirtMove(1, 0), VirtStop(1)
-    session.refuse(Ack.ERR_GENERAL, *requests)
-    session.accept(VirtConfig.unpack(XYZ.payload()))
-    session.accept(VirtGetPosition(), VirtStop(1))
-    session.accept(VirtConfig(0))
-    session.refuse(Ack.ERR_GENERAL, *requests)
+    requests = p.VirtGetPosition(), p.VirtMove(1, 0), p.VirtStop(1)
+    session.refuse(p.Ack.ERR_GENERAL, *requests)
+    session.accept(p.VirtConfig.unpack(XYZ.payload()), p.VirtGetPosition(), p.VirtStop(1))
+    session.accept(p.VirtConfig(0))
+    session.refuse(p.Ack.ERR_GENERAL, *requests)
 
 
 def test_positions_are_reported_beside_those_of_the_motors():
     """Field note 9.8; they follow the motors, whatever has moved these."""
     session = configured(XYZ)
-    session.ask(MotorMove(2, 3000))
-    session.wait_idle()
-    motors, virtuals = session.events(Positions), session.events(VirtPositions)
+    session.accept(p.MotorMove(2, 3000)).wait_idle()
+    motors, virtuals = session.events(p.Positions), session.events(p.VirtPositions)
     assert len(motors) == len(virtuals) >= 3
     for (_, place), (_, stands) in zip(motors, virtuals, strict=True):
         assert stands.north_south == pytest.approx(-2_000_000 + place.steps[1] * 100, abs=150 * 100)
     assert virtuals[-1][1].north_south == -1_700_000
-    assert session.code(MotorResetPosition(2, 0)) == Ack.OK
+    assert session.code(p.MotorResetPosition(2, 0)) == p.Ack.OK
     session.run(0.1)
-    assert pose_of(session.events(VirtPositions)[-1][1])[2] == pytest.approx(-20)
-    session.accept(VirtConfig(0))
-    session.forget()
-    session.ask(MotorMove(2, 0))
-    session.wait_idle()
-    assert not session.events(VirtPositions)
+    assert pose_of(session.events(p.VirtPositions)[-1][1])[2] == pytest.approx(-20)
+    session.accept(p.VirtConfig(0)).forget()
+    session.accept(p.MotorMove(2, 0)).wait_idle()
+    assert not session.events(p.VirtPositions)
 
 
 @pytest.mark.parametrize("rig", [BOOM_NODAL, SWUNG, COLUMN, XYZ, SWING_PAN])
@@ -200,7 +200,7 @@ def test_the_pose_is_that_of_the_configuration_and_what_has_changed_since(rig):
     )
     assert pose(session).tolist() == wanted
     for axis in rig.axes:
-        session.ask(MotorMove(axis.motor, axis.step + 1000 * axis.motor))
+        session.accept(p.MotorMove(axis.motor, axis.step + 1000 * axis.motor))
     session.wait_idle()
     stands = session.positions
     now = rig.host_pose(rig.forward(joints(rig, np.array([stands[n] for n in sorted(stands)]))))
@@ -216,7 +216,7 @@ def test_the_pose_is_that_of_the_configuration_and_what_has_changed_since(rig):
             rig.extension,
             rig.nodal,
         )
-        session.accept(VirtConfig.unpack(zero.payload()))
+        session.accept(p.VirtConfig.unpack(zero.payload()))
         assert pose(session).tolist() == [0] * 6
 
 
@@ -224,15 +224,14 @@ def test_worked_value():
     """Field note 9.9: length 857.7, extension 78, vNS +100 moves the raw track by -5.8494."""
     rig = Rig(1, tuple(Axis(i + 1, 1000.0) for i in range(6)), 857.7, 78.0)
     session = configured(rig)
-    session.accept(VirtMove(m.VIRT_MOTOR_NS, 100 * 100000))
-    session.wait_idle()
+    session.accept(p.VirtMove(m.VIRT_MOTOR_NS, 100 * 100000)).wait_idle()
     assert session.position(3) == -5849
     np.testing.assert_allclose(pose(session), [0, 0, 100, 0, 0, 0], atol=0.02)
 
 
 def test_a_refused_configuration_leaves_the_old_one():
     session = configured(XYZ)
-    old = session.ask(VirtGetPosition())
+    old = session.ask(p.VirtGetPosition())
     good = bytearray(XYZ.payload())
 
     def changed(at, value):
@@ -241,67 +240,56 @@ def test_a_refused_configuration_leaves_the_old_one():
         return bytes(data)
 
     for code, payload in [
-        (Ack.ERR_RANGE, b"\5"),
-        (Ack.ERR_RANGE, bytes(good[:-1])),
-        (Ack.ERR_RANGE, changed(1, 9)),
-        (Ack.ERR_RANGE, changed(1, -1)),
-        (Ack.ERR_RANGE, changed(1, 2)),
-        (Ack.ERR_RANGE, changed(5, 0)),
+        (p.Ack.ERR_RANGE, b"\5"),
+        (p.Ack.ERR_RANGE, bytes(good[:-1])),
+        (p.Ack.ERR_RANGE, changed(1, 9)),
+        (p.Ack.ERR_RANGE, changed(1, -1)),
+        (p.Ack.ERR_RANGE, changed(1, 2)),
+        (p.Ack.ERR_RANGE, changed(5, 0)),
     ]:
         answer = session.answer_to(m.MSG_VIRT_CONFIG, payload)
         assert answer.is_ack, payload.hex()
-        assert Ack.unpack(answer.payload) == code, payload.hex()
-        assert session.ask(VirtGetPosition()) == old
-    session.accept(MotorConfigure(7, 0))
+        assert p.Ack.unpack(answer.payload) == code, payload.hex()
+        assert session.ask(p.VirtGetPosition()) == old
+    session.accept(p.MotorConfigure(7, 0))
     answer = session.answer_to(m.MSG_VIRT_CONFIG, changed(1, 7))
-    assert Ack.unpack(answer.payload) == Ack.ERR_RANGE, "disabled"
-    session.accept(VirtMove(1, 302 * 100000))
-    session.wait_idle()
+    assert p.Ack.unpack(answer.payload) == p.Ack.ERR_RANGE, "disabled"
+    session.accept(p.VirtMove(1, 302 * 100000)).wait_idle()
     assert session.position(3) == 2000
 
 
 def test_what_is_refused_while_something_moves():
     session = configured(XYZ)
-    session.ask(MotorMove(8, 100_000))  # not of the rig
-    session.accept(VirtMove(1, 305 * 100000))
-    config = VirtConfig.unpack(XYZ.payload())
+    session.accept(p.MotorMove(8, 100_000))  # not of the rig
+    session.accept(p.VirtMove(1, 305 * 100000))
+    config = p.VirtConfig.unpack(XYZ.payload())
     refused = (
-        config,
-        VirtConfig(0),
-        VirtMove(2, 0),
-        MotorMove(3, 0),
-        MotorJog(1, 100, 0),
-        MotorResetPosition(6, 0),
-        MotorConfigure(2, 0),
-    )
-    session.refuse(Ack.ERR_MOVING, *refused)
-    session.run(0.2)
-    session.refuse(Ack.ERR_MOVING, *refused)
+        config, p.VirtConfig(0), p.VirtMove(2, 0), p.MotorMove(3, 0), p.MotorJog(1, 100, 0),
+        p.MotorResetPosition(6, 0), p.MotorConfigure(2, 0),
+    )  # fmt: skip
+    session.refuse(p.Ack.ERR_MOVING, *refused).run(0.2)
+    session.refuse(p.Ack.ERR_MOVING, *refused)
     session.upload({1: [0, 0, 0]})
-    session.refuse(Ack.ERR_MOVING, RtPositionFrame(1))
-    session.run(2)
+    session.refuse(p.Ack.ERR_MOVING, p.RtPositionFrame(1)).run(2)
     assert session.moving == [8]
     assert session.position(3) == 5000
-    session.accept(config)
-    session.ask(MotorMove(1, 5000))
-    session.refuse(Ack.ERR_MOVING, config, VirtConfig(0), VirtMove(1, 0))
-    session.wait_idle()
-    session.accept(VirtMove(1, 0), VirtStop(1))
+    session.accept(config, p.MotorMove(1, 5000))
+    session.refuse(p.Ack.ERR_MOVING, config, p.VirtConfig(0), p.VirtMove(1, 0)).wait_idle()
+    session.accept(p.VirtMove(1, 0), p.VirtStop(1))
 
 
 @pytest.mark.parametrize("number", [0, 7, 255])
 def test_virtual_axes_that_there_are_not(number):
     session = configured(XYZ)
-    session.refuse(Ack.ERR_RANGE, VirtMove(number, 0), VirtStop(number))
+    session.refuse(p.Ack.ERR_RANGE, p.VirtMove(number, 0), p.VirtStop(number))
 
 
 def test_an_axis_without_a_motor():
     """It stays where it is: a pose that needs it is out of reach."""
     rig = Rig(4, (*XYZ.axes[:4], Axis(0, 1000.0, -3.0), Axis(0)))
     session = configured(rig)
-    session.refuse(Ack.ERR_RANGE, VirtMove(5, 0), VirtMove(6, 100000))
-    session.accept(VirtMove(4, 6 * 100000))
-    session.wait_idle()
+    session.refuse(p.Ack.ERR_RANGE, p.VirtMove(5, 0), p.VirtMove(6, 100000))
+    session.accept(p.VirtMove(4, 6 * 100000)).wait_idle()
     assert session.position(4) == 1000
 
 
@@ -312,8 +300,7 @@ def test_a_long_track_with_fine_steps():
     session = configured(rig, 60_000, 300_000)
     before = session.positions
     start = rig.host_pose(rig.forward(joints(rig, np.zeros(6))))
-    session.forget()
-    session.accept(VirtMove(m.VIRT_MOTOR_EW, round((start[1] - 60) * 100000)))
+    session.forget().accept(p.VirtMove(m.VIRT_MOTOR_EW, round((start[1] - 60) * 100000)))
     session.wait_idle()
     track, _ = assert_straight(rig, session, before, -UNIT[m.VIRT_MOTOR_EW], 60)
     track.limits(60_000, 300_000)
@@ -343,8 +330,7 @@ def test_what_cannot_be_reached_is_refused_before_anything_moves(rig, number, ta
     if rig is XYZ:
         rig = Rig(4, (*XYZ.axes[:2], Axis(3, 200_000.0, 300.0), *XYZ.axes[3:]))
     session = configured(rig)
-    session.refuse(Ack.ERR_RANGE, VirtMove(number, round(target * 100000)))
-    session.run(0.3)
+    session.refuse(p.Ack.ERR_RANGE, p.VirtMove(number, round(target * 100000))).run(0.3)
     assert session.moving == []
     assert all(session.made(motor) == 0 for motor in range(1, 7))
 
@@ -355,20 +341,10 @@ def test_the_command_line_reports_and_moves(monkeypatch, capsys):
     assert cli.app.status(["virtual", "socket://x", "pan", "6.5"]) == 0
     assert capsys.readouterr().out.split() == (
         [
-            "track:",
-            "300.000",
-            "ew:",
-            "10.000",
-            "ns:",
-            "-20.000",
-            "pan:",
-            "6.500",
-            "tilt:",
-            "-3.000",
-            "roll:",
-            "0.000",
+            "track:", "300.000", "ew:", "10.000", "ns:", "-20.000", "pan:", "6.500", "tilt:",
+            "-3.000", "roll:", "0.000",
         ]
-    )
+    )  # fmt: skip
     assert cli.app.status(["virtual", "socket://x", "roll", "-1e9"]) != 0
 
 
@@ -377,12 +353,10 @@ def test_rounding_to_steps_does_not_add_up():
     session = configured(BOOM)
     start = pose(session)
     for k in range(12):
-        session.accept(VirtMove(m.VIRT_MOTOR_NS, round((start[2] + 0.337 * (k % 3)) * 100000)))
+        session.accept(p.VirtMove(m.VIRT_MOTOR_NS, round((start[2] + 0.337 * (k % 3)) * 100000)))
         session.wait_idle()
-        session.accept(VirtMove(m.VIRT_MOTOR_EW, round((start[1] + 0.771 * (k % 5)) * 100000)))
+        session.accept(p.VirtMove(m.VIRT_MOTOR_EW, round((start[1] + 0.771 * (k % 5)) * 100000)))
         session.wait_idle()
-    session.accept(VirtMove(m.VIRT_MOTOR_NS, round(start[2] * 100000)))
-    session.wait_idle()
-    session.accept(VirtMove(m.VIRT_MOTOR_EW, round(start[1] * 100000)))
-    session.wait_idle()
+    session.accept(p.VirtMove(m.VIRT_MOTOR_NS, round(start[2] * 100000))).wait_idle()
+    session.accept(p.VirtMove(m.VIRT_MOTOR_EW, round(start[1] * 100000))).wait_idle()
     assert [session.position(motor) for motor in range(1, 7)] == [0] * 6

@@ -217,14 +217,9 @@ def test_the_way_is_that_of_the_first_change_in_the_order_played(frames, order):
 # --------------------------------------------------------- what a motor can follow (field note 5.5)
 
 RANGE = {
-    "fastest": 2**29,
-    "steepest": 2**29,
-    "hardest": 2**29,
-    "pulsed": 2**29,
-    "play": 0,
-    "way": 1,
+    "fastest": 2**29, "steepest": 2**29, "hardest": 2**29, "pulsed": 2**29, "play": 0, "way": 1,
     "bounds": FREE,
-}
+}  # fmt: skip
 
 
 def checked(frames, order=1, batch=None, **motor):

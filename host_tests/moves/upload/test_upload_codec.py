@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from framestep.moves.upload.store import UploadStore, bytes_for
-from framestep.protocol.frames import FRAME, FrameReader
 from host_tests.moves.upload import uploads
 from host_tests.moves.upload.uploads import ERR_RANGE, OK, answers, axis
 
@@ -28,13 +27,9 @@ def test_small_steps_down_to_the_lowest_position():
 def test_far_out_after_the_first_frame_of_a_chunk(at, there):
     move = [-there] * at + [there] * (200 - at)
     answered = answers(
-        "NEW 1 2000",
-        "BEGIN 1 200",
-        axis(1, 0, 0, move[:at]),
-        axis(1, at, 0, move[at:]),
-        "FINISH",
+        "NEW 1 2000", "BEGIN 1 200", axis(1, 0, 0, move[:at]), axis(1, at, 0, move[at:]), "FINISH",
         "READ 0 0",
-    )
+    )  # fmt: skip
     assert answered[-1] == ",".join(map(str, move))
 
 
@@ -75,28 +70,6 @@ def memory_for(chunks, units):
     return memory
 
 
-def test_memory_for_one_wild_chunk():
-    answered = answers(
-        f"NEW 1 {memory_for(12, 12)}",
-        f"BEGIN 0 {12 * 128 - 1}",
-        axis(1, 128, 0, WILD),
-        axis(1, 384, 0, WILD),
-        axis(1, 0, 0, WILD + EVEN),  # the room in chunk 1 comes too late
-        axis(1, 128, 0, EVEN + WILD),
-        axis(1, 384, 0, WILD),
-        axis(1, 256, 0, EVEN),
-        axis(1, 384, 0, WILD),
-        axis(1, 0, 1, EVEN),
-        axis(1, 640, 0, WILD),
-        "FINISH",
-        "READ 0 0",
-    )
-    assert answered[2:-1] == [
-        str(c) for c in (OK, ERR_RANGE, ERR_RANGE, OK, ERR_RANGE, OK, OK, OK, OK, OK)
-    ]
-    assert answered[-1] == ",".join(map(str, EVEN + EVEN[-1:] * 512 + WILD + EVEN[-1:] * 768))
-
-
 def test_memory_given_back_in_pieces_serves_others():
     """Units come and go in a hundred different orders; at the end as many are free as at the
     beginning."""
@@ -120,53 +93,6 @@ def test_memory_given_back_in_pieces_serves_others():
     assert ERR_RANGE in wanted
     assert len(sent) == chunks
     assert answered[-1] == ",".join(map(str, WILD + WILD + EVEN * (chunks - 2)))
-
-
-def test_a_jump_over_frames_never_sent_takes_memory_at_the_end():
-    lines = [
-        f"NEW 1 {memory_for(2, 2)}",
-        "BEGIN 0 255",
-        axis(1, 0, 0, [0] * 70),
-        axis(1, 80, 0, [100_000] * 10),
-    ]
-    # a jump within a chunk, and no memory for it
-    assert answers(*lines)[2:] == [str(OK), str(ERR_RANGE)]
-    lines[3] = axis(1, 128, 0, [100_000] * 10)
-    assert answers(*lines, "FINISH")[2:] == [str(OK)] * 3
-    lines[3:] = [
-        axis(1, 140, 0, [100_000] * 10),
-        "FINISH",
-        axis(1, 128, 0, [100_000] * 12),
-        "FINISH",
-        "READ 0 0",
-    ]
-    answered = answers(*lines)
-    assert answered[2:-1] == [str(c) for c in (OK, OK, ERR_RANGE, OK, OK)]
-    assert answered[-1] == ",".join(map(str, [0] * 128 + [100_000] * 128))
-
-
-def test_what_lies_behind_the_upload_takes_no_memory_at_the_end():
-    positions = [50 * k * k for k in range(141)]  # 14 000 steps per frame at the end
-    lines = [
-        f"NEW 1 {memory_for(2, 2)}",
-        "BEGIN 0 150",
-        axis(1, 10, 0, positions),
-        "FINISH",
-        "READ 0 0",
-    ]
-    assert answers(*lines)[2:] == [str(OK), str(OK), ",".join(map(str, [0] * 10 + positions))]
-
-
-def test_what_a_refused_section_needed_is_not_counted_at_the_end():
-    lines = [
-        f"NEW 1 {memory_for(4, 6)}",
-        "BEGIN 0 511",
-        axis(1, 0, 0, [0] * 70),
-        axis(1, 256, 0, [0, 100_000] * 100),
-    ]
-    # needs five units, and six are free
-    answered = answers(*lines, axis(1, 140, 0, [100_000] * 10), "FINISH")
-    assert answered[2:] == [str(OK), str(ERR_RANGE), str(OK), str(OK)]
 
 
 def bends(random, count):
@@ -234,24 +160,15 @@ def test_memory_ends_at_any_point(jump):
 def test_frames_read_in_any_order(reads, bend, random):
     """In any order: forward, backward, within a chunk and out of it."""
     move = [random.randrange(bend) for _ in range(397)]
-    store = UploadStore(2, 8000)
-    store.begin(0, 396)
-    reader = FrameReader()
+    loaded = uploads.Store(2, 8000)
+    loaded.begin(0, 396)
     for motor in 0, 1:
         for at in 0, 200:
-            frame = bytes.fromhex(axis(motor + 1, at, 0, move[at : at + 200]))
-            reader.feed(frame, 0, len(frame))
-            assert reader.poll() == FRAME
-            assert (
-                store.section(
-                    motor, at, 0, reader.buffer, reader.payload + 5, len(move[at : at + 200])
-                )
-                == OK
-            )
-    store.finish()
+            assert loaded.section(motor, at, 0, move[at : at + 200]) == OK
+    loaded.finish()
     words = array("i", [0] * 40)
     for index, count in reads:
-        assert store.positions(index % 2, index, count, words, 0)
+        assert loaded.store.positions(index % 2, index, count, words, 0)
         assert list(words[:count]) == [
             move[min(max(i, 0), 396)] for i in range(index, index + count)
         ]

@@ -1,36 +1,102 @@
 """Uploads as a host would send them, good and bad, and a dictionary that says what must come of
 them.
 
-`uploads()` makes scripts for host_tests/runtime/store_replay.py, `expected()` gives the answers.
+`uploads()` draws steps, `answers()` gives what the store answers to them, `expected()` what it
+must: text for each step.
 """
 
 import itertools
-import runpy
 import struct
-from pathlib import Path
+from array import array
 
 from hypothesis import strategies as st
 
-from framestep.protocol import messages
-from framestep_tools.client import wire
+from framestep.moves.upload.store import READY, UploadStore
+from framestep.protocol.messages import LAST_SECTION
 
 OK, ERR_RANGE, ERR_GENERAL = 0x10, 0x14, 0x15
-replay = runpy.run_path(str(Path(__file__).parents[2] / "runtime" / "store_replay.py"))["replay"]
 FARTHEST = 1_000_000  # frame numbers, either way
 LOWEST = -(2**31)
 
 
-def answers(*lines):
-    """Return what store_replay.py answers to these lines."""
-    return list(replay(lines))
+class Store:
+    """The store, with steps of these names."""
+
+    def __init__(self, motors, memory_bytes):
+        self.store = UploadStore(motors, memory_bytes)
+        self.limit = self.store.capacity_frames(motors)
+        self.begin = self.store.begin
+        self.finish = self.store.finish
+        self.clear = self.store.clear
+
+    def section(self, motor, index, last, positions):
+        data = b"\7" + struct.pack(f"<{len(positions)}i", *positions)
+        flag = LAST_SECTION if last else 0
+        return self.store.section(motor, index, flag, data, 1, len(positions))
+
+    def read(self, before, after):
+        """Return each motor's positions, from `before` frames before the range to `after` frames
+        after it."""
+        store = self.store
+        count = store.end - store.start + 1 + before + after
+        found = []
+        for motor in range(store.motors):
+            if store.state == READY and store.has(motor):
+                found.append(",".join(map(str, self._positions(motor, -before, count))))
+            else:
+                assert not store.positions(motor, 0, 1, array("i", [0]), 0)
+                found.append("-")
+        return " ".join(found)
+
+    def _positions(self, motor, first, count):
+        """Return positions, read in pieces of several sizes."""
+        values, size = [], 1
+        while count > 0:
+            piece = min(size, count)
+            words = array("i", [7] * 67)
+            assert self.store.positions(motor, first, piece, words, 1)
+            assert words[0] == words[piece + 1] == 7
+            values += words[1 : piece + 1]
+            first += piece
+            count -= piece
+            size = size * 3 % 65 + 1
+        return values
+
+    def one(self, motor, index):
+        """Return a single position."""
+        word = array("i", [0])
+        return word[0] if self.store.position(motor, index, word, 0) else "-"
+
+
+def _play(kind, steps):
+    """Yield the answers of stores of a kind. A step is a tuple, or such text as `BEGIN 1 40`."""
+    store = None
+    for step in steps:
+        if isinstance(step, str):
+            name, *words = step.lower().split()
+            step = (name, *map(int, words))
+        name, *arguments = step
+        if name == "new":
+            store = kind(*arguments)
+            yield str(store.limit)
+        else:
+            answer = getattr(store, name)(*arguments)
+            yield "" if answer is None else str(answer)
+
+
+def answers(*steps):
+    """Return what the store answers."""
+    return list(_play(Store, steps))
+
+
+def expected(steps):
+    """Return what it must answer."""
+    return list(_play(Model, steps))
 
 
 def axis(motor, index, last, positions):
-    """Return an MSG_RT_UPLOAD_MOVE_AXIS; `motor` from 1."""
-    head = struct.pack("<BI", motor, index | last << 31)
-    return wire.encode(
-        messages.MSG_RT_UPLOAD_MOVE_AXIS, head + struct.pack(f"<{len(positions)}i", *positions), 5
-    ).hex()
+    """Return the step of a section; `motor` from 1."""
+    return "section", motor - 1, index, last, positions
 
 
 FRAMES, CHUNK, UNIT, MOST_UNITS = 128, 69, 17, 12  # of a chunk; half words
@@ -139,18 +205,6 @@ class Model:
         return " ".join(motors)
 
 
-def expected(script):
-    """Yield the answers to a script, a list of (line, step of the model)."""
-    model = None
-    for _, (name, *arguments) in script:
-        if name == "new":
-            model = Model(*arguments)
-            yield str(model.limit)
-        else:
-            answer = getattr(model, name)(*arguments)
-            yield "" if answer is None else str(answer)
-
-
 HIGHEST = 2**31 - 1
 _far = st.integers(-HIGHEST, HIGHEST)
 _near = st.integers(-100_000, 100_000)
@@ -172,19 +226,11 @@ def _positions(draw, index, count, before):
     kind = draw(
         st.sampled_from(
             [
-                "still",
-                "even",
-                "even",
-                "bends",
-                "bends",
-                "wave",
-                "jumps",
-                "alternate",
-                "edge",
+                "still", "even", "even", "bends", "bends", "wave", "jumps", "alternate", "edge",
                 "lowest",
             ]
         )
-    )
+    )  # fmt: skip
     if kind == "still":
         return [start] * count
     if kind == "even":
@@ -232,10 +278,10 @@ def uploads(draw, steps=25, memories=(180, 380, 700, 1100, 2000, 3500, 20_000)):
     if model.limit == 0:
         memory = 1100
         model = Model(motors, memory)
-    script = [(f"NEW {motors} {memory}", ("new", motors, memory))]
+    script = [("new", motors, memory)]
 
-    def add(line, *step):
-        script.append((line, step))
+    def add(*step):
+        script.append(step)
 
     def begin():
         start = draw(
@@ -253,7 +299,7 @@ def uploads(draw, steps=25, memories=(180, 380, 700, 1100, 2000, 3500, 20_000)):
             )
         )
         end = max(-(2**30), min(start + count - 1, 2**30 - 1))
-        add(f"BEGIN {start} {end}", "begin", start, end)
+        add("begin", start, end)
         model.begin(start, end)
 
     begin()
@@ -264,13 +310,13 @@ def uploads(draw, steps=25, memories=(180, 380, 700, 1100, 2000, 3500, 20_000)):
             begin()
             in_order = {}
         elif kind == "finish":
-            add("FINISH", "finish")
-            add("READ 3 3", "read", 3, 3)
+            add("finish")
+            add("read", 3, 3)
             if model.finish() == OK and draw(st.integers(0, 3)):
                 begin()
                 in_order = {}
         elif kind == "clear":
-            add("CLEAR", "clear")
+            add("clear")
             model.clear()
             in_order = {}
             if draw(st.integers(0, 3)):
@@ -305,8 +351,8 @@ def uploads(draw, steps=25, memories=(180, 380, 700, 1100, 2000, 3500, 20_000)):
             positions = draw(_positions(index, size, before.get(motor, 0)))
             if positions and positions[-1] != LOWEST:
                 before[motor] = positions[-1]
-            add(axis(motor + 1, index, last, positions), "section", motor, index, last, positions)
+            add("section", motor, index, last, positions)
             model.section(motor, index, last, positions)
-    add("FINISH", "finish")
-    add("READ 2 2", "read", 2, 2)
+    add("finish")
+    add("read", 2, 2)
     return script

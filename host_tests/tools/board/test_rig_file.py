@@ -35,53 +35,68 @@ NO_JSON = {
 }
 
 
-@pytest.mark.parametrize("text", WRONG)
-def test_a_wrong_setting_is_reported_as_on_the_board(text, tmp_path, capsys):
+MEANT = {
+    '{"nane": "x"}': "; did you mean name?",
+    '{"motors": [{"backlsh": 2}]}': "; did you mean backlash?",
+    '{"motors": [{"Invert": true}]}': "; did you mean invert?",
+    '{"motors": [{"driver": {"run_ma": 500, "mirosteps": 8}}]}': "; did you mean microsteps?",
+    '{"qqq": 1}': "qqq: no such setting; there are clock_mhz, dialect",
+    '{"pulse_us": 1}': "pulse_us: no such setting; did you mean motors[n].pulse_us?",
+    '{"ports": 1, "ports": 2}': '"ports" occurs twice in one {…}',
+    '{"motors": [{}, {"ports": 1, "ports": 1}]}': '"ports" occurs twice in one {…}',
+}
+
+
+@pytest.fixture
+def check(tmp_path, capsys):
+    """Return check(content, *options): what `rig check` says of a file FILE with this content."""
     file = tmp_path / "rig.json"
-    file.write_text(text)
-    assert cli.app.status(["rig", "check", str(file)]) == 1
-    said = capsys.readouterr().err.strip()
-    _, mistake = rig.load(str(file), board_data("pico"))
+
+    def run(content, *options, status=0):
+        file.write_bytes(content if isinstance(content, bytes) else content.encode())
+        assert cli.app.status(["rig", "check", str(file), *options]) == status
+        said = capsys.readouterr()
+        return (said.err if status else said.out).replace(str(file), "FILE")
+
+    return run
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_a_wrong_setting_is_reported_as_on_the_board(text, check, tmp_path):
+    said = check(text, status=1).strip()
+    _, mistake = rig.load(str(tmp_path / "rig.json"), board_data("pico"))
     reported = re.sub(r"; did you mean \w+\? There", "; there", said)
-    assert reported == f"framestep: {mistake}"
+    assert reported == f"framestep: {mistake}".replace(str(tmp_path / "rig.json"), "FILE")
     assert WRONG[text] in reported
 
 
-def test_all_mistakes_at_once(tmp_path, capsys):
+def test_all_mistakes_at_once(check):
     """Not the pin that is missing once the wrong one has been left out."""
-    file = tmp_path / "rig.json"
-    file.write_text(
-        '{"outputs": [{"pin": 99}], "nane": "x", "motors": [{"jerk": -1}, {"driver": {"x": 2}}]}'
-    )
-    assert cli.app.status(["rig", "check", str(file)]) == 1
-    first, *mistakes = capsys.readouterr().err.splitlines()
-    assert first == f"framestep: {file}: 5 mistakes:"
+    first, *mistakes = check(
+        '{"outputs": [{"pin": 99}], "nane": "x", "motors": [{"jerk": -1}, {"driver": {"x": 2}}]}',
+        status=1,
+    ).splitlines()
+    assert first == "framestep: FILE: 5 mistakes:"
     assert sorted(line.split(":")[0].strip() for line in mistakes) == [
-        "motors[1].jerk",
-        "motors[2].driver.run_ma",
-        "motors[2].driver.x",
-        "nane",
-        "outputs[1].pin",
-    ]
+        "motors[1].jerk", "motors[2].driver.run_ma", "motors[2].driver.x", "nane", "outputs[1].pin",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("content", NO_JSON)
-def test_what_is_no_json_is_reported_with_its_line(content, tmp_path, capsys):
-    file = tmp_path / "rig.json"
-    file.write_bytes(content)
-    assert cli.app.status(["rig", "check", str(file)]) == 1
-    assert f"framestep: {file}: {NO_JSON[content]}" in capsys.readouterr().err
+def test_what_is_no_json_is_reported_with_its_line(content, check):
+    assert f"framestep: FILE: {NO_JSON[content]}" in check(content, status=1)
 
 
-def test_a_right_file(tmp_path, capsys):
-    file = tmp_path / "rig.json"
-    file.write_text('{"name": "Krän", "motors": [{"invert": true}, {}], "outputs": [{"pin": 22}]}')
-    assert cli.app.status(["rig", "check", str(file), "--board", "pico"]) == 0
-    assert (
-        capsys.readouterr().out == f"{file} is valid for Raspberry Pi Pico: 'Krän', 2 motors set\n"
-    )
-    assert cli.app.status(["rig", "check", str(file), "--board", "toaster"]) == 1
-    assert "no board 'toaster': there are " in capsys.readouterr().err
+@pytest.mark.parametrize("text", MEANT)
+def test_what_was_meant(text, check):
+    assert MEANT[text] in check(text, "--board", "skr_pico", status=1)
+
+
+def test_a_right_file(check, tmp_path, capsys):
+    text = '{"name": "Krän", "motors": [{"invert": true}, {}], "outputs": [{"pin": 22}]}'
+    said = "FILE is valid for Raspberry Pi Pico: 'Krän', 2 motors set\n"
+    assert check(text, "--board", "pico") == said
+    assert "no board 'toaster': there are " in check(text, "--board", "toaster", status=1)
     assert cli.app.status(["rig", "check", str(tmp_path / "none")]) == 1
     assert "cannot read the rig file" in capsys.readouterr().err
 
@@ -165,47 +180,15 @@ def test_the_editor(tmp_path, monkeypatch):
             rig_file.run_editor(file)
 
 
-@pytest.mark.parametrize(
-    ("text", "meant"),
-    [
-        ('{"nane": "x"}', "; did you mean name?"),
-        ('{"motors": [{"backlsh": 2}]}', "; did you mean backlash?"),
-        ('{"motors": [{"Invert": true}]}', "; did you mean invert?"),
-        ('{"motors": [{"driver": {"run_ma": 500, "mirosteps": 8}}]}', "; did you mean microsteps?"),
-        ('{"qqq": 1}', "qqq: no such setting; there are clock_mhz, dialect"),
-        ('{"pulse_us": 1}', "pulse_us: no such setting; did you mean motors[n].pulse_us?"),
-    ],
-)
-def test_the_key_that_was_meant(text, meant, tmp_path, capsys):
-    file = tmp_path / "rig.json"
-    file.write_text(text)
-    assert cli.app.status(["rig", "check", str(file), "--board", "skr_pico"]) == 1
-    assert meant in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    "text", ['{"ports": 1, "ports": 2}', '{"motors": [{}, {"ports": 1, "ports": 1}]}']
-)
-def test_a_doubled_key(text, tmp_path, capsys):
-    file = tmp_path / "rig.json"
-    file.write_text(text)
-    assert cli.app.status(["rig", "check", str(file)]) == 1
-    assert '"ports" occurs twice in one {…}' in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("content", ["{}", '{"name": "a // b \\" // c"}', '{\n  "motors": [{}]\n}'])
 def test_a_draft_with_comments(content):
     draft = rig_file.commented(content, everything=True)
     assert rig_file.without_comments(draft).strip() == content
     assert rig_file.without_comments(draft).count("\n") == draft.count("\n")
     for table in (
-        settings.SETTINGS,
-        settings.MOTOR_SETTINGS,
-        settings.DRIVER_SETTINGS,
-        homes.HOME_SETTINGS,
-        servos.SERVO_SETTINGS,
-        settings.LIMIT_SETTINGS,
-    ):
+        settings.SETTINGS, settings.MOTOR_SETTINGS, settings.DRIVER_SETTINGS, homes.HOME_SETTINGS,
+        servos.SERVO_SETTINGS, settings.LIMIT_SETTINGS,
+    ):  # fmt: skip
         assert all(f'//   "{key}": ' in draft for key in table)
 
 
@@ -223,23 +206,8 @@ def test_a_draft_shows_first_what_a_new_rig_needs():
     assert draft.count("//\n// of ") == 3, "no heading without settings"
 
 
-@pytest.mark.parametrize(
-    ("board", "first", "second", "warned"),
-    [
-        ("pico", True, False, True),
-        ("pico", True, True, False),
-        ("pico", True, None, False),
-        ("skr_pico", True, False, False),
-    ],
-)
-def test_two_polarities_of_one_enable_pin(board, first, second, warned):
-    motors = [{"enable_high": first}, {} if second is None else {"enable_high": second}]
-    assert bool(rig_file.warnings({"motors": motors}, board_data(board))) == warned
-
-
-def test_a_key_below_what_the_type_of_driver_needs(tmp_path, capsys):
-    file = tmp_path / "rig.json"
-    file.write_text(
+def test_a_key_below_what_the_type_of_driver_needs(check):
+    text = (
         '{"motors": [{"type": "tb6600", "pulse_us": 10, "enable_ms": 100}, {"type": "cl57t", '
         '"enable_ms": 200, "enable_high": true}, {"pulse_us": 0.5}]}'
     )
@@ -249,33 +217,25 @@ def test_a_key_below_what_the_type_of_driver_needs(tmp_path, capsys):
         "motors[1] counts",
         "motors[2].enable_ms: 200 ms is less than the 500 ms that a driver of type cl57t needs",
     ]
-    assert cli.app.status(["rig", "check", str(file)]) == 0
-    assert capsys.readouterr().out.splitlines()[1:] == [f"warning: {line}" for line in said]
-    assert cli.app.status(["rig", "check", str(file), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["warnings"] == said
+    assert check(text).splitlines()[1:] == [f"warning: {line}" for line in said]
+    assert json.loads(check(text, "--json"))["warnings"] == said
+    pins_of_their_own = json.loads(check(text, "--board", "skr_pico", "--json"))["warnings"]
+    assert pins_of_their_own == [said[0], said[2]]
 
 
-def test_a_draft_is_checked_as_what_the_board_would_get(tmp_path, capsys):
-    file = tmp_path / "rig.json"
-    file.write_text(rig_file.commented('{"name": "http://draft"}'), encoding="utf-8-sig")
-    assert cli.app.status(["rig", "check", str(file)]) == 0
-    assert capsys.readouterr().out == (
-        f"{file} is valid for Raspberry Pi Pico: 'http://draft', 0 motors set; "
+def test_a_draft_is_checked_as_what_the_board_would_get(check):
+    mark, draft = "\ufeff", rig_file.commented('{"name": "http://draft"}')
+    assert check(mark + draft) == (
+        "FILE is valid for Raspberry Pi Pico: 'http://draft', 0 motors set; "
         "it begins with a byte order mark and has // comments, which a board does not read: "
-        f"framestep rig edit {file} sends it without\n"
+        "framestep rig edit FILE sends it without\n"
     )
-    file.write_text('{"name": "b"}', encoding="utf-8-sig")
-    assert cli.app.status(["rig", "check", str(file)]) == 0
-    assert "it begins with a byte order mark, which a board does not" in capsys.readouterr().out
-    file.write_text('{"name": "b"}')
-    assert cli.app.status(["rig", "check", str(file)]) == 0
-    assert "does not read" not in capsys.readouterr().out
-    file.write_text(rig_file.commented('{\n"ports": 3}'))
-    assert cli.app.status(["rig", "check", str(file)]) == 1
-    assert f"{file}: ports: found 3" in capsys.readouterr().err
-    file.write_text(rig_file.commented('{\n"ports" 3}'))
-    assert cli.app.status(["rig", "check", str(file)]) == 1
-    assert f"{file}: not valid JSON in line 4, column 9" in capsys.readouterr().err
+    said = check(mark + '{"name": "b"}')
+    assert "it begins with a byte order mark, which a board does not" in said
+    assert "does not read" not in check('{"name": "b"}')
+    assert "FILE: ports: found 3" in check(rig_file.commented('{\n"ports": 3}'), status=1)
+    found = check(rig_file.commented('{\n"ports" 3}'), status=1)
+    assert "FILE: not valid JSON in line 4, column 9" in found
 
 
 def test_what_goes_onto_a_board_has_no_comments(tmp_path):
@@ -300,28 +260,6 @@ def test_a_draft_goes_on_from_what_the_board_has(tmp_path):
     assert saved(b'{"ports": 1} // mine', b'{"ports": 1}\n') is None
     assert saved(b"{} // mine", b"{} // mine") == b"{}", "the board cannot read what it has"
     assert saved('{"name": "a\u2028b"} // '.encode(), b"{}") == '{"name": "a\u2028b"}'.encode()
-
-
-def test_what_is_copied_out_of_the_comments(tmp_path):
-    draft = rig_file.commented("{}")
-    reported = []
-    file = tmp_path / "rig.json"
-    file.write_text(draft)
-    lines = draft.splitlines()
-    lines[2] = '{ // mine\n"ports": 1, // for one cable\n// "dmx": true\n"dmx": false}'
-    new = rig_file.edit_until_right(
-        file,
-        board_data("pico"),
-        lambda p: p.write_text("\n".join(lines)),
-        lambda mistake: reported.append(mistake),
-    )
-    assert new == b'{\n"ports": 1,\n"dmx": false}'
-    assert not reported
-    lines[2] = '{\n"ports" 1}'
-    with pytest.raises(RigFileError, match="line 4, column 9"):
-        rig_file.edit_until_right(
-            file, board_data("pico"), lambda p: p.write_text("\n".join(lines)), lambda m: False
-        )
 
 
 def test_a_file_that_only_the_board_refuses_leaves_the_draft(tmp_path, monkeypatch):

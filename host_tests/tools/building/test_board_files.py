@@ -44,15 +44,10 @@ def test_other_arguments_are_another_result(made):
 @pytest.mark.parametrize(
     "changed",
     [
-        "module.py",
-        "framestep/motion/formula.py",
-        "framestep/protocol/declared/general.py",
-        "tools/names.py",
-        "tools/commands/flash.py",
-        "boards/x/board.json",
-        "boards/chips.json",
+        "module.py", "framestep/motion/formula.py", "framestep/protocol/declared/general.py",
+        "tools/names.py", "tools/commands/flash.py", "boards/x/board.json", "boards/chips.json",
     ],
-)
+)  # fmt: skip
 def test_made_anew_where_a_source_a_tool_or_a_board_changes(made, changed):
     remembered, calls, folder = made
     remembered("pico")

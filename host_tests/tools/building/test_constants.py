@@ -20,31 +20,6 @@ def folded_one(text: str, **options) -> str:
     return fold({"a/codes.py": CODES, "a/user.py": text}, **options)["a/user.py"]
 
 
-def run(texts: dict[str, str], name: str) -> dict:
-    """Execute modules of a folded program as Python; return the globals of one."""
-    import sys
-    import types
-
-    native = types.ModuleType("framestep.base.native")
-    native.const = lambda value: value
-    loaded = {"framestep.base.native": native}
-    for path in texts:
-        module = types.ModuleType(path.removesuffix(".py").replace("/", "."))
-        loaded[module.__name__] = module
-        package = types.ModuleType(module.__name__.rpartition(".")[0])
-        loaded.setdefault(package.__name__, package)
-        setattr(loaded[package.__name__], module.__name__.rpartition(".")[2], module)
-    before = {key: sys.modules.get(key) for key in loaded}
-    sys.modules.update(loaded)
-    try:
-        for path, text in texts.items():
-            exec(text, loaded[path.removesuffix(".py").replace("/", ".")].__dict__)
-    finally:
-        for key, module in before.items():
-            sys.modules.pop(key) if module is None else sys.modules.update({key: module})
-    return loaded[name].__dict__
-
-
 def test_names_of_a_module_and_imported_names_become_numbers():
     user = folded_one(
         "from a import codes as c\n"
@@ -61,14 +36,8 @@ def test_an_import_that_is_not_needed_any_more_goes():
 def test_lines_stay_where_they_are():
     user = folded_one("from a.codes import (\n    OK,\n    known,\n)\ny = known(\n    OK\n)\n")
     assert user.splitlines() == [
-        "from a.codes import known",
-        "",
-        "",
-        "",
-        "y = known(",
-        "    16",
-        ")",
-    ]
+        "from a.codes import known", "", "", "", "y = known(", "    16", ")",
+    ]  # fmt: skip
 
 
 def test_constants_lose_their_public_name_unless_they_are_to_stay():
@@ -89,17 +58,6 @@ def test_constants_made_of_those_of_others():
     b = "import sys\nN = const(2 + 3)\n"
     c = "from a import M\nx = M\n"
     assert fold({"c.py": c, "a.py": a, "b.py": b})["c.py"] == "pass\nx = 21\n"
-
-
-def test_a_program_does_the_same_as_before():
-    user = "from a import codes as c\nfrom a.codes import known\n"
-    user += "result = [known(c.OK), known(19), known(c.LOWEST), c.OK]\n"
-    texts = {"a/codes.py": CODES, "a/user.py": user}
-    assert (
-        run(texts, "a.user")["result"]
-        == run(fold(texts), "a.user")["result"]
-        == [True, True, False, 16]
-    )
 
 
 def test_what_is_given_is_folded_for_others():
@@ -203,14 +161,7 @@ def test_bytes_strings_and_tuples_with_an_underscore_are_hidden():
     text = "_A = b'ab'\n_B = (\n    1,\n    2,\n)\nC = b'c'\n_D = [1]\n_E = b'e'\n_E = b'f'\n"
     hidden = fold({"framestep/a.py": text})["framestep/a.py"]
     assert hidden.splitlines() == [
-        "_A = const(b'ab')",
-        "_B = const((1, 2))",
-        "",
-        "",
-        "",
-        "C = b'c'",
-        "_D = [1]",
-        "_E = b'e'",
+        "_A = const(b'ab')", "_B = const((1, 2))", "", "", "", "C = b'c'", "_D = [1]", "_E = b'e'",
         "_E = b'f'",
-    ]
+    ]  # fmt: skip
     assert fold({"framestep/a.py": text}, hide=False)["framestep/a.py"] == text

@@ -20,6 +20,7 @@ from framestep_tools.building import images
 from host_tests.tools.board.test_uf2 import firmware
 images.CACHE = Path({str(tmp_path)!r})
 images.image_files = lambda board: {{"a.mpy": b"1"}}
+images._frozen_files = lambda board, show: {{}}
 def run(*command, **environment):
     with open({str(log)!r}, "a") as f: f.write("begin\\n")
     time.sleep(0.5)

@@ -54,12 +54,9 @@ def test_lines_stay_where_they_are():
 @pytest.mark.parametrize(
     "use",
     [
-        "f = elapsed",
-        "x = elapsed(1)",
-        "x = elapsed(1, then=2)",
-        "x = elapsed(elapsed, 1)",
+        "f = elapsed", "x = elapsed(1)", "x = elapsed(1, then=2)", "x = elapsed(elapsed, 1)",
     ],
-)
+)  # fmt: skip
 def test_another_use_is_refused(use):
     with pytest.raises(FoldError, match="line 2: elapsed has to be called, with all arguments"):
         inlined(f"from a.clock import elapsed\n{use}\n")
@@ -119,13 +116,10 @@ def test_assignments_take_the_place_of_nothing_else(use):
 @pytest.mark.parametrize(
     "body",
     [
-        "if now: then[0] = 1",
-        "now = then",
-        "f(now)\n    then[0] = 1",
-        "return",
+        "if now: then[0] = 1", "now = then", "f(now)\n    then[0] = 1", "return",
         "then[0] = 1; return 1",
     ],
-)
+)  # fmt: skip
 def test_what_is_no_assignment_is_refused(body):
     with pytest.raises(FoldError, match="one expression, or assignments to its own variables"):
         inlined("", f"def put(now, then):\n    {body}\n")

@@ -14,7 +14,6 @@ from framestep_tools.client.client import (
     RequestRefused,
     upload_requests,
 )
-from framestep_tools.client.open_port import NoPort
 from framestep_tools.client.wire import FrameDecoder, encode
 
 INFO = p.DeviceInfo("fake", 1, 2, 3, 8, 512, 4, 4, 0, 10_000, 3, 2)
@@ -321,11 +320,6 @@ def test_of_several_refusals_the_first_one_counts():
 def test_uploads_that_cannot_be(positions, section_bytes):
     with pytest.raises(ValueError):
         list(upload_requests(1, 2, positions, section_bytes))
-
-
-def test_a_device_that_is_not_there():
-    with pytest.raises(NoPort, match="cannot open /dev/not-there"):
-        Client.open("/dev/not-there")
 
 
 def test_leaving_closes_the_port():

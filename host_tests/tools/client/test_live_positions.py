@@ -5,7 +5,6 @@ import socket
 import struct
 import subprocess
 import sys
-import threading
 
 import pytest
 
@@ -26,7 +25,7 @@ from framestep_tools.client.live_positions import (
 )
 from framestep_tools.payloads import Positions, VirtConfig, VirtMove, VirtPositions, VirtualAxis
 from framestep_tools.simulator.boards import SimulatedBoard
-from framestep_tools.simulator.serve import Server
+from host_tests.tools.simulator.test_serve import serving, tcp_url
 
 PATIENCE_S = 100
 AXES = Axes(
@@ -96,13 +95,10 @@ def parsed(packet):
 def test_units_of_axes_and_steps_of_other_motors():
     report = Positions(2500, (120, 300, -7, 9, 11))
     assert parsed(osc(AXES, report, None)) == {
-        "/framestep/frame": (2.5,),
-        "/framestep/axis/track": (17.0,),
-        "/framestep/axis/pan": (-3.0,),
-        "/framestep/motor/3": (-7,),
-        "/framestep/axis/focus%20ring": (9.0,),
-        "/framestep/axis/Zoom": (5.5,),
-    }
+        "/framestep/frame": (2.5,), "/framestep/axis/track": (17.0,),
+        "/framestep/axis/pan": (-3.0,), "/framestep/motor/3": (-7,),
+        "/framestep/axis/focus%20ring": (9.0,), "/framestep/axis/Zoom": (5.5,),
+    }  # fmt: skip
     pose = VirtPositions(300_000, 100_000, 200_000, 4_000_000, 500_000, 600_000)
     assert parsed(osc(AXES, report, pose))["/framestep/camera"] == (1, 2, 3, 40, 5, 6)
 
@@ -195,19 +191,8 @@ def test_mistakes_are_sentences(tmp_path, capsys, monkeypatch):
 @pytest.fixture
 def board():
     """Return the address of a simulated board."""
-    server = Server(SimulatedBoard(), tcp="127.0.0.1:0")
-    ended = threading.Event()
-
-    def serve():
-        while not ended.is_set():
-            server.step()
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    yield f"socket://{server.announcements[1].split()[1]}"
-    ended.set()
-    thread.join()
-    server.close()
+    with serving(SimulatedBoard(), tcp="127.0.0.1:0") as server:
+        yield tcp_url(server)
 
 
 class Receiver:

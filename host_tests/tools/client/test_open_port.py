@@ -17,7 +17,7 @@ import pytest
 
 from framestep_tools import cli
 from framestep_tools.client import open_port, shared_port
-from framestep_tools.client.client import GREETING_ID, BrokenOff, Client, NoAnswer, WrongPort
+from framestep_tools.client.client import GREETING_ID, BrokenOff, Client, NoAnswer
 from framestep_tools.client.open_port import NoPort, PortBusy
 from framestep_tools.client.wire import encode
 from framestep_tools.errors import (
@@ -31,7 +31,8 @@ from framestep_tools.errors import (
 )
 from framestep_tools.payloads import Hi, MotorMove, MotorStatus, MotorStopAll
 from framestep_tools.simulator.boards import SimulatedBoard
-from framestep_tools.simulator.serve import PtyLink, Server
+from framestep_tools.simulator.serve import PtyLink
+from host_tests.tools.simulator.test_serve import serving, tcp_url, until
 
 PATIENCE_S = 100
 
@@ -39,20 +40,8 @@ PATIENCE_S = 100
 @pytest.fixture(scope="module")
 def ports():
     """Return a controller's port as a path, and as the address of a socket."""
-    server = Server(SimulatedBoard(), tcp="127.0.0.1:0")
-    ended = threading.Event()
-
-    def serve():
-        while not ended.is_set():
-            server.step()
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    path, address = server.announcements
-    yield path, f"socket://{address.split()[1]}"
-    ended.set()
-    thread.join()
-    server.close()
+    with serving(SimulatedBoard(), tcp="127.0.0.1:0") as server:
+        yield server.announcements[0], tcp_url(server)
 
 
 @pytest.fixture
@@ -97,13 +86,6 @@ def begun(*words, stdout=subprocess.PIPE):
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-
-
-def until(condition):
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def positions(device, capsys):
@@ -323,23 +305,19 @@ def test_a_repl_is_left_as_it_was(terminal, capsys):
     assert greeting.index(1) > 0
 
 
-def test_another_programs_bytes(terminal, capsys):
-    terminal.answer = lambda data: b"T=21.5\r\n" * 3
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (lambda data: b"T=21.5\r\n" * 3, "sends 24 bytes that are not this protocol"),
+        (lambda data: b"DF" * 300, "sends 600 bytes that are not this protocol"),
+        (lambda data: data, "sends back what it gets: it is not the protocol's port"),
+    ],
+    ids=["another program", "the begin of a frame for ever", "an echo"],
+)
+def test_a_port_of_something_else(answer, said, terminal, capsys):
+    terminal.answer = answer
     assert cli.app.status(["status", terminal.path]) == NO_CONTROLLER
-    assert "sends 24 bytes that are not this protocol" in capsys.readouterr().err
-    assert not terminal.got.endswith(b"\x03"), "nothing is broken into"
-
-
-def test_a_port_that_sends_back_what_it_gets(terminal, capsys):
-    terminal.answer = lambda data: data
-    assert cli.app.status(["status", terminal.path]) == NO_CONTROLLER
-    assert "sends back what it gets: it is not the protocol's port" in capsys.readouterr().err
-
-
-def test_a_port_that_sends_the_begin_of_a_frame_for_ever(terminal, capsys):
-    terminal.answer = lambda data: b"DF" * 300
-    assert cli.app.status(["status", terminal.path]) == NO_CONTROLLER
-    assert "sends 600 bytes that are not this protocol" in capsys.readouterr().err
+    assert said in capsys.readouterr().err
     assert not terminal.got.endswith(b"\x03"), "nothing is broken into"
 
 
@@ -414,7 +392,3 @@ def test_who_has_a_port_on_a_mac(monkeypatch):
     said = f"p4711\ncscreen\nf5\np{os.getpid()}\ncpython\n"
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: SimpleNamespace(stdout=said))
     assert open_port.holders("/dev/cu.usbmodem2023") == ["screen (process 4711)"]
-
-
-def test_wrong_ports_have_a_status():
-    assert WrongPort.status == NO_CONTROLLER

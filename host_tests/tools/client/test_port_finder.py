@@ -30,28 +30,16 @@ def record(
 ):
     hwid = f"USB VID:PID={vid:04X}:{pid:04X} SER={serial} LOCATION={location}" if vid else "n/a"
     return SimpleNamespace(
-        device=device,
-        location=location,
-        hwid=hwid,
-        serial_number=serial,
-        vid=vid,
-        pid=pid,
-        manufacturer=maker,
-        product=product,
-        interface=interface,
-        description=product or "n/a",
-    )
+        device=device, location=location, hwid=hwid, serial_number=serial, vid=vid, pid=pid,
+        manufacturer=maker, product=product, interface=interface, description=product or "n/a",
+    )  # fmt: skip
 
 
 def linux(device, number, bus="1-1.2", serial=SERIAL, name=""):
     return record(
-        device,
-        f"{bus}:1.{number}",
-        serial,
-        maker="MicroPython",
-        product="Board in FS mode",
+        device, f"{bus}:1.{number}", serial, maker="MicroPython", product="Board in FS mode",
         interface=name,
-    )
+    )  # fmt: skip
 
 
 def windows(device, number, bus="1-2", serial=SERIAL):
@@ -62,13 +50,9 @@ def windows(device, number, bus="1-2", serial=SERIAL):
 
 def macos(device, location="20-2", serial=SERIAL):
     return record(
-        device,
-        location,
-        serial,
-        maker="MicroPython",
-        product="framestep",
+        device, location, serial, maker="MicroPython", product="framestep",
         interface="framestep DMC",
-    )
+    )  # fmt: skip
 
 
 BOARDS = {
@@ -173,14 +157,10 @@ def test_another_makers_board(there):
     there += [
         record("/dev/ttyACM0", "1-1:1.0", vid=0x1B4F, pid=0x0025, maker="MicroPython"),
         record(
-            "/dev/ttyACM1",
-            "1-1:1.2",
-            vid=0x1B4F,
-            pid=0x0025,
-            maker="MicroPython",
+            "/dev/ttyACM1", "1-1:1.2", vid=0x1B4F, pid=0x0025, maker="MicroPython",
             interface="framestep DMC",
         ),
-    ]
+    ]  # fmt: skip
     assert port_finder.protocol_port() == "/dev/ttyACM1"
 
 

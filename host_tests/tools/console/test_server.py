@@ -21,6 +21,7 @@ from websockets.sync.client import connect
 
 from framestep.protocol import messages
 from framestep_tools import cli
+from framestep_tools import payloads as p
 from framestep_tools.board.rig_file import RigFileError
 from framestep_tools.client.client import BrokenOff, Client, RequestRefused
 from framestep_tools.client.open_port import open_port
@@ -33,23 +34,6 @@ from framestep_tools.console.device import ConsoleDevice
 from framestep_tools.console.port_bridge import Bridge, Jogs
 from framestep_tools.console.server import ConsoleServer, lan_address
 from framestep_tools.errors import ToolError
-from framestep_tools.payloads import (
-    REQUESTS,
-    Ack,
-    Hi,
-    MotorGetPosition,
-    MotorJog,
-    MotorMove,
-    MotorStatus,
-    MotorStop,
-    MotorStopAll,
-    Positions,
-    RtJogAll,
-    Status,
-    VirtJog,
-    VirtJogOnLine,
-    VirtStop,
-)
 from framestep_tools.simulator.boards import SimulatedBoard
 from framestep_tools.simulator.serve import Server
 
@@ -70,9 +54,10 @@ class SocketPort:
         if not self._bytes:
             with contextlib.suppress(TimeoutError):
                 received = self.link.recv(self.timeout)
-                if not isinstance(received, bytes):
+                if isinstance(received, bytes):
+                    self._bytes += received
+                elif "pages" not in json.loads(received):  # the list of pages that watch
                     raise OSError(received)
-                self._bytes += received
         data = bytes(self._bytes[:size])
         del self._bytes[:size]
         return data
@@ -115,6 +100,7 @@ class Stage:
             )
         )
         server.device.silence_s = PATIENCE_S  # nothing here is silent on purpose
+        server.offer_s = PATIENCE_S  # and a slow test is no page that has left
         await server.start()
         return server
 
@@ -219,21 +205,21 @@ def test_each_server_has_a_token_of_its_own(shared):
 def test_bytes_go_through_and_the_second_page_is_turned_away(shared):
     with shared.client() as client:
         assert client.port.hello == {"device": shared.device, "repl": False, "kept": False}
-        assert client.request(Hi()).motors == 2
+        assert client.request(p.Hi()).motors == 2
         with shared.link() as second:
             said = json.loads(second.recv(PATIENCE_S))
             assert "another page" in said["ended"]
             with pytest.raises(ConnectionClosed):
                 second.recv(PATIENCE_S)
-        client.request(MotorMove(1, 300))
+        client.request(p.MotorMove(1, 300))
         client.wait_idle(PATIENCE_S)
-        assert client.request(MotorGetPosition()).steps[0] == 300
+        assert client.request(p.MotorGetPosition()).steps[0] == 300
 
 
 def test_a_page_takes_the_device_from_another(shared):
     with shared.client() as client:
-        before = client.request(MotorGetPosition()).steps[0]
-        client.request(MotorJog(1, 10_000, FAR))
+        before = client.request(p.MotorGetPosition()).steps[0]
+        client.request(p.MotorJog(1, 10_000, FAR))
         wait_far(client, 1, abs(before) + 100)
         with shared.link(token=shared.token + "&take=1") as second:
             hello = json.loads(second.recv(PATIENCE_S))
@@ -244,7 +230,7 @@ def test_a_page_takes_the_device_from_another(shared):
             port = SocketPort(second, hello)
             taker = Client(port, PATIENCE_S)
             taker.wait_idle(PATIENCE_S)
-            assert taker.request(MotorGetPosition()).steps[0] > before
+            assert taker.request(p.MotorGetPosition()).steps[0] > before
 
 
 def watching(stage, agent="a browser"):
@@ -263,7 +249,7 @@ def told(link, key):
 
 def test_a_page_that_watches_asks_and_moves_nothing(shared):
     with shared.client() as client:
-        client.request(MotorJog(1, 10_000, FAR))
+        client.request(p.MotorJog(1, 10_000, FAR))
         link, hello = watching(shared, "Mobile")
         assert (hello["watch"], hello["holder"]) == (True, "another page")
         assert told(client.port.link, "pages")[0]["who"] == "a phone"
@@ -271,31 +257,33 @@ def test_a_page_that_watches_asks_and_moves_nothing(shared):
             link.send(text)
         assert told(link, "error") == "another page has the device: take it over first"
         with Client(SocketPort(link, hello), PATIENCE_S) as watcher:
-            assert watcher.request(Hi()).motors == 2
-            before = watcher.request(MotorGetPosition()).steps[0]
-            assert watcher.request(MotorStatus()).moving == [1]
-            for request in (MotorMove(2, 100), MotorStop(1), MotorStopAll()):
+            assert watcher.request(p.Hi()).motors == 2
+            before = watcher.request(p.MotorGetPosition()).steps[0]
+            assert watcher.request(p.MotorStatus()).moving == [1]
+            for request in (p.MotorMove(2, 100), p.MotorStop(1), p.MotorStopAll()):
                 with pytest.raises(RequestRefused, match="ERR_GENERAL"):
                     watcher.request(request)
-            watcher.wait_event(Positions, where=lambda each: each.steps[0] > before + 100)
-            assert client.request(MotorStatus()).moving == [1]
+            watcher.wait_event(p.Positions, where=lambda each: each.steps[0] > before + 100)
+            assert client.request(p.MotorStatus()).moving == [1]
         assert told(client.port.link, "pages") == []
 
 
-def test_a_question_of_a_page_that_watches_waits_for_the_port(shared):
+def test_a_question_of_a_page_that_watches_waits_for_the_port():
     """It may come while one page closes the port and another one opens it."""
-    link, _ = watching(shared)
-    link.send(encode(MotorStatus.TYPE, b"", 7))
-    link.send('{"id": 3, "do": "read_rig"}')
-    assert told(link, "error")  # so the question has been read
-    with shared.client():
-        decoder = FrameDecoder()
-        answered = False
-        while not answered:
-            message = link.recv(PATIENCE_S)
-            if isinstance(message, bytes):
-                answered = any(frame.id == 7 for frame in decoder.feed(message))
-    link.close()
+    # a stage of its own: once a page has left, the device is offered to the one that watches
+    with contextlib.closing(Stage()) as stage:
+        link, _ = watching(stage)
+        link.send(encode(p.MotorStatus.TYPE, b"", 7))
+        link.send('{"id": 3, "do": "read_rig"}')
+        assert told(link, "error")  # so the question has been read
+        with stage.client():
+            decoder = FrameDecoder()
+            answered = False
+            while not answered:
+                message = link.recv(PATIENCE_S)
+                if isinstance(message, bytes):
+                    answered = any(frame.id == 7 for frame in decoder.feed(message))
+        link.close()
 
 
 def test_a_page_hands_the_device_over_and_watchers_are_told(shared):
@@ -317,16 +305,35 @@ def test_a_page_hands_the_device_over_and_watchers_are_told(shared):
         other.close()
 
 
-def test_who_watches_gets_a_device_that_nobody_has(shared):
-    with shared.client():
-        link, _ = watching(shared)
-        other, _ = watching(shared)
-    assert told(link, "ended") == "no page has the device any more"
+def test_who_watches_gets_a_device_that_nobody_has(shared, monkeypatch):
+    with monkeypatch.context() as offers:
+        offers.setattr(shared.server, "offer_s", 0.2)
+        with shared.client():
+            link, _ = watching(shared)
+        assert told(link, "ended") == "no page has the device any more"
+    other, _ = watching(shared)
     with shared.client():  # as the page does then
         while told(other, "holder") is None:
             pass
     link.close()
     other.close()
+
+
+def test_an_earlier_wait_offers_nothing(shared, monkeypatch):
+    """A page that is loaded again and again is given the whole time each time."""
+    link, _ = watching(shared)
+
+    async def wait_twice():
+        for seconds in (0.05, PATIENCE_S):
+            monkeypatch.setattr(shared.server, "offer_s", seconds)
+            shared.server._offer_later()
+        await asyncio.sleep(0.2)
+
+    shared._call(wait_twice())
+    with pytest.raises(TimeoutError):
+        while True:
+            assert "ended" not in str(link.recv(0.5))
+    link.close()
 
 
 def test_in_the_local_network_the_same_rules_hold(shared):
@@ -407,45 +414,45 @@ def test_what_needs_the_repl_says_that_there_is_none(shared):
 
 
 def wait_far(client, motor, steps):
-    while abs(client.request(MotorGetPosition()).steps[motor - 1]) < steps:
+    while abs(client.request(p.MotorGetPosition()).steps[motor - 1]) < steps:
         client.pump(0.02)
 
 
 def test_a_page_that_goes_ends_its_jog_and_its_move(shared):
     with shared.client() as client:
-        client.request(MotorJog(1, 10_000, FAR))
-        client.request(MotorMove(2, 1_000_000))
+        client.request(p.MotorJog(1, 10_000, FAR))
+        client.request(p.MotorMove(2, 1_000_000))
         wait_far(client, 2, 500)
     with shared.client() as client:  # it comes after the port is closed
         client.wait_idle(PATIENCE_S)
-        assert 500 <= client.request(MotorGetPosition()).steps[1] < 1_000_000
+        assert 500 <= client.request(p.MotorGetPosition()).steps[1] < 1_000_000
 
 
 def test_a_move_goes_on_where_the_page_has_said_so_and_a_jog_does_not(shared):
     with shared.client() as client:
-        target = client.request(MotorGetPosition()).steps[1] + 9000
+        target = client.request(p.MotorGetPosition()).steps[1] + 9000
         client.port.link.send('{"keep": true}')
-        client.request(MotorJog(1, 10_000, FAR))
-        client.request(MotorMove(2, target))
+        client.request(p.MotorJog(1, 10_000, FAR))
+        client.request(p.MotorMove(2, target))
         client.pump(0.05)
     with shared.client() as client:
         assert client.port.hello["kept"]
-        while 1 in client.request(MotorStatus()).moving:
+        while 1 in client.request(p.MotorStatus()).moving:
             client.pump(0.02)
         client.wait_idle(PATIENCE_S)
-        assert client.request(MotorGetPosition()).steps[1] == target
+        assert client.request(p.MotorGetPosition()).steps[1] == target
 
 
 def test_the_port_is_let_go_when_what_went_on_has_come_to_rest(shared):
     with shared.client() as client:
-        before = client.request(MotorGetPosition()).steps[1]
+        before = client.request(p.MotorGetPosition()).steps[1]
         client.port.link.send('{"keep": true}')
-        client.request(MotorMove(2, before - 700))
+        client.request(p.MotorMove(2, before - 700))
     while shared.server.device.bridge:
         threading.Event().wait(0.02)
     with shared.client() as client:
         assert not client.port.hello["kept"]
-        assert client.request(MotorGetPosition()).steps[1] == before - 700
+        assert client.request(p.MotorGetPosition()).steps[1] == before - 700
 
 
 def test_a_device_that_is_not_there_is_reported(shared, monkeypatch):
@@ -485,7 +492,7 @@ def texts(page):
 
 def test_framestep_stop_stops_what_a_page_jogs(stage, capsys):
     def jog(motor, number):
-        page.send(encode(MotorJog.TYPE, MotorJog(motor, 10_000, FAR).pack(), number))
+        page.send(encode(p.MotorJog.TYPE, p.MotorJog(motor, 10_000, FAR).pack(), number))
 
     with stage.link() as page:
         assert "device" in json.loads(page.recv(PATIENCE_S))
@@ -502,15 +509,15 @@ def test_framestep_stop_stops_what_a_page_jogs(stage, capsys):
         while not answers:
             data = page.recv(PATIENCE_S)
             answers = [frame for frame in decoder.feed(data) if frame.id == 2]
-        assert int.from_bytes(answers[0].payload, "little") == Ack.ERR_GENERAL
+        assert int.from_bytes(answers[0].payload, "little") == p.Ack.ERR_GENERAL
         page.send('{"released": true}')
         while stage.server.device.bridge.stopped:
             time.sleep(0.01)
         jog(2, 3)
         with talking(stage.device) as other:  # while it moves, another program gets its own answers
-            while 2 not in other.request(MotorStatus()).moving:
+            while 2 not in other.request(p.MotorStatus()).moving:
                 other.pump(0.01)
-            assert 1 not in other.request(MotorStatus()).moving
+            assert 1 not in other.request(p.MotorStatus()).moving
     with stage.client() as client:  # the next page has the port, and the jog has ended
         client.wait_idle(PATIENCE_S)
 
@@ -524,26 +531,26 @@ def stopped_by(stage):
 def test_another_page_stops_without_taking_the_device(stage):
     with stage.client() as client:
         page = client.port.link
-        client.request(MotorJog(1, 10_000, FAR))
-        client.request(MotorMove(2, 1_000_000))
+        client.request(p.MotorJog(1, 10_000, FAR))
+        client.request(p.MotorMove(2, 1_000_000))
         page.send('{"keep": true}')
         assert stopped_by(stage) == {"stop": "Stopped: all motors ramp down.", "bad": False}
         said, _ = texts(page)
         assert said == [{"stopped": "Another page has stopped the motors."}]
         client.wait_idle(PATIENCE_S)  # this page still has the device
         with pytest.raises(RequestRefused, match="ERR_GENERAL"):
-            client.request(MotorJog(1, 10_000, FAR))  # as if it did not know yet
+            client.request(p.MotorJog(1, 10_000, FAR))  # as if it did not know yet
         page.send('{"released": true}')
         while stage.server.device.bridge.stopped:
             time.sleep(0.01)
-        client.request(MotorJog(1, 10_000, FAR))
-        assert client.request(MotorStatus()).moving == [1]
+        client.request(p.MotorJog(1, 10_000, FAR))
+        assert client.request(p.MotorStatus()).moving == [1]
 
 
 def test_a_page_stops_what_goes_on_without_a_page(stage):
     with stage.client() as client:
         client.port.link.send('{"keep": true}')
-        client.request(MotorMove(2, client.request(MotorGetPosition()).steps[1] + 1_000_000))
+        client.request(p.MotorMove(2, client.request(p.MotorGetPosition()).steps[1] + 1_000_000))
     assert stopped_by(stage) == {"stop": "Stopped: all motors ramp down.", "bad": False}
     while stage.server.device.bridge:  # until nothing moves
         time.sleep(0.01)
@@ -553,7 +560,7 @@ def test_a_page_stops_what_another_program_moves():
     stage = Stage(serial=True)
     try:
         with talking(stage.device) as other:
-            other.request(MotorMove(1, 1_000_000))
+            other.request(p.MotorMove(1, 1_000_000))
             with ThreadPoolExecutor(1) as pool:
                 said = pool.submit(stopped_by, stage)
                 other.wait_idle(PATIENCE_S)
@@ -582,11 +589,11 @@ def test_another_program_knows_of_a_stop(by):
     stage = Stage(serial=True)
     try:
         with stage.client() as client, talking(stage.device) as other:
-            other.request(MotorJog(1, 10_000, FAR))
+            other.request(p.MotorJog(1, 10_000, FAR))
             if by == "another page":
                 stopped_by(stage)
             else:
-                client.request(MotorStopAll())
+                client.request(p.MotorStopAll())
             end = time.monotonic() + PATIENCE_S
             while not other.stopped and time.monotonic() < end:
                 other.pump(0.02)
@@ -595,7 +602,7 @@ def test_another_program_knows_of_a_stop(by):
         stage.close()
 
 
-@pytest.mark.parametrize("request_", [MotorJog(1, 10_000, FAR), VirtJogOnLine(1, 100)], ids=str)
+@pytest.mark.parametrize("request_", [p.MotorJog(1, 10_000, FAR), p.VirtJogOnLine(1, 100)], ids=str)
 def test_a_page_that_hangs_lets_go(shared, monkeypatch, request_):
     """Its script sends nothing any more, but its link exists. Until it says that it holds nothing,
     no jog begins."""
@@ -607,14 +614,14 @@ def test_a_page_that_hangs_lets_go(shared, monkeypatch, request_):
         assert said == [{"stopped": "The page was silent, so its jog has been stopped."}]
         client.wait_idle(PATIENCE_S)
         with pytest.raises(RequestRefused, match="ERR_GENERAL"):
-            client.request(MotorJog(1, 10_000, FAR))
+            client.request(p.MotorJog(1, 10_000, FAR))
         link.send('{"released": true}')
         while shared.server.device.bridge.stopped:
             time.sleep(0.01)
         shared.server.device.silence_s = PATIENCE_S
-        client.request(MotorJog(2, 10_000, FAR))
-        assert client.request(MotorStatus()).moving == [2]
-        client.request(MotorStop(2))
+        client.request(p.MotorJog(2, 10_000, FAR))
+        assert client.request(p.MotorStatus()).moving == [2]
+        client.request(p.MotorStop(2))
         client.wait_idle(PATIENCE_S)
 
 
@@ -650,7 +657,7 @@ class SilentPort:
 
 def answer(number):
     """Return a device's answer, while its motor 1 moves, to the bridge's request of this number."""
-    return encode(Status.TYPE, Status(1, 0).pack(), 0xF000_0000 + number)
+    return encode(p.Status.TYPE, p.Status(1, 0).pack(), 0xF000_0000 + number)
 
 
 def test_a_cancellation_together_with_the_answer_is_not_lost():
@@ -682,8 +689,8 @@ def test_a_stop_and_the_question_what_moves_do_not_take_each_others_answers():
         def write(self, data):
             time.sleep(0.05)
             for frame in self.decoder.feed(data):
-                if frame.type == MotorStatus.TYPE:
-                    self.answers += encode(Status.TYPE, Status(1, 0).pack(), frame.id)
+                if frame.type == p.MotorStatus.TYPE:
+                    self.answers += encode(p.Status.TYPE, p.Status(1, 0).pack(), frame.id)
                 else:
                     ok = messages.OK.to_bytes(2, "little")
                     self.answers += encode(frame.type | messages.MSG_FLAG_ACK, ok, frame.id)
@@ -710,7 +717,7 @@ def test_what_a_page_sends_after_the_port_was_closed_is_dropped():
         bridge = Bridge(port, "x")
         await bridge.close()
         port.write = gone
-        await bridge.send(encode(MotorStatus.TYPE, b"", 1))
+        await bridge.send(encode(p.MotorStatus.TYPE, b"", 1))
 
     def gone(data):
         raise OSError(errno.EBADF, "Bad file descriptor")
@@ -744,26 +751,22 @@ def test_a_page_gets_the_port_however_often_the_watch_has_to_be_reported():
 def test_jogs_that_have_begun_and_not_ended():
     jogs = Jogs()
     for request in (
-        MotorJog(1, 100, FAR),
-        MotorJog(2, 100, FAR),
-        MotorStop(1),
-        VirtJog(5, 100, 0),
-        VirtJogOnLine(messages.LINE_X, 100),
-        VirtJogOnLine(messages.LINE_Z, 100),
-        VirtStop(messages.VIRT_MOTOR_TRACK),
-    ):
+        p.MotorJog(1, 100, FAR), p.MotorJog(2, 100, FAR), p.MotorStop(1), p.VirtJog(5, 100, 0),
+        p.VirtJogOnLine(messages.LINE_X, 100), p.VirtJogOnLine(messages.LINE_Z, 100),
+        p.VirtStop(messages.VIRT_MOTOR_TRACK),
+    ):  # fmt: skip
         jogs.note(encode(request.TYPE, request.pack(), 1))
-    assert jogs.stops() == [MotorStop(2), VirtStop(5), VirtStop(messages.VIRT_MOTOR_EW)]
+    assert jogs.stops() == [p.MotorStop(2), p.VirtStop(5), p.VirtStop(messages.VIRT_MOTOR_EW)]
     assert jogs.stops() == []
-    jogs.note(encode(RtJogAll.TYPE, RtJogAll(24_000, 5).pack(), 1))
-    assert jogs.stops() == [MotorStopAll()]
-    for request in (MotorJog(3, 1, 0), RtJogAll(24_000, 5), MotorStopAll()):
+    jogs.note(encode(p.RtJogAll.TYPE, p.RtJogAll(24_000, 5).pack(), 1))
+    assert jogs.stops() == [p.MotorStopAll()]
+    for request in (p.MotorJog(3, 1, 0), p.RtJogAll(24_000, 5), p.MotorStopAll()):
         jogs.note(encode(request.TYPE, request.pack(), 1))
     assert jogs.stops() == []
 
 
 @pytest.mark.parametrize(
-    "kind", [cls for cls in REQUESTS.values() if cls.JOGS], ids=lambda cls: cls.__name__
+    "kind", [cls for cls in p.REQUESTS.values() if cls.JOGS], ids=lambda cls: cls.__name__
 )
 def test_the_stop_of_each_jog_ends_it(kind):
     """Whatever follows the fields that are known."""

@@ -34,15 +34,10 @@ _MADE = ("build/", ".cache/", "lib/")
 # Next to .../blob/main, where GitHub shows the documents of any fork
 RELEASES = {ROOT.parents[1] / "releases", ROOT.parents[1] / "releases/latest"}
 _SETTINGS = (
-    settings.SETTINGS,
-    settings.MOTOR_SETTINGS,
-    settings.DRIVER_SETTINGS,
-    homes.HOME_SETTINGS,
-    servos.SERVO_SETTINGS,
-    settings.OUTPUT_SETTINGS,
-    settings.INPUT_SETTINGS,
+    settings.SETTINGS, settings.MOTOR_SETTINGS, settings.DRIVER_SETTINGS, homes.HOME_SETTINGS,
+    servos.SERVO_SETTINGS, settings.OUTPUT_SETTINGS, settings.INPUT_SETTINGS,
     settings.LIMIT_SETTINGS,
-)
+)  # fmt: skip
 
 
 def code(text: str) -> Iterator[str]:
@@ -219,11 +214,8 @@ def sentences(text: str) -> list[int]:
 
 def test_sentences_are_counted():
     assert sentences("# A\n\nOne two. Three [four](five.md)!\n\n    code\n\n* six\n* seven\n") == [
-        2,
-        2,
-        1,
-        1,
-    ]
+        2, 2, 1, 1,
+    ]  # fmt: skip
 
 
 def test_the_readme_is_short():

@@ -273,12 +273,9 @@ def test_a_smooth_run_without_its_path():
         (at - leaves - 30_000, False),
     ):
         verdict = judge(
-            edited(good, 5, shifted(20, ns)),
-            move,
-            24_000,
-            limits=Limits(velocity_share=1),
+            edited(good, 5, shifted(20, ns)), move, 24_000, limits=Limits(velocity_share=1),
             smooth=True,
-        )
+        )  # fmt: skip
         assert verdict.good == ok, (ns, verdict.complaints)
 
 
@@ -381,12 +378,9 @@ def test_an_edge_off_the_path_is_found_between_frames():
     good = judge(trace_of(move, 24_000), move, 24_000, path=lambda m, s: ideal[m](s), limits=limits)
     assert good.complaints == []
     bad = judge(
-        edited(trace_of(move, 24_000), 5, shove),
-        move,
-        24_000,
-        path=lambda m, s: ideal[m](s),
+        edited(trace_of(move, 24_000), 5, shove), move, 24_000, path=lambda m, s: ideal[m](s),
         limits=limits,
-    )
+    )  # fmt: skip
     assert any("µs off the path" in c for c in bad.complaints)
 
 

@@ -76,14 +76,9 @@ def test_steps_count_by_the_direction_pin():
         )
     )
     assert edges == [
-        (0, "dir1", 1),
-        (0, "shutter", 0),
-        (100, "m1", 1),
-        (200, "dir1", 0),
-        (300, "m1", -1),
-        (400, "m1", -1),
-        (410, "shutter", 1),
-    ]
+        (0, "dir1", 1), (0, "shutter", 0), (100, "m1", 1), (200, "dir1", 0), (300, "m1", -1),
+        (400, "m1", -1), (410, "shutter", 1),
+    ]  # fmt: skip
 
 
 def test_state_is_kept_between_chunks_and_a_high_start_is_no_step():
@@ -176,11 +171,6 @@ def test_positions():
     trace = Trace.from_edges([(10, "m1", 1), (20, "m1", 1), (30, "m1", -1), (15, "dir1", 1)])
     assert trace.motors == [1]
     assert trace.position_at(1, [9, 10, 19, 20, 30, 99], start=100).tolist() == [
-        100,
-        101,
-        101,
-        102,
-        101,
-        101,
-    ]
+        100, 101, 101, 102, 101, 101,
+    ]  # fmt: skip
     assert trace.position_at(2, [5]).tolist() == [0]

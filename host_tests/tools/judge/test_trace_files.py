@@ -126,16 +126,12 @@ def test_a_picture_of_all_signals(trace, ending, capsys):
         (["lab", "plot", "{trace}", "-o", "x.txt"], "x.txt: a picture is one of .png, .svg, .pdf"),
         (["lab", "plot", "{empty}"], "empty.csv: nothing has happened in this trace"),
         (["lab", "vcd", "{other}"], "other.csv: expected the header"),
-        (
-            ["lab", "vcd", "{binary}"],
-            "binary.csv: expected a trace, CSV in text, found other bytes",
-        ),
-        (
-            ["lab", "vcd", "{trace}", "-o", "/not/there/x.vcd"],
-            "cannot write /not/there/x.vcd: No such",
-        ),
+        (["lab", "vcd", "{binary}"],
+         "binary.csv: expected a trace, CSV in text, found other bytes"),
+        (["lab", "vcd", "{trace}", "-o", "/not/there/x.vcd"],
+         "cannot write /not/there/x.vcd: No such"),
     ],
-)
+)  # fmt: skip
 def test_one_sentence_says_what_is_wrong(args, text, trace, capsys):
     folder = trace.parent
     (folder / "empty.csv").write_text(HEADER + "\n")

@@ -9,7 +9,7 @@ from framestep_tools.axes.axes_file import Axis
 from framestep_tools.errors import ToolError
 from framestep_tools.move.move_conversion import to_move
 from framestep_tools.move.move_formats import FORMATS, of_content
-from host_tests.tools.move.move_samples import run
+from host_tests.tools.conftest import run
 
 
 def calculated(values, first=0, each=1):
@@ -159,26 +159,16 @@ CAMERA = ("layers", 1)
         (change(KEYED, *CAMERA, "parentIndex", 3), "the camera hangs on another layer: export"),
         (change(KEYED, *CAMERA, "zoom", 3), "layers[1].zoom: expected an object, found '3'"),
         (change(KEYED, *CAMERA, "zoom", "channels", []), "zoom.channels: expected 1 or 3 channels"),
-        (
-            change(KEYED, *CAMERA, "zoom", "channels", 0, "value", float("nan")),
-            "layers[1].zoom.channels[0].value: expected a number, found 'NaN'",
-        ),
-        (
-            change(KEYED, *CAMERA, "rotationY", "channels", 0, "keyframes", 1, "time", 0),
-            "rotationY.channels[0].keyframes[1].time: expected a time after the one before",
-        ),
-        (
-            change(KEYED, *CAMERA, "rotationY", "channels", 0, "keyframes", 1, "easeIn", {}),
-            "rotationY.channels[0].keyframes[0].easeIn.influence: expected a number, found 'null'",
-        ),
-        (
-            change(KEYED, *CAMERA, "rotationY", "channels", 0, "keyframesFormat", "x"),
-            "expected bezier or calculated",
-        ),
-        (
-            change(KEYED, *CAMERA, "position", "channels", 0, "supersampling", 0),
-            "supersampling: expected 1 to 1000, found '0.0'",
-        ),
+        (change(KEYED, *CAMERA, "zoom", "channels", 0, "value", float("nan")),
+         "layers[1].zoom.channels[0].value: expected a number, found 'NaN'"),
+        (change(KEYED, *CAMERA, "rotationY", "channels", 0, "keyframes", 1, "time", 0),
+         "rotationY.channels[0].keyframes[1].time: expected a time after the one before"),
+        (change(KEYED, *CAMERA, "rotationY", "channels", 0, "keyframes", 1, "easeIn", {}),
+         "rotationY.channels[0].keyframes[0].easeIn.influence: expected a number, found 'null'"),
+        (change(KEYED, *CAMERA, "rotationY", "channels", 0, "keyframesFormat", "x"),
+         "expected bezier or calculated"),
+        (change(KEYED, *CAMERA, "position", "channels", 0, "supersampling", 0),
+         "supersampling: expected 1 to 1000, found '0.0'"),
         (change(BAKED, "layers", 0, "transform", "keyframes", [[1]]), "expected 12 numbers, found"),
         (change(BAKED, "layers", 0, "transform", "keyframes", [[0] * 12]), "matrices that turn"),
         (change(KEYS, "camera", "positionKeyframes", []), "positionKeyframes: expected keyframes"),
@@ -197,7 +187,6 @@ def test_json_that_ends_early(shot, capsys):
     assert run(shot, "import", str(shot / "a.json"), "-o", str(shot / "o")) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert "a.json: not valid JSON: Expecting" in line
-    change(KEYS, "camera", "positionKeyframes", [KEYS["camera"]["positionKeyframes"][0]] * 2)
     far = change(KEYS, "camera", "positionKeyframes", 2, "time", 9)
     with pytest.raises(ToolError, match="does not say how it goes on between the keyframes at 1"):
         steps(far, a="Position_X")

@@ -10,7 +10,7 @@ from framestep_tools.console.move_requests import MoveWork
 from framestep_tools.errors import ToolError
 from framestep_tools.move.any_file import read_any
 from framestep_tools.move.move_file import read_move
-from host_tests.tools.move.move_samples import ARC, LINEAR, run
+from host_tests.tools.conftest import ARC, LINEAR, run
 from host_tests.tools.move.test_ae_json import KEYED
 from host_tests.tools.move.test_camera_formats import AE, BVH, CHAN, FLAIR
 

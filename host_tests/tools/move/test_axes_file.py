@@ -7,7 +7,7 @@ from framestep_tools.axes.units import UNITS
 from framestep_tools.building.board_files import ROOT
 from framestep_tools.errors import ToolError
 from framestep_tools.move.move_formats import FORMATS
-from host_tests.tools.move.move_samples import ARC, LINEAR, run
+from host_tests.tools.conftest import ARC, LINEAR, run
 
 
 @pytest.mark.parametrize(
@@ -22,34 +22,24 @@ from host_tests.tools.move.move_samples import ARC, LINEAR, run
         (LINEAR.replace("motor = 1", "motor = 0"), '"motor": expected a whole number from 1 to 32'),
         (LINEAR.replace("motor = 1", "motor = true"), '"motor": expected a whole number'),
         (LINEAR.replace("motor = 1", "motor = 2"), '"motor": 2 occurs twice'),
-        (
-            LINEAR.replace("motor = 1", "motor = 3"),
-            "there is no axis for motor 1, but one for motor 2",
-        ),
+        (LINEAR.replace("motor = 1", "motor = 3"),
+         "there is no axis for motor 1, but one for motor 2"),
         (LINEAR.replace('"pan"', '"track"'), "\"name\": 'track' occurs twice"),
         (LINEAR + 'in_file = "track"\n', "\"in_file\": 'track' occurs twice"),
-        (
-            LINEAR.replace("= 10\n", "= 0\n"),
-            'unit": expected a number from 1e-06 to 1e+09, found 0',
-        ),
+        (LINEAR.replace("= 10\n", "= 0\n"),
+         'unit": expected a number from 1e-06 to 1e+09, found 0'),
         (LINEAR.replace("= 10\n", "= nan\n"), '"steps_per_unit": expected a number'),
-        (
-            LINEAR.replace("steps_per_unit = 10\n", ""),
-            '(track): "steps_per_unit" is missing: a number',
-        ),
+        (LINEAR.replace("steps_per_unit = 10\n", ""),
+         '(track): "steps_per_unit" is missing: a number'),
         (LINEAR.replace('"mm"', '"yard"'), '"unit": expected one of "mm", "cm"'),
         (LINEAR + 'file_unit = "mm"\n', '"file_unit": mm cannot be converted to deg'),
-        (
-            LINEAR.replace("[-5, 100]", "[100, -5]"),
-            '"limits": expected two numbers [lowest, highest]',
-        ),
+        (LINEAR.replace("[-5, 100]", "[100, -5]"),
+         '"limits": expected two numbers [lowest, highest]'),
         (LINEAR.replace("true", "1"), '"invert": expected true or false, found 1'),
-        (
-            LINEAR.replace('name = "pan"', 'name = " "'),
-            "axis 2: \"name\": expected a text, found ' '",
-        ),
+        (LINEAR.replace('name = "pan"', 'name = " "'),
+         "axis 2: \"name\": expected a text, found ' '"),
     ],
-)
+)  # fmt: skip
 def test_one_sentence_says_what_is_wrong_with_axes_toml(text, said, shot, capsys):
     (shot / "axes.toml").write_text(text)
     (shot / "source").write_text("0 2\n")

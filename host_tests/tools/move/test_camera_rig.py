@@ -19,7 +19,7 @@ from framestep_tools.move.move_conversion import to_move, to_pose_table
 from framestep_tools.move.move_file import Move, read_move
 from framestep_tools.move.move_formats import FORMATS, of_content
 from framestep_tools.text.text_file import Text
-from host_tests.tools.move.move_samples import run
+from host_tests.tools.conftest import run
 
 MM, DEG = 1000, 2000  # steps per unit
 RIGS = {
@@ -98,17 +98,11 @@ def steps_of(text, toml):
 
 @pytest.mark.parametrize("kind", RIGS)
 def test_poses_lead_to_the_motors_of_the_double_precision_rig(kind):
+    """Also if the rig has a place and a heading in the scene."""
     rig, steps = drawn(kind)
     home = rig.forward(rig.home) * (1, 1, 1, 0, 0, 0)
     poses = [rig.forward(rig.joints(row)) - home for row in steps]
     assert np.abs(steps_of(chan(poses), axes_toml(kind)) - steps).max() <= 1
-
-
-@pytest.mark.parametrize("kind", RIGS)
-def test_the_rig_has_a_place_and_a_heading_in_the_scene(kind):
-    rig, steps = drawn(kind)
-    home = rig.forward(rig.home) * (1, 1, 1, 0, 0, 0)
-    poses = [rig.forward(rig.joints(row)) - home for row in steps]
     turned = [  # by 90 degrees to the left: what was to the right is ahead, at -z
         (-x + 30, z + 10, y + 20, pan + 90, tilt, roll) for z, x, y, pan, tilt, roll in poses
     ]

@@ -10,7 +10,7 @@ from framestep_tools.axes.axes_file import Axis
 from framestep_tools.move.frame_times import last_decimal, to_frames
 from framestep_tools.move.move_conversion import to_move
 from framestep_tools.move.move_formats import FORMATS
-from host_tests.tools.move.move_samples import imported
+from host_tests.tools.conftest import imported
 
 RATES = [24000 / 1001, 24, 25, 30000 / 1001, 30, 48, 50, 60000 / 1001, 60, 90, 100, 120, 240]
 RATES += [480, 960, 1000]

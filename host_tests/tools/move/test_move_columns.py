@@ -6,7 +6,7 @@ from framestep_tools.axes.axes_file import axes_of
 from framestep_tools.axes.rig_axes import Axes
 from framestep_tools.errors import ToolError
 from framestep_tools.move.move_file import read_move, write_move
-from host_tests.tools.move.move_samples import LINEAR, imported, run
+from host_tests.tools.conftest import LINEAR, imported, run
 
 AXES = Axes(axes_of(LINEAR, "axes.toml"), "axes.toml")  # track is motor 1, pan motor 2
 
@@ -75,7 +75,7 @@ def test_an_axis_with_another_motors_number_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("command", ["check", "upload", "play", "shoot", "export"])
-def test_every_command_goes_by_the_headings(command, shot, framestep_columns):
+def test_every_command_goes_by_the_headings(command, shot, capsys):
     """Each refuses a move whose headings contradict axes.toml, so each reads them."""
     path = shot / "named.csv"
     path.write_text("frame,tilt\n1,0\n2,1\n")
@@ -84,18 +84,10 @@ def test_every_command_goes_by_the_headings(command, shot, framestep_columns):
         "check": [],
     }.get(command, ["--device", "socket://127.0.0.1:9"])
     given = ["1", "--move", str(path)] if command == "shoot" else [str(path)]
-    status, error = framestep_columns(shot, command, *given, *options)
-    assert status == 1
+    assert run(shot, command, *given, *options) == 1
+    error = capsys.readouterr().err
     assert "column 'tilt': no axis has this name, and" in error
     assert len(error.splitlines()) == 1
-
-
-@pytest.fixture
-def framestep_columns(capsys):
-    def call(shot, *args):
-        return run(shot, *args), capsys.readouterr().err
-
-    return call
 
 
 # Columns of other programs' files

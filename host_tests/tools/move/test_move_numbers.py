@@ -6,7 +6,7 @@ from framestep_tools.errors import ToolError
 from framestep_tools.move.move_file import read_move
 from framestep_tools.move.move_formats import FORMATS, of_content
 from framestep_tools.text.text_file import decoded, read_text
-from host_tests.tools.move.move_samples import ARC, LINEAR, MAYA, imported, run
+from host_tests.tools.conftest import ARC, LINEAR, MAYA, imported, run
 from host_tests.tools.move.test_move_formats import OF_AXES
 
 TABLE = [[0.0, 2.0], [1.25, 2.01], [-5.5, 2.0]]
@@ -118,6 +118,9 @@ def steps(tmp_path, text):
         "frame;a;b\n1;1.234;12,0\n2;-5;0\n",
         'frame,a,b\n1,"1,234.0",12\n2,-5,0\n',
         "frame;a;b\n1;1 234;12\n2;-5;0\n",
+        "Frame;a;b\n1;1234;12\n2;-5;0\n\n;;\n",
+        "FRAME\ta\tb\n1.0\t1234.0\t12.00\n2\t-5.\t0\n\n",
+        "frame, a, b,\n1, 1234, 12,\n2, -5, 0,\n,,,\n",
     ],
 )
 def test_steps_as_spreadsheets_write_them(tmp_path, text):
@@ -138,7 +141,8 @@ def test_steps_as_spreadsheets_write_them(tmp_path, text):
 )
 def test_steps_that_are_not_whole_or_not_clear(tmp_path, cell, said):
     with pytest.raises(ToolError) as error:
-        steps(tmp_path, f"frame;a\n1;{cell}\n")
+        steps(tmp_path, f"frame;a\n0;0\n1;{cell}\n")
+    assert "line 3" in str(error.value)
     assert said in str(error.value)
 
 
@@ -152,12 +156,9 @@ ENCODINGS = ["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-32"]
 @pytest.mark.parametrize("last", ["", "\x1a", "\n\n\x1a\x1a"])
 def test_encodings_line_ends_and_the_end_of_a_dos_file(encoding, end, last, shot, tmp_path):
     files = [
-        ARC.replace(' encoding="utf-8"', ""),
-        MAYA,
-        "frame,track,pan\n1,0,2\n2,1.25,2.01\n",
-        "Axes = Track, Pan\n0 2\n1.25 2.01\n",
-        "0 2\n1.25 2.01\n",
-    ]
+        ARC.replace(' encoding="utf-8"', ""), MAYA, "frame,track,pan\n1,0,2\n2,1.25,2.01\n",
+        "Axes = Track, Pan\n0 2\n1.25 2.01\n", "0 2\n1.25 2.01\n",
+    ]  # fmt: skip
     for text in files:
         path = tmp_path / "source"
         content = (text + last).replace("\n", end).encode(encoding)
@@ -234,10 +235,11 @@ def test_the_rate_travels_with_the_move(name, shot, capsys):
     axes(*names.get(name, ("a.x", "a.y")))
     out, back = shot / f"out{FORMATS[name].ENDINGS[0]}", shot / "back.csv"
     assert run(shot, "export", str(shot / "move.csv"), "-o", str(out), "--format", name) == 0
+    assert f"frames 1 to 3 of 2 axes, as {name}" in capsys.readouterr().out
     assert run(shot, "import", str(out), "-o", str(back)) == 0
+    assert f"for 2 motors, from {name}" in capsys.readouterr().out
     carries = name in ("anim", "csv", "ae", "aejson", "bvh", "flair")
     assert read_move(back).fps == (25 if carries else None)
-    capsys.readouterr()
     given = ["import", str(out), "-o", str(back), "--fps", "24"]
     assert run(shot, *given) == (1 if carries else 0)
     if carries:

@@ -5,7 +5,7 @@ import pytest
 from framestep_tools.axes.axes_file import Axis
 from framestep_tools.move.move_file import Move
 from framestep_tools.move.resample import resampled
-from host_tests.tools.move.move_samples import imported, run
+from host_tests.tools.conftest import imported, run
 
 LINE = "# fps: 25\nframe,track,pan\n" + "".join(f"{i + 1},{i / 10},2\n" for i in range(51))
 

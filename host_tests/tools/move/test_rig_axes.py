@@ -9,7 +9,7 @@ from framestep_tools.axes import rig_axes
 from framestep_tools.axes.axes_file import Axis
 from framestep_tools.axes.rig_axes import Axes
 from framestep_tools.errors import USAGE, ToolError
-from host_tests.tools.move.move_samples import LINEAR
+from host_tests.tools.conftest import LINEAR
 
 RIG = Axes(
     [

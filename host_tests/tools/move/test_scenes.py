@@ -19,7 +19,7 @@ from framestep_tools.move.move_conversion import to_move
 from framestep_tools.move.move_file import read_move
 from framestep_tools.move.move_formats import FORMATS, of_content, usd
 from framestep_tools.text.text_file import decoded
-from host_tests.tools.move.move_samples import LINEAR, run
+from host_tests.tools.conftest import LINEAR, run
 
 PARTS = ("x", "y", "z", "pan", "tilt", "roll")
 HALF = np.sqrt(0.5)

@@ -6,7 +6,7 @@ import random
 import pytest
 
 from framestep_tools.move.smoothing import smoothed
-from host_tests.tools.move.move_samples import imported, run
+from host_tests.tools.conftest import imported, run
 
 
 def text(track, pan=None):
@@ -55,12 +55,6 @@ def test_the_largest_change_is_told_in_each_axis_unit(shot, capsys):
         "track: smoothed over 5 frames, by at most 1.8 mm, at frame 17",
         "pan: smoothed over 5 frames, by at most 3.6 deg, at frame 16",
     ]
-
-
-def test_nothing_is_smoothed_unasked(shot, capsys):
-    track = [0.0, 0, 0, 0, 3.5, 0, 0, 0, 0]
-    assert imported(shot, text(track)).positions[1] == [0, 0, 0, 0, 35, 0, 0, 0, 0]
-    assert "smooth" not in capsys.readouterr().err
 
 
 def test_full_turns_are_unwrapped_before(shot):

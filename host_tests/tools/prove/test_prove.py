@@ -10,18 +10,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from framestep_tools import payloads as p
 from framestep_tools.building import board_files
 from framestep_tools.building.board_files import ROOT, board_data, boards_that_see_steps
 from framestep_tools.cli import app
 from framestep_tools.client import port_finder
 from framestep_tools.client.client import BrokenOff, Client
 from framestep_tools.errors import BROKEN_OFF, FAILED, INTERRUPTED
-from framestep_tools.payloads import (
-    DeviceInfo,
-    MotorConfigure,
-    MotorGetPosition,
-    MotorSetLimits,
-)
 from framestep_tools.prove import flash, report
 from framestep_tools.prove.board import Board, real
 from framestep_tools.prove.borrowed_machines import Borrowed, CannotCapture, Registry
@@ -52,17 +47,11 @@ HZ = 125_000_000
 @pytest.mark.parametrize(
     "better, measured, verdict",
     [
-        (LESS, 110, AS_EMULATED),
-        (LESS, 89, BETTER),
-        (LESS, 111, WORSE),
-        (MORE, 111, BETTER),
-        (MORE, 89, WORSE),
-        (SAME, 89, WORSE),
-        (SAME, 111, WORSE),
-        (SAME, 90, AS_EMULATED),
+        (LESS, 110, AS_EMULATED), (LESS, 89, BETTER), (LESS, 111, WORSE), (MORE, 111, BETTER),
+        (MORE, 89, WORSE), (SAME, 89, WORSE), (SAME, 111, WORSE), (SAME, 90, AS_EMULATED),
         (LESS, None, NOT_MEASURED),
     ],
-)
+)  # fmt: skip
 def test_verdicts(better, measured, verdict):
     assert Figure("figure", "µs", better, 2, 0.1, "").verdict(measured, 100) == verdict
     assert Figure("figure", "µs", better, 2, 0.1, "").verdict(measured, None) == (
@@ -246,17 +235,10 @@ def test_what_was_measured_before_it_broke_off_is_kept(
         raise error
 
     board = SimpleNamespace(
-        client=None,
-        run=lambda code: "MicroPython v1.26.1",
-        rig={},
-        folder="pico",
-        where="here",
-        clock_hz=HZ,
-        layout=layout(PICO, {}, set(), [0, 1]),
-        overlay=0,
-        drivers_off=nullcontext,
+        client=None, run=lambda code: "MicroPython v1.26.1", rig={}, folder="pico", where="here",
+        clock_hz=HZ, layout=layout(PICO, {}, set(), [0, 1]), overlay=0, drivers_off=nullcontext,
         settings=lambda motor: {},
-    )
+    )  # fmt: skip
     monkeypatch.setattr("framestep_tools.prove.board.real", lambda *_: nullcontext(board))
     monkeypatch.setattr(Measuring, "everything", measure)
     arguments = ["lab", "prove", "/dev/none", "--yes", "--out", str(tmp_path)]
@@ -495,22 +477,22 @@ def test_machines_that_do_not_wait_are_left_alone():
 @pytest.mark.parametrize(
     "rig, requests, text",
     [
-        ({"estop": "no"}, [MotorSetLimits(2, 0, 0, 0, 0, 0)], None),
-        ({}, [MotorSetLimits(2, 1, -20_000, 1, 200_000, 0)], None),
-        ({}, [MotorSetLimits(2, 1, -20_000, 1, 2000, 0)], "soft limits of motor 2"),
-        ({}, [MotorSetLimits(3, 1, -10, 0, 0, 0)], "soft limits of motor 3"),
-        ({}, [MotorConfigure(1, 0)], "motor 1 is switched off"),
-        ({"limits": [{"low": 27}]}, [MotorSetLimits(2, 0, 0, 0, 0, 1)], "at a limit switch"),
+        ({"estop": "no"}, [p.MotorSetLimits(2, 0, 0, 0, 0, 0)], None),
+        ({}, [p.MotorSetLimits(2, 1, -20_000, 1, 200_000, 0)], None),
+        ({}, [p.MotorSetLimits(2, 1, -20_000, 1, 2000, 0)], "soft limits of motor 2"),
+        ({}, [p.MotorSetLimits(3, 1, -10, 0, 0, 0)], "soft limits of motor 3"),
+        ({}, [p.MotorConfigure(1, 0)], "motor 1 is switched off"),
+        ({"limits": [{"low": 27}]}, [p.MotorSetLimits(2, 0, 0, 0, 0, 1)], "at a limit switch"),
         ({"estop": "nc"}, [], "the E-stop is held"),
     ],
 )
 def test_what_would_be_refused_is_reported_before_anything_moves(rig, requests, text):
     with SimulatedBoard(rig) as board:
         client = Client(LockstepPort(board))
-        client.wait_event(DeviceInfo, 10)
+        client.wait_event(p.DeviceInfo, 10)
         for request in requests:
             client.request(request)
-        stand = client.request(MotorGetPosition()).steps
+        stand = client.request(p.MotorGetPosition()).steps
         if text:
             with pytest.raises(report.ToolError, match=text):
                 check(client, [1, 2, 3], stand)

@@ -10,7 +10,6 @@ import time
 import pytest
 import serial
 
-from framestep_tools.board.rig_file import RigFileError
 from framestep_tools.client.client import Client, NoAnswer
 from framestep_tools.client.open_port import open_port
 from framestep_tools.client.wire import FrameDecoder, encode
@@ -18,7 +17,7 @@ from framestep_tools.errors import ToolError
 from framestep_tools.judge.trace import Trace
 from framestep_tools.payloads import DeviceInfo, Hi
 from framestep_tools.simulator import serve
-from framestep_tools.simulator.boards import LockstepPort, read_rig
+from framestep_tools.simulator.boards import LockstepPort
 from framestep_tools.simulator.serve import (
     Pace,
     PtyLink,
@@ -162,20 +161,12 @@ def test_the_terminal_is_raw_and_says_hi_when_opened():
             os.close(fd)
 
 
-def test_client_over_tcp_and_dtr():
-    board = FakeBoard()
-    with serving(board, tcp="127.0.0.1:0") as server:
-        with Client.open(tcp_url(server), PATIENCE_S) as client:
-            # the unasked HI may arrive before pyserial, which opens a socket, drops what has come
-            assert client.request(Hi()) == INFO
-        until(lambda: board.protocol.log == [True, False])
-
-
 def test_a_quick_return_is_seen_as_closing_and_opening():
     board = FakeBoard()
     with serving(board, tcp="127.0.0.1:0") as server:
         for _ in range(5):
             with Client.open(tcp_url(server), PATIENCE_S) as client:
+                # the unasked HI may arrive before pyserial, which opens a socket, drops what came
                 assert client.request(Hi()) == INFO
         until(lambda: len(board.protocol.log) == 10)
         assert board.protocol.log == [True, False] * 5
@@ -440,19 +431,3 @@ def test_time_passes_in_reads_only():
     assert board.now_ns - before == pytest.approx(5250 * MS, abs=MS)
     client.close()
     assert board.protocol.log == [True, False]
-
-
-def test_rig_files(tmp_path):
-    good, bad, other = tmp_path / "good.json", tmp_path / "bad.json", tmp_path / "other.json"
-    good.write_text('{"ports": 1}')
-    bad.write_text("{")
-    other.write_text("[]")
-    assert read_rig(None) == {}
-    assert read_rig(good) == {"ports": 1}
-    for path, text in (
-        (bad, "not valid JSON in line 1"),
-        (other, "expected an object"),
-        (tmp_path / "none", "cannot read"),
-    ):
-        with pytest.raises(RigFileError, match=text):
-            read_rig(path)

@@ -12,20 +12,10 @@ from framestep_tools.site import documents
 
 # Elements that make a browser load something, with the attribute that names it
 LOADING = {
-    "audio": "src",
-    "embed": "src",
-    "iframe": "src",
-    "image": "href",
-    "img": "src",
-    "input": "src",
-    "link": "href",
-    "object": "data",
-    "script": "src",
-    "source": "src",
-    "track": "src",
-    "use": "href",
-    "video": "src",
-}
+    "audio": "src", "embed": "src", "iframe": "src", "image": "href", "img": "src", "input": "src",
+    "link": "href", "object": "data", "script": "src", "source": "src", "track": "src",
+    "use": "href", "video": "src",
+}  # fmt: skip
 ONLY_NAMED = {"canonical", "next", "prev"}  # relations of a <link> that load nothing
 
 

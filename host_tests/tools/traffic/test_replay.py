@@ -2,7 +2,7 @@
 
 import io
 import os
-import threading
+import re
 from dataclasses import replace as replaced
 
 import pytest
@@ -14,7 +14,7 @@ from framestep_tools.client.client import Client, NoAnswer
 from framestep_tools.client.wire import Frame, encode
 from framestep_tools.errors import ToolError
 from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
-from framestep_tools.simulator.serve import PtyLink, Server
+from framestep_tools.simulator.serve import PtyLink
 from framestep_tools.traffic import replay
 from framestep_tools.traffic.compare import Rules, differences, names_known
 from framestep_tools.traffic.log import (
@@ -30,7 +30,8 @@ from framestep_tools.traffic.log import (
     parse,
     read,
 )
-from framestep_tools.traffic.sniffer import Relay, Tally, describe, describe_entry
+from framestep_tools.traffic.sniffer import Relay, describe, describe_entry
+from host_tests.tools.simulator.test_serve import serving, tcp_url
 
 DAMAGED = encode(p.Hi.TYPE, b"", 77)[:-1] + b"\x55"
 
@@ -114,34 +115,38 @@ def index_of(log, kind, nth=0):
 # ---- the file
 
 
-def test_a_log_holds_every_byte(log, tmp_path):
+@pytest.fixture
+def path(log, tmp_path):
+    """Return the log as a file."""
     file = io.StringIO()
     writer = LogWriter(file, "a test", describe_entry)
     for entry in log:
         writer.add(entry)
-    path = tmp_path / "log"
-    path.write_text(file.getvalue())
-    back = read(str(path))
+    (tmp_path / "log").write_text(file.getvalue())
+    return str(tmp_path / "log")
+
+
+def test_a_log_holds_every_byte(log, path):
+    back = read(path)
     assert [e[1:] for e in back] == [e[1:] for e in log]
     assert all(abs(a.time_s - b.time_s) < 1e-6 for a, b in zip(back, log, strict=True))
     assert (log[0].who, log[-1].who) == (OPEN, CLOSE)
     assert DAMAGED in [entry.data for entry in log if entry.frame is None]
 
 
-def test_a_log_is_read_by_people(log, tmp_path, capsys):
-    file = io.StringIO()
-    writer = LogWriter(file, "a test", describe_entry)
-    for entry in log:
-        writer.add(entry)
-    path = tmp_path / "log"
-    path.write_text(file.getvalue())
-    assert cli.app.status(["lab", "sniff", str(path)]) == 0
+def test_a_log_is_read_by_people(log, path, capsys):
+    assert cli.app.status(["lab", "sniff", path]) == 0
     text = capsys.readouterr().out
+    assert re.match(r" +0\.0000   the host opens its port\n", text)
+    assert re.search(r"^ +0\.\d{4} > +[1-9]\d*  HI$", text, re.MULTILINE)
     assert text.count("MOTOR_MOVE            ACK ERR_RANGE (0x0014)  (there is no such motor") == 1
     assert "frame with a wrong checksum among them" in text
     assert "motor_bits=1  dmx=0  (motor 1 under way)" in text
     assert "the host opens its port" in text
-    assert "1 times MOTOR_MOVE ERR_RANGE" in text.splitlines()[-1]
+    end = text.splitlines()[-1]
+    assert "1 times MOTOR_MOVE ERR_RANGE" in end
+    assert f"{len(DAMAGED)} bytes outside frames" in end
+    assert "the slowest answer after" in end
     assert (
         f"{sum(1 for e in log if e.who == HOST and e.frame)} requests, 0 without an answer" in text
     )
@@ -356,19 +361,22 @@ def test_names_that_are_no_messages():
 
 
 class Device:
-    """Answers HI to everything; counts how often it was opened and closed."""
+    """Answers everything with ANSWER; keeps what it got, and how often it was opened and closed."""
+
+    ANSWER = encode(p.HardStop.TYPE, p.HardStop(0).pack(), 0)
 
     def __init__(self):
         self.log = ["open"]
         self.timeout = None
-        self._out = b""
+        self.got = self._out = b""
 
     def open(self):
         self.log.append("open")
         return self
 
     def write(self, data):
-        self._out += encode(p.HardStop.TYPE, p.HardStop(0).pack(), 0)
+        self.got += data
+        self._out += self.ANSWER
 
     def read(self, size):
         data, self._out = self._out[:size], self._out[size:]
@@ -385,65 +393,41 @@ def test_the_device_sees_its_host_come_and_go():
         for _ in range(2):
             fd = os.open(link.path, os.O_RDWR | os.O_NOCTTY)
             os.write(fd, encode(p.Hi.TYPE, b"", 7))
-            while not entries or entries[-1].who != DEVICE:
-                relay.step()
+            relay.run(lambda: bool(entries) and entries[-1].who == DEVICE)
+            assert os.read(fd, 100) == device.ANSWER
             os.close(fd)
             relay.step()
             relay.step()
         assert device.log == ["open", "close", "open", "close"]
+        assert device.got == encode(p.Hi.TYPE, b"", 7) * 2
         assert [e.who for e in entries] == [OPEN, HOST, DEVICE, CLOSE] * 2
     finally:
         relay.close()
         link.close()
 
 
-def test_the_line_at_the_end(log):
-    tally = Tally()
-    for entry in log:
-        tally.add(entry)
-    text = str(tally)
-    assert f"{len(DAMAGED)} bytes outside frames" in text
-    assert "the slowest answer after" in text
-
-
 def test_the_command_plays_a_log_against_a_device(log, tmp_path, capsys):
     """Only the greeting and a question: the tests above play motion in virtual time."""
     greeting, question = encode(p.Hi.TYPE, b"", 5), encode(p.MotorGetPosition.TYPE, b"", 6)
-    with SimulatedBoard({}, 2) as board:
-        server = Server(board, None, "127.0.0.1:0")
-        thread = threading.Thread(target=serve_until_stopped, args=(server,))
-        thread.start()
-        try:
-            url = "socket://" + server.announcements[-1].split()[1]
-            answers = []
-            with Client.open(url, 100) as client:
-                info = client.request(p.Hi())
-            for motors, status in ((2, 0), (3, 1)):
-                reported = encode(p.DeviceInfo.TYPE, replaced(info, motors=motors).pack(), 5)
-                lines = ["# framestep sniff 1", "0 open"]
-                lines += [
-                    line_of(Entry(0.0, HOST, greeting)),
-                    line_of(Entry(0.0, DEVICE, reported)),
-                ]
-                lines += [line_of(Entry(0.0, HOST, question)), "0 close"]
-                path = tmp_path / "log"
-                path.write_text("\n".join(lines))
-                record = tmp_path / "record"
-                args = ["lab", "replay", str(path), url, "--log", str(record)]
-                args += ["--ignore", "motor_get_position"]
-                assert cli.app.status(args) == status
-                answers.append(capsys.readouterr())
-                answer = encode(p.DeviceInfo.TYPE, info.pack(), 5)
-                assert answer in [entry.data for entry in read(str(record))]
-        finally:
-            server.stop()
-            thread.join()
-            server.close()
+    with serving(SimulatedBoard({}, 2), speed=None, tcp="127.0.0.1:0") as server:
+        url = tcp_url(server)
+        answers = []
+        with Client.open(url, 100) as client:
+            info = client.request(p.Hi())
+        for motors, status in ((2, 0), (3, 1)):
+            reported = encode(p.DeviceInfo.TYPE, replaced(info, motors=motors).pack(), 5)
+            lines = ["# framestep sniff 1", "0 open"]
+            lines += [line_of(Entry(0.0, HOST, greeting)), line_of(Entry(0.0, DEVICE, reported))]
+            lines += [line_of(Entry(0.0, HOST, question)), "0 close"]
+            path = tmp_path / "log"
+            path.write_text("\n".join(lines))
+            record = tmp_path / "record"
+            args = ["lab", "replay", str(path), url, "--log", str(record)]
+            args += ["--ignore", "motor_get_position"]
+            assert cli.app.status(args) == status
+            answers.append(capsys.readouterr())
+            answer = encode(p.DeviceInfo.TYPE, info.pack(), 5)
+            assert answer in [entry.data for entry in read(str(record))]
     assert answers[0].out == "2 requests replayed: no difference\n"
     assert "HI (ID 5): name=" in answers[1].out
     assert "2 requests replayed: 1 differences" in answers[1].err
-
-
-def serve_until_stopped(server):
-    while not server.stopping:
-        server.step()

@@ -1,4 +1,5 @@
-"""Runs the tests nearest to a change: `make check`.
+"""Which tests a run has: enough of their parameters and of their combinations, or, with `make
+check`, those nearest to a change.
 
 Tests that are named after a file that has changed since `main` come first. Then nearness is the
 number of imports from a test's file to a changed one, or to a module that names a changed file of
@@ -9,9 +10,11 @@ Those of the nearest file always run. A run without any test has failed.
 import ast
 import subprocess
 import time
+import zlib
 from functools import cache
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from framestep_tools.building.board_files import ROOT
@@ -184,4 +187,76 @@ class Near:
             terminalreporter.write_line(
                 f"left out, farther from the change: {self._left} tests after {self._seconds:g} s, "
                 f"and {self._other_files} files (make test runs them all)"
+            )
+
+
+_SHARE = 5  # each run has one of this many examples that hypothesis draws with --all
+
+
+def sweep(values, *kept):
+    """Return the parameters of a test: each run has those in `kept`, --all has the others, too."""
+    return [
+        pytest.param(value, marks=() if value in kept else pytest.mark.repeats) for value in values
+    ]
+
+
+def parameters(item):
+    """Return {name: value} of a test's case."""
+    return item.callspec.params if hasattr(item, "callspec") else {}
+
+
+def spare(cases, but=()):
+    """Return cases of one test that are not needed, because the others have each value of each
+    parameter. but: parameters that do not count."""
+
+    def values(item):
+        return {(name, repr(value)) for name, value in parameters(item).items() if name not in but}
+
+    left = {item: values(item) for item in cases}
+    missing = set().union(*left.values())
+    while missing:
+        best = max(left, key=lambda item: len(left[item] & missing))
+        missing -= left.pop(best)
+    return list(left) if len(cases) > 1 else []
+
+
+def by_test(items):
+    """Return {(file, test, chip): its cases}."""
+    found = {}
+    for item in items:
+        name = getattr(item, "originalname", item.name)
+        found.setdefault((item.path, name, parameters(item).get("chip")), []).append(item)
+    return found
+
+
+def one_of_each(items):
+    """Return a case of each test, if possible one that is in each run."""
+    return {
+        min(cases, key=lambda item: len(list(item.iter_markers("repeats"))))
+        for cases in by_test(items).values()
+    }
+
+
+def left_out_repeats(items, one_in):
+    """Return the tests that a run leaves out. All of these repeat what others show. A run plays one
+    in `one_in` of such tests, always the same ones; with 0 it plays none."""
+    for cases in by_test(items).values():
+        for item in spare(cases) if len(parameters(cases[0])) > 1 else ():
+            item.add_marker(pytest.mark.repeats)
+    return {
+        item
+        for item in items
+        if item.get_closest_marker("repeats")
+        and not (one_in and zlib.crc32(item.nodeid.encode()) % one_in == 0)
+    }
+
+
+def fewer_examples(items):
+    """Have hypothesis draw the first of its examples only."""
+    for function in {getattr(item.obj, "__func__", item.obj) for item in items}:
+        # hypothesis' own decorator passes them in this way
+        whole = getattr(function, "_hypothesis_internal_use_settings", None)
+        if whole is not None:
+            function._hypothesis_internal_use_settings = hypothesis.settings(
+                whole, max_examples=-(-whole.max_examples // _SHARE)
             )
