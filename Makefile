@@ -17,6 +17,9 @@ FILES_emulator := host_tests/emulator
 FILES_console := host_tests/console
 FILES_core := $(foreach layer,runtime board emulator console,$(FILES_$(layer):%=--ignore=%))
 
+# A target of make test-sessions whose image is not one of each chip's
+IMAGES_rp2350_595 := pico2_595
+
 ARGS ?=
 LAYER :=
 
@@ -34,7 +37,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .PHONY: help help-all setup node chromium micropython runtimes images demo try site sim emu check test test-all test-sessions console-pictures fuzz lint types format \
-	plots bench profile flash image install release emulator-measure conform prove clean
+	plots bench profile drawn flash image install release emulator-measure conform prove clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*[^#]## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -100,10 +103,10 @@ check: lint types ## while you work: style, types, and the tests nearest to your
 	@PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n $(PROCESSES) --near=main $(ARGS)
 
 test-sessions: TARGET := $(or $(TARGET),esp32)
-test-sessions: setup node ### the end-to-end scenarios on another target: TARGET=esp32, rp2040, rp2350, device with PORT=, or replay (again on 32-bit MicroPython, the heap locked); ARGS="--share 10" plays every tenth
+test-sessions: setup node ### the end-to-end scenarios on another target: TARGET=esp32, rp2040, rp2350, rp2350_595, device with PORT=, or replay (again on 32-bit MicroPython, the heap locked); ARGS="--share 10" plays every tenth
 	$(if $(filter replay,$(TARGET)),@tools/micropython/build.sh unix32f)
 	$(if $(filter esp32,$(TARGET)),@tools/micropython/build.sh esp32)
-	$(if $(filter rp2%,$(TARGET)),@tools/micropython/build.sh rp2 && "$(PYTHON_VENV)" -m framestep_tools.building.images pico pico2)
+	$(if $(filter rp2%,$(TARGET)),@tools/micropython/build.sh rp2 && "$(PYTHON_VENV)" -m framestep_tools.building.images $(or $(IMAGES_$(TARGET)),pico pico2))
 	@$(if $(filter device,$(TARGET)),"$(PYTHON_VENV)" -m pytest -q --port $(PORT),$(PYTEST)) $(if $(filter replay,$(TARGET)),--replay,--target $(TARGET)) host_tests/end_to_end $(ARGS)
 
 console-pictures: setup chromium ### take pictures of the console, to look at (build/console); ARGS=--states: of each state in each size and theme
@@ -140,6 +143,9 @@ bench: setup node micropython ## measure the firmware on the emulated board agai
 
 profile: setup node micropython ### where the processor's time goes: ARGS=upload, single-port, play, go or servos
 	@"$(PYTHON_VENV)" -m framestep_tools.bench.profile $(ARGS)
+
+drawn: setup node micropython ### moves drawn at random with all motors of an emulated board, judged edge by edge; ARGS="--board pico2 --minutes 10"
+	@"$(PYTHON_VENV)" -m framestep_tools.bench.drawn $(ARGS)
 
 conform: setup ### the conformance kit against the simulator and against seeded faults: both scores; BOARD=pico2: on that emulated board, ARGS="--subject framing": a part
 	$(if $(filter esp32%,$(BOARD)),@tools/micropython/build.sh esp32,$(if $(BOARD),@tools/setup.sh node && tools/micropython/build.sh rp2))
