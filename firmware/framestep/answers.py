@@ -96,8 +96,8 @@ def _slow_down(controller, bits: int):
     does in its interrupt: a pass may carry the request out only milliseconds later. bits: for a
     STOP, of its motor; else of all.
 
-    A virtual motion slows down on its line, a motor with a jerk limit within that. Left to that
-    pass are motors in a JOG_ALL, which ends on a frame, and in homing.
+    A virtual motion slows down on its line, a JOG_ALL along its path, a motor with a jerk limit
+    within that. Left to that pass are motors in homing.
     """
     words = controller.answers
     block = controller.safety.block
@@ -115,6 +115,9 @@ def _slow_down(controller, bits: int):
     if state == RUNNING:
         eased &= taken ^ -1
         spared = eased if operation.at_once else spared | taken
+    on_path = 0
+    if state == RUNNING and not operation.at_once:
+        on_path = taken & bits
     on_line = 0
     if virtual and int(move.state) != TAKING_UP and int(move.state) != SETTLING:
         spared |= virtual
@@ -127,6 +130,8 @@ def _slow_down(controller, bits: int):
     irq = hal.irq_off()
     stepper.halt(block, bits, _ANY_RATE, 1)
     hal.irq_on(irq)
+    if on_path:
+        operation.begin_stop()
     if on_line:
         move.begin_stop()
     if eased:

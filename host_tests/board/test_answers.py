@@ -10,7 +10,7 @@ from framestep_tools.bench import measure
 from framestep_tools.bench.measure import AT_ONCE, GO_MOVES, Asker, go_times, virtual_replies
 from framestep_tools.bench.moves import STEADY_RATES, STEEPEST, mixed_move
 from framestep_tools.bench.session import Session
-from framestep_tools.bench.stops import planned_stops, stops_in_run
+from framestep_tools.bench.stops import planned_stops, stops_in_jogs, stops_in_run
 from framestep_tools.judge.trace import Trace
 from host_tests.board.conftest import on_pico
 from host_tests.selection import sweep
@@ -125,18 +125,35 @@ def test_a_stop_of_a_rig_on_a_line(chip):
     assert max(times) < STOP_MS
 
 
-def test_a_stop_of_a_rig_comes_to_rest_without_a_fault(chip):
+def test_a_stop_of_a_jog_of_all_motors(chip):
+    with chip.emulated({"clock_mhz": chip.slow_mhz}, trace=False) as board:
+        times = stops_in_jogs(Session(board), max(STEADY_RATES), (3,))
+    assert len(times) > 300
+    assert max(times) < STOP_MS
+
+
+@pytest.mark.parametrize("motion", ["on a line", "a jog of all motors"])
+def test_a_planned_stop_comes_to_rest_without_a_fault(chip, motion):
     """Also where it comes while queues are filled."""
     with chip.emulated({"clock_mhz": chip.slow_mhz}, trace=False) as board:
         session = Session(board)
         client = session.client
-        measure._take_arm(session)
-        client.request(p.VirtJogOnLine(m.LINE_X, -8000))
+        if motion == "on a line":
+            measure._take_arm(session)
+            client.request(p.VirtJogOnLine(m.LINE_X, -8000))
+            rests_s = 0.15
+        else:
+            session.prepare(mixed_move(), max(STEADY_RATES) * 11 // 10)
+            client.request(p.RtPositionFrame(1))
+            client.wait_idle()
+            client.request(p.RtJogAll(24_000, 61))
+            client.pump(0.6)
+            rests_s = 0.9
         client.pump(0.2)
         for _ in range(60):
             with board.undone():
                 client.send(p.MotorStopAll())
-                client.pump(0.15)
+                client.pump(rests_s)
                 assert not client.take_event(p.HardStop)
             board.run_until(board.now_ns + 2_370_000)
 

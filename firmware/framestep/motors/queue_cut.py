@@ -32,6 +32,7 @@ _PART = const(CUT + 5)
 
 _MIRRORED = const(MIRRORED)
 _LONGEST_STOP = const(0x100000)  # ticks
+_FARTHEST = const(320)  # ticks of a way to slow down on: n << 22 stays below 2^31
 _GREATEST_CHANGE = const(0x10000000)  # of a velocity, Q22
 
 # Results of cut() that are not ticks
@@ -247,22 +248,50 @@ def dropped(work: ptr32, at: ptr32):
 
 
 @micropython.viper
-def slow(m: ptr32, bits: int, tick: int) -> int:
+def boundary(m: ptr32, bits: int, least: int) -> int:
+    """Return in how many ticks, `least` or more, the first motor of these bits begins a segment
+    that follows a phase, not a bridge, and is not the last one queued; 0 if there is none.
+
+    m: the block of the motor of bit 0.
+    """
+    while bits & 1 == 0:
+        bits >>= 1
+        a = m[sw.NEXT]
+        m = ptr32(a)
+    head = m[sw.READ_INDEX]
+    ticks = m[sw.LEFT]
+    while head != m[sw.READ_INDEX]:  # a tick has just taken a segment
+        head = m[sw.READ_INDEX]
+        ticks = m[sw.LEFT]
+    q = ptr32(m[sw.QUEUE])
+    last = (m[sw.WRITE_INDEX] - 1) & WIDE_WRAP
+    while (last - head) & WIDE_WRAP < sw.SEGMENTS and head != last:
+        k = (head & (sw.SEGMENTS - 1)) << 3
+        if ticks >= least and q[k + sw.SEG_BRIDGE] == 0:
+            return ticks
+        ticks += q[k]
+        head = (head + 1) & WIDE_WRAP
+    return 0
+
+
+@micropython.viper
+def slow(m: ptr32, bits: int, tick: int, longest: int, finest: int) -> int:
     """Find how these motors can slow down at once and together, until the segments that begin with
     this tick, where a new plan can take over from cut_at().
 
-    Each motor gets one cubic that leads to the same place, `more` ticks later, and to its velocity
-    there times 1 - 2·more/(ticks + more). That is what the motors do if time passes ever more
-    slowly for them: their paths, and so the line that they follow together, stay the same.
+    Each motor gets one cubic to where it would be at that tick, `more` later, and to its velocity
+    there times 1 - 2·more/n, with n ticks in all. That is what the motors do if time passes ever
+    more slowly for them: their paths, and so the line that they follow together, stay the same.
+    The cubic ends with a tick: if `more` is not whole ticks, a fraction of a tick beyond that place.
 
-    Return `more`, as large as their accelerations (BRAKE) allow; 0 if one of them is too steep for
-    that already, or has no such segment. take_slow() puts it into force. m: the header.
+    Return `more` in 1/256 tick, a multiple of `finest`, as large as their accelerations (BRAKE)
+    allow, and a stop in `longest` ticks; 0 if one of them is too steep for that already, or has no
+    such segment. take_slow() puts it into force. m: the header.
     """
     ticks = elapsed(tick, m[sw.TICKS])
-    if ticks >= HALF:
+    if ticks > _FARTHEST:
         return 0
     first = m[sw.FIRST]
-    longest = 1  # ticks of the longest stop
     todo = bits
     a = first
     while todo:
@@ -291,11 +320,20 @@ def slow(m: ptr32, bits: int, tick: int) -> int:
     longest += (longest >> 3) + 1  # the rest is for the curves of the paths
     # Time that slows down from full speed at a constant rate, to come to rest after `longest`
     # ticks, has lost `more` ticks after n if n² = 2·more·longest.
+    n = ticks
     more = 0
-    while 3 * more < ticks and (ticks + more + 1) * (ticks + more + 1) > 2 * longest * (more + 1):
-        more += 1
+    todo = 6
+    while todo:
+        more = (n * n << 7) // longest
+        if 3 * more > ticks << 8:
+            more = (ticks << 8) // 3
+        n = ticks + (more + 255 >> 8)
+        todo -= 1
+    more &= 0 - finest
     while more:
-        n = ticks + more
+        late = more + 255 >> 8
+        beyond = (late << 8) - more
+        n = ticks + late
         fits = 1
         todo = bits
         a = first
@@ -311,11 +349,13 @@ def slow(m: ptr32, bits: int, tick: int) -> int:
                 d = q[k + sw.SEG_WHOLE] - m[sw.POSITION]
                 u = d // n
                 d = ((d - u * n) << 22) + q[k + sw.SEG_FRACTION] - m[sw.FRACTION]
+                d += (q[k + sw.SEG_VELOCITY] >> 8) * beyond
                 u = (u << 22) + d // n
                 rise = u - m[sw.VELOCITY] + (m[sw.ACCEL] >> 6) - m[sw.JERK] // 96
                 v = q[k + sw.SEG_VELOCITY] - (q[k + sw.SEG_ACCEL] >> 6) + q[k + sw.SEG_JERK] // 96
                 d = v // n
-                v = v - 2 * more * d - 2 * more * (v - d * n) // n - u
+                v = v - 2 * late * d - 2 * late * (v - d * n) // n - u
+                v += (d >> 4) * beyond >> 3
                 if (rise + _GREATEST_CHANGE) >> 29 or (v + _GREATEST_CHANGE) >> 29:
                     return 0
                 # The cubic begins with the acceleration 2·(2·rise - v)/n, ends with 2·(2·v -
@@ -340,7 +380,7 @@ def slow(m: ptr32, bits: int, tick: int) -> int:
             todo >>= 1
         if fits:
             return more
-        more >>= 1
+        more = (more >> 1) & (0 - finest)
     return 0
 
 

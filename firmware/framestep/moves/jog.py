@@ -7,11 +7,12 @@ at a frame is the path's slope times the velocity of the axis.
 
 jog_phases.py keeps what has been queued, so that the place on the path is known at any moment. A
 stop cuts all queues at one moment; from there jog_landing.py brings the motors to rest on a frame.
+On the way there the motors slow down already, from the tick after the request on (begin_stop).
 """
 
 from array import array
 
-from framestep.base.clock import elapsed
+from framestep.base.clock import after, elapsed
 from framestep.base.native import const
 from framestep.base.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
 from framestep.motion import reals
@@ -20,7 +21,7 @@ from framestep.motion.formula import formula
 from framestep.motion.segments import G1, velocity
 from framestep.motors.axis import ALL_SPLICE_TICKS, FIRST_TICKS, MOST_SEGMENTS
 from framestep.motors.feeder import coupled
-from framestep.motors.queue_cut import cut, queued
+from framestep.motors.queue_cut import boundary, cut, cut_at, queued, slow, take_slow
 from framestep.moves.frame_positions import find_frame, find_switch_on_path
 from framestep.moves.jog_landing import (
     ACCELERATION,
@@ -44,6 +45,9 @@ _AHEAD = const(1)  # the next phase is queued when fewer than this wait
 _MOST_CHECKED = const(6000)  # frames times motors: during a jog there is no time to check more
 _LEAST = const(16)  # with fewer ticks queued, nothing is cut
 _PASSING = const(2)  # ticks that may pass until the cut
+# Of begin_stop(): ticks until the new plan begins, in which the pass ends and the landing is planned
+_AMPLE = const(64)
+_FINEST = const(16)  # 1/256 tick
 
 # TOP from thousandths of a frame per second; the acceleration is 4 frames/s².
 _RATES = formula(
@@ -79,6 +83,8 @@ _NEXT_RATE = formula(
     NEXT = max(sqrt(RATE * RATE - TWICE), TOP)
     """,
 )
+# Half the time to stop from the higher of the two velocities.
+_HALF_STOP = formula(registers, "-> ticks", "ticks = max(RATE, NEXT) / TWICE")
 # One frame, at the mean of the two velocities.
 _NEXT_FRAME = formula(
     registers,
@@ -93,6 +99,33 @@ _NEXT_FRAME = formula(
 _FROM_REST_TO_REST = formula(registers, "DURATION = max(SLOWEST, 1 / TOP)")
 _FRAME_SCALE = formula(registers, "FRAME_SCALE = NEXT / 12")  # from slopes to steps per tick
 _THOUSANDTHS = formula(registers, "-> rounded", "rounded = HERE * THOUSAND + 0.5")
+# Where slow() leads: the fraction of a tick beyond HERE, slower by twice the share of the time that
+# is lost. LIMIT keeps the place.
+_SLOWED = formula(
+    registers,
+    "beyond, lost, ticks",
+    """
+    LIMIT = HERE + HERE_RATE * beyond / 256
+    NEXT = HERE_RATE - HERE_RATE * lost / ticks / 128
+    DURATION = ticks
+    """,
+)
+# frames: from the INDEX where the way there begins to the one where it ends
+_SLOW_WAY = formula(
+    registers,
+    "frames",
+    """
+    RATE = HERE_RATE
+    DISTANCE = LIMIT - HERE + frames
+    """,
+)
+_AFTER_IT = formula(
+    registers,
+    """
+    HERE = LIMIT
+    HERE_RATE = NEXT
+    """,
+)
 
 
 class JogAll(Operation):
@@ -118,6 +151,12 @@ class JogAll(Operation):
         self.phases = JogPhases(self.player.numbers)
         self.found = array("i", [0] * FOUND_WORDS)  # of a landing
         self.begun = 0  # tick of the first pulse
+        self.stop_ticks = 0  # of a stop from the velocity that is queued
+        # of begin_stop(), until stop_on_frame() has followed
+        self.slowed = 0  # ticks in which the motors slow down; 0: they do not
+        self.slow_from = 0  # the tick before them
+        self.slow_way = 0  # ticks to the same place without it
+        self.lost = 0  # 1/256 tick
         self.positions = array("i", [0] * operations.axes.count)
         # direction in which each motor starts from there
         self.directions = array("i", [0] * operations.axes.count)
@@ -299,6 +338,7 @@ class JogAll(Operation):
     # ---------------------------------------------------------------- the motion
 
     def begin_lap(self):
+        self.slowed = 0
         self.phases.count = 0
         self.phases.begin(0)
 
@@ -323,6 +363,8 @@ class JogAll(Operation):
         left = (self.destination - self.last_queued) * self.step
         reals.put(r, _NEXT_RATE.frames, left - 1, 0)
         compute(r, _NEXT_RATE)
+        compute(r, _HALF_STOP)
+        self.stop_ticks = 2 * reals.floor(r, _HALF_STOP.ticks, HALF)
         moves = compute(r, _NEXT_FRAME)
         if self.hurry and left == 1:
             hurry_time(player, self.bits, self.last_queued + self.step, False)
@@ -386,6 +428,7 @@ class JogAll(Operation):
         """Stop on the next frame possible; if that takes long, at a frame per second (field note
         6.10)."""
         first = not self.stop_asked
+        self.begin_stop()
         if everything:
             self.stop_asked = 2
         elif first:
@@ -397,16 +440,25 @@ class JogAll(Operation):
         state = axes.kernel.state
         block = axes.kernel.blocks[0]
         bits = coupled(block, self.bits)
-        ticks = queued(block, bits, ALL_SPLICE_TICKS + _PASSING) - _PASSING
+        ticks = ALL_SPLICE_TICKS + _PASSING
+        ticks = queued(block, bits, self.slowed or ticks) - _PASSING
         if ticks >= _LEAST:
             hal = axes.hal
             irq = hal.irq_off()
+            if self.slowed:
+                ticks = elapsed(self.slow_from + self.slowed, state[stepper.TICKS])
             ticks = cut(state, block, bits, ticks)
             tick = state[stepper.TICKS]
             hal.irq_on(irq)
             if ticks < 0:
                 return False
-            self._land(elapsed(tick + state[stepper.LEAD] + 1 + ticks, self.begun))
+            if self.slowed:
+                at = self._find_slow_end()
+            else:
+                at = self._find(tick + ticks)
+            self._land(at)
+        elif self.slowed:
+            return False  # too late to plan
         elif not self.closed:
             # The queues end soon: the frames are short, or the end is near.
             self.destination = self._landing()
@@ -415,18 +467,86 @@ class JogAll(Operation):
                 self.closed = True
         return True
 
-    def _land(self, ticks):
-        """Come to rest on a frame from where the queues have been cut, `ticks` after the
-        beginning."""
+    def _since(self, tick):
+        """Return how many ticks after the beginning the motors end with this tick."""
+        return elapsed(tick + self.operations.axes.kernel.state[stepper.LEAD] + 1, self.begun)
+
+    def _find(self, tick):
+        """Set HERE and HERE_RATE, and the beginning of the next phase: after this tick. Return the
+        index."""
+        phases = self.phases
+        ticks = self._since(tick)
+        k = phases.locate(ticks)
+        phases.begin(ticks)
+        return phases.rows[k + INDEX]
+
+    def _find_slow_end(self):
+        """The same for where begin_stop() leads; the way there becomes a phase."""
+        phases = self.phases
+        r = self.player.numbers
+        at = self._find(self.slow_from + self.slow_way)
+        reals.put(r, _SLOWED.beyond, -self.lost & 255, 0)
+        reals.put(r, _SLOWED.lost, self.lost, 0)
+        reals.put(r, _SLOWED.ticks, self.slowed, 0)
+        compute(r, _SLOWED)
+        begin = self._find(self.slow_from)
+        reals.put(r, _SLOW_WAY.frames, (at - begin) * self.step, 0)
+        compute(r, _SLOW_WAY)
+        phases.add(begin)
+        compute(r, _AFTER_IT)
+        return at
+
+    def begin_stop(self):
+        """Slow down from the next tick on, ahead of stop_on_frame(), which has to follow soon.
+
+        What is queued beyond is in vain. Does nothing where the motors cannot slow down together
+        along the path, or where they stop already. Also for an interrupt between two pieces of a
+        plan.
+        """
+        if self.slowed or self.stop_asked:
+            return
+        axes = self.operations.axes
+        hal = axes.hal
+        state = axes.kernel.state
+        block = axes.kernel.blocks[0]
+        bits = coupled(block, self.bits)
+        ticks = _AMPLE
+        while True:
+            now = state[stepper.TICKS]
+            ticks = boundary(block, bits, ticks)
+            if not ticks:
+                return
+            lost = slow(state, bits, after(now, ticks), self.stop_ticks, _FINEST)
+            if not lost:
+                ticks += 1
+                continue
+            way = ticks + (lost + 255 >> 8)
+            dropped = -1
+            irq = hal.irq_off()
+            if state[stepper.TICKS] == now:  # else slow() may have mixed two states
+                dropped = cut_at(state, bits, after(now, ticks), ALL_SPLICE_TICKS)
+                if dropped:
+                    take_slow(state, bits, way)
+            hal.irq_on(irq)
+            if dropped >= 0:
+                break
+        if dropped:
+            self.slowed = way
+            self.slow_from = now
+            self.slow_way = ticks
+            self.lost = lost
+
+    def _land(self, at):
+        """Come to rest on a frame from where the queues have been cut, HERE frames after the index
+        `at`."""
+        self.slowed = 0
         player = self.player
         axes = player.axes
-        at = self.phases.rows[self.phases.locate(ticks) + INDEX]
         for motor in range(player.count):
             if (self.bits >> motor) & 1:
                 self.store.position(motor, at, player.position, 0)
                 axes[motor].resume_from_cut(player.position, 0)
                 velocity(player.numbers, SPEEDS + 2 * motor, axes[motor].cubic, G1)
-        self.phases.begin(ticks)
         found = self.found
         plan_landing(player, self.bits, at, self.step, self.destination, found)
         self.closed = False

@@ -97,7 +97,7 @@ def _find_cut(state, bits: int, times, newest: int, last: int, begun: int, found
     more = 0
     while knot <= last:
         ticks = elapsed(at[knot & (_KNOTS - 1)], least)
-        more = int(slow(state, bits, after(now, ticks)))
+        more = int(slow(state, bits, after(now, ticks), 1, 256)) >> 8
         if more:
             out[_KNOT] = knot
             out[_TICKS] = ticks

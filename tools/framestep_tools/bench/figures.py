@@ -195,8 +195,8 @@ FIGURES = (
         None,
         2,
         "emulated clock, the tick's own velocities: from the host writing STOP_ALL or a STOP to "
-        "the first slower tick of each motor that it stops; in moves of eight motors and in a run, "
-        "at 350 moments of 110 ms each",
+        "the first slower tick of each motor that it stops; in moves of eight motors, in a run and "
+        "in a JOG_ALL, at 350 moments of 110 ms each",
     ),
     Figure(
         "virtual_stop_ms_worst",

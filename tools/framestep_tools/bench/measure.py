@@ -214,6 +214,7 @@ def measure(
         say("stops")
         times = stops_in_moves(session)
         times += stops_in_run(session, mixed_move(), max(STEADY_RATES) * 11 // 10)
+        times += stops_in_jogs(session, max(STEADY_RATES))
         figures["stop_ms_worst"] = max(times)
         figures["virtual_stop_ms_worst"] = max(virtual_stops(session))
         say("virtual axes")

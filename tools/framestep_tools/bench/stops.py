@@ -19,6 +19,8 @@ from ..payloads import (
     Payload,
     Request,
     RtGo,
+    RtJogAll,
+    RtPositionFrame,
 )
 from .moves import FPS, RAMP
 from .session import Session
@@ -129,8 +131,11 @@ def planned_stops(session: Session, begin: Sequence[Request[Any]], steady_s: flo
     """Return the times from sending STOP_ALL, or a STOP of motor 1, until its motors are slower
     than they would be at that tick, in ms, wherever in a pass the request comes.
 
-    begin: what begins a motion whose stops are planned: along a line, or within jerk limits. It has
-    to last for `steady_s` and 120 ms more.
+    In a JOG_ALL, until all of them have left their plan for a slower one. That slows down by some
+    thousandths in each millisecond, so that it shows only later where the paths bend.
+
+    begin: what begins a motion whose stops are planned: along a line, within jerk limits, or a
+    JOG_ALL. It has to last for `steady_s` and 120 ms more.
     """
     board = session.board
     motors = _Motors(session)
@@ -147,16 +152,18 @@ def planned_stops(session: Session, begin: Sequence[Request[Any]], steady_s: flo
                 begun = board.now_ns
                 session.client.send(stop)
                 one = isinstance(stop, MotorStop) and isinstance(begin[0], MotorMove)
+                left = 0
                 for tick, now in _look(session, motors, _PLANNED_NS):
                     pairs = list(zip(now, unstopped[tick], strict=True))[: 1 if one else None]
-                    if (
-                        all(a != b for a, b in pairs if b)
-                        and sum(abs(a) - abs(b) for a, b in pairs) < 0
-                    ):
+                    if not left and all(a != b for a, b in pairs if b):
+                        left = board.now_ns
+                    if left and sum(abs(a) - abs(b) for a, b in pairs) < 0:
                         break
                 else:
                     raise ToolError(f"a motion went on after {type(stop).__name__}")
-                found.append((board.now_ns - begun) / 1e6)
+                if not isinstance(begin[0], RtJogAll):
+                    left = board.now_ns
+                found.append((left - begun) / 1e6)
         board.run_until(board.now_ns + _APART_NS)
     session.client.request(MotorStopAll())
     session.client.wait_idle()
@@ -190,3 +197,17 @@ def stops_in_run(
     session.client.request(RtGo())
     session.client.pump(_STEADY_S)
     return _at_each_moment(session, motors, True, requests)
+
+
+def stops_in_jogs(session: Session, velocity: int, after_s: Sequence[float] = (0.5, 3)) -> list[float]:
+    """Return planned_stops() of a JOG_ALL of eight motors on curved paths, so many seconds after
+    its beginning: it becomes ever faster."""
+    frames = np.arange(160)
+    paths = {m: 40 * m * frames + np.round(300 * np.sin(frames / (2 + m))) for m in range(1, 9)}
+    found = []
+    for steady_s in after_s:
+        session.prepare({m: path.astype(np.int64) for m, path in paths.items()}, velocity)
+        session.client.request(RtPositionFrame(1))
+        session.client.wait_idle()
+        found += planned_stops(session, [RtJogAll(24_000, len(frames))], steady_s)
+    return found
