@@ -158,8 +158,9 @@ def test_a_planned_stop_comes_to_rest_without_a_fault(chip, motion):
             board.run_until(board.now_ns + 2_370_000)
 
 
-def test_a_stop_within_jerk_limits(chip):
-    """Eight motors at full speed; two are coupled, in opposite senses."""
+@pytest.mark.parametrize("after_s", [0.15, 0.7])
+def test_a_stop_within_jerk_limits(chip, after_s):
+    """Eight motors that accelerate, or at full speed; two are coupled, in opposite senses."""
     rig = {"clock_mhz": chip.slow_mhz, "motors": [{"jerk": 400}] * 8}
     moves = [p.MotorMove(motor, 30_000) for motor in range(1, 9) if motor != 4]
     with chip.emulated(rig, trace=False) as board:
@@ -168,7 +169,7 @@ def test_a_stop_within_jerk_limits(chip):
             session.client.request(p.MotorSetSpeed(motor, 20_000, 60_000))
             session.client.request(p.MotorResetPosition(motor, 0))
         session.client.request(p.MotorConfigure(3, m.MOTOR_ENABLED | m.MOTOR_COUPLE_REVERSED))
-        times = planned_stops(session, moves, 0.7)
+        times = planned_stops(session, moves, after_s)
         assert not session.client.take_event(p.HardStop)
     assert len(times) > 600
     assert max(times) < STOP_MS

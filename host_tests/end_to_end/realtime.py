@@ -323,8 +323,9 @@ Consequences and special cases:
 * MOTOR_STOP of a motor of the operation, and STOP_ALL, end a prepared or running operation: its motors ramp down. So does the E-stop, a
   limit switch of such a motor or a [fault](../use/safety.md#what-each-fault-does). One RT_END follows for RUN_MOVE and SHOOT_FRAME, once
   all their motors are at rest. JOG_ALL sends no RT_END, however it ends.
-* After MOTOR_STOP and STOP_ALL, JOG_ALL slows down and stops exactly on a frame. A STOP_ALL within a second of the last one, or while
-  JOG_ALL slows down after a STOP_ALL, is the hard stop. JOG_ALL then also stops between frames.
+* After MOTOR_STOP and STOP_ALL, JOG_ALL slows down and stops exactly on a frame. In the first tenth of a second its motors may be some
+  steps beside the path where that has a corner. A STOP_ALL within a second of the last one, or while JOG_ALL slows down after a STOP_ALL,
+  is the hard stop. JOG_ALL then also stops between frames.
 * If the host disconnects or stops reading, everything stops, and no RT_END is sent.
 * STOP_LOOP during a lap makes that lap the last one. If it comes while the motors go back to the loop's start, no further lap follows. If
   it comes before GO, the loop will have a single lap. Without a loop it has no effect.

@@ -12,6 +12,7 @@ from framestep.motors.feeder import CUT, MIRRORED
 from framestep.pulse import stepper as sw
 
 EASY_TICKS = const(96)  # of ease(): time for eight plans and a collection of the heap
+_STEEPEST_EASE = const(0x400000)  # Q22 steps per tick²: its products stay below 2^31
 
 # Words of a motor's `work`, from CUT on: a state before the cut
 _WHOLE = const(CUT)  # steps
@@ -282,7 +283,7 @@ def slow(m: ptr32, bits: int, tick: int, longest: int, finest: int) -> int:
     Each motor gets one cubic to where it would be at that tick, `more` later, and to its velocity
     there times 1 - 2·more/n, with n ticks in all. That is what the motors do if time passes ever
     more slowly for them: their paths, and so the line that they follow together, stay the same.
-    The cubic ends with a tick: if `more` is not whole ticks, a fraction of a tick beyond that place.
+    The cubic ends with a tick: if `more` is not whole ticks, less than a tick beyond that place.
 
     Return `more` in 1/256 tick, a multiple of `finest`, as large as their accelerations (BRAKE)
     allow, and a stop in `longest` ticks; 0 if one of them is too steep for that already, or has no
@@ -425,28 +426,40 @@ def take_slow(m: ptr32, bits: int, ticks: int):
 
 @micropython.viper
 def ease(m: ptr32, count: int, jerk: int, opposite: int):
-    """Let a motor slow down from the next tick on with this jerk (Q27 steps per tick³), or less if
-    its acceleration is low, for EASY_TICKS at most: a plan takes over from cut() before that.
+    """Let a motor slow down from the next tick on with this jerk (Q27 steps per tick³), or at
+    constant velocity less if its acceleration is low, for EASY_TICKS at most: a plan takes over
+    from cut() before that.
 
-    It goes on as it is unless its velocity is constant: where it accelerates, less jerk than in its
-    plan would take it beyond its highest velocity. Likewise if it is about to rest. To be called
-    with interrupts off. m: the block of the motor; count: 2 if the next motor is coupled to it;
-    opposite: 1 if that turns in the opposite sense.
+    It goes on as it is if it slows down or is about to rest; and if it accelerates and would exceed
+    its deceleration within that time, as with less jerk it would exceed its highest velocity. To be
+    called with interrupts off. m: the block of the motor; count: 2 if the next motor is coupled to
+    it; opposite: 1 if that turns in the opposite sense.
     """
     v = m[sw.VELOCITY]
     acc = m[sw.ACCEL]
-    d = (m[sw.BRAKE] << 5) // EASY_TICKS
-    if jerk > d:
-        jerk = d
-    least = (jerk >> 5) * (EASY_TICKS * EASY_TICKS // 2)  # what it may lose
-    if m[sw.MODE] != sw.RUN or acc >> 5:
+    d = m[sw.JERK]
+    way = v
+    brake = m[sw.BRAKE]
+    if m[sw.MODE] != sw.RUN or brake > _STEEPEST_EASE:
         return
     if v < 0:
-        if v + least >= 0:
+        way = 0 - v
+        acc = 31 - acc
+        d = 0 - d
+    brake <<= 5
+    if acc >> 5:
+        if jerk + d < 0:
+            jerk = 0 - d  # not less than in its plan
+        brake += acc
+        if acc < 0 or jerk > brake // EASY_TICKS:
             return
-    else:
-        if v - least <= 0:
-            return
+        way += (acc >> 5) * EASY_TICKS
+    elif jerk > brake // EASY_TICKS:
+        jerk = brake // EASY_TICKS
+    if way <= (jerk >> 5) * (EASY_TICKS * EASY_TICKS // 2):
+        return  # it might come to rest
+    acc = m[sw.ACCEL]
+    if v > 0:
         jerk = 0 - jerk
     d = jerk - m[sw.JERK]
     v = v + d // 192

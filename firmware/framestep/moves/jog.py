@@ -45,8 +45,8 @@ _AHEAD = const(1)  # the next phase is queued when fewer than this wait
 _MOST_CHECKED = const(6000)  # frames times motors: during a jog there is no time to check more
 _LEAST = const(16)  # with fewer ticks queued, nothing is cut
 _PASSING = const(2)  # ticks that may pass until the cut
-# Of begin_stop(): ticks until the new plan begins, in which the pass ends and the landing is planned
-_AMPLE = const(64)
+# Of begin_stop()
+_AMPLE = const(64)  # ticks in which the pass ends and the landing is planned
 _FINEST = const(16)  # 1/256 tick
 
 # TOP from thousandths of a frame per second; the acceleration is 4 frames/s².

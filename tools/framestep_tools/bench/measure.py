@@ -42,7 +42,7 @@ from .moves import MOTORS, STEADY_RATES, STEEPEST, WINDOW, mixed_move
 from .rates import rates_by_edges, top_rate
 from .session import Session
 from .smoothness import smoothing_figures
-from .stops import planned_stops, stops_in_moves, stops_in_run
+from .stops import planned_stops, stops_in_jogs, stops_in_moves, stops_in_run
 from .virtual_cost import virtual_update_us
 
 _CHANNELS = 512

@@ -199,7 +199,9 @@ def stops_in_run(
     return _at_each_moment(session, motors, True, requests)
 
 
-def stops_in_jogs(session: Session, velocity: int, after_s: Sequence[float] = (0.5, 3)) -> list[float]:
+def stops_in_jogs(
+    session: Session, velocity: int, after_s: Sequence[float] = (0.5, 3)
+) -> list[float]:
     """Return planned_stops() of a JOG_ALL of eight motors on curved paths, so many seconds after
     its beginning: it becomes ever faster."""
     frames = np.arange(160)
