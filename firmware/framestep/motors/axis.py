@@ -555,9 +555,9 @@ class Axis:
         """Slow down from the next tick on with the jerk limit, ahead of a smooth stop(), which has
         to follow within EASY_TICKS."""
         if self.jerk and not self.stopping_smoothly:
-            irq = hal.irq_off()
-            queue_cut.ease(self.block, 2 if self.partner else 1, self.jerk, self.reversed)
-            hal.irq_on(irq)
+            other = self.partner.block if self.partner else None
+            mirrored = self.work[feeder.MIRRORED]
+            queue_cut.ease(hal, self.block, other, self.base, mirrored, self.jerk)
 
     def _stop_smoothly(self, hal):
         """Plan a stop within the jerk limit. Return False without a limit or a motion to stop."""

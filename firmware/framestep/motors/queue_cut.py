@@ -8,6 +8,7 @@ afterwards.
 from framestep.base.clock import HALF, WIDE_WRAP, elapsed
 from framestep.base.native import const, micropython, ptr32
 from framestep.motion import segments
+from framestep.motion.segments import mirror
 from framestep.motors.feeder import CUT, MIRRORED
 from framestep.pulse import stepper as sw
 
@@ -425,60 +426,112 @@ def take_slow(m: ptr32, bits: int, ticks: int):
 
 
 @micropython.viper
-def ease(m: ptr32, count: int, jerk: int, opposite: int):
-    """Let a motor slow down from the next tick on with this jerk (Q27 steps per tick³), or at
-    constant velocity less if its acceleration is low, for EASY_TICKS at most: a plan takes over
-    from cut() before that.
+def ease(hal, m: ptr32, other, base, mirrored: int, jerk: int):
+    """Let a motor slow down from the next tick on with this jerk (Q27 steps per tick³), for
+    EASY_TICKS or more: a plan takes over from cut() before that.
 
-    It goes on as it is if it slows down or is about to rest; and if it accelerates and would exceed
-    its deceleration within that time, as with less jerk it would exceed its highest velocity. To be
-    called with interrupts off. m: the block of the motor; count: 2 if the next motor is coupled to
-    it; opposite: 1 if that turns in the opposite sense.
+    A motor that accelerates does so ever less, and then goes on as one at constant velocity: with
+    less jerk if it would exceed its deceleration or come to rest. One that slows down already goes
+    on as it is. m: the block of the motor; other: of the one coupled to it, if mirrored is 1, or 2
+    in the opposite sense; base: see segments.mirror().
     """
-    v = m[sw.VELOCITY]
-    acc = m[sw.ACCEL]
-    d = m[sw.JERK]
-    way = v
-    brake = m[sw.BRAKE]
-    if m[sw.MODE] != sw.RUN or brake > _STEEPEST_EASE:
-        return
-    if v < 0:
-        way = 0 - v
-        acc = 31 - acc
-        d = 0 - d
-    brake <<= 5
-    if acc >> 5:
-        if jerk + d < 0:
-            jerk = 0 - d  # not less than in its plan
-        brake += acc
-        if acc < 0 or jerk > brake // EASY_TICKS:
+    state = ptr32(hal.kernel.state)
+    done = 0
+    while done == 0:
+        tick = state[sw.TICKS]
+        v = m[sw.VELOCITY]
+        acc = m[sw.ACCEL]
+        d = m[sw.JERK]
+        way = v
+        last = (m[sw.BRAKE] << 5) // EASY_TICKS
+        if m[sw.MODE] != sw.RUN or m[sw.BRAKE] > _STEEPEST_EASE:
             return
-        way += (acc >> 5) * EASY_TICKS
-    elif jerk > brake // EASY_TICKS:
-        jerk = brake // EASY_TICKS
-    if way <= (jerk >> 5) * (EASY_TICKS * EASY_TICKS // 2):
-        return  # it might come to rest
-    acc = m[sw.ACCEL]
-    if v > 0:
-        jerk = 0 - jerk
-    d = jerk - m[sw.JERK]
-    v = v + d // 192
-    acc = acc + d
-    while True:
-        m[sw.VELOCITY] = v
-        m[sw.ACCEL] = acc
-        m[sw.JERK] = jerk
-        m[sw.LEFT] = EASY_TICKS
-        m[sw.SPAN] = m[sw.WHOLE_SPAN]
-        m[sw.READ_INDEX] = m[sw.WRITE_INDEX]
-        m[sw.PLANNED] = m[sw.PLANNED] & (-1 - sw.PLAN_SEGMENTS)  # feed no more of the old plan
-        count -= 1
-        if count == 0:
-            break
-        a = m[sw.NEXT]
-        m = ptr32(a)
-        if opposite:
-            # as segments.mirror() has it
-            v = 0 - v
+        if last > jerk:
+            last = jerk
+        if v < 0:
+            way = 0 - v
             acc = 31 - acc
-            jerk = 0 - jerk
+            d = 0 - d
+        acc -= d  # the kernel has the jerk in it for the next tick already
+        if acc < 0:
+            return
+        first = 0
+        if jerk + d < 0:
+            jerk = 0 - d  # not less than in its plan: it would exceed its highest velocity
+        ticks = 0  # in which it accelerates ever less
+        if acc >> 5:
+            ticks = (acc + jerk - 1) // jerk
+            first = acc // ticks
+            way += (acc >> 5) * ticks >> 1
+        # A plan can take its deceleration back before it rests.
+        way = way // (EASY_TICKS * EASY_TICKS) << 5
+        if last > way:
+            last = way
+        if ticks == 0:
+            first = last
+        if first == 0:
+            return
+        if v > 0:
+            first = 0 - first
+            last = 0 - last
+        acc = m[sw.ACCEL]
+        d = first - m[sw.JERK]
+        v += d // 192
+        acc += d
+        at = m[sw.POSITION]
+        rem = m[sw.FRACTION]
+        then = v
+        slope = acc
+        if ticks < EASY_TICKS:
+            # as the kernel does it
+            n = ticks
+            while n:
+                n -= 1
+                rem += then
+                then += slope >> 5
+                slope += first
+                at += rem >> 22
+                rem -= (rem >> 22) << 22
+            d = last - first
+        irq = hal.irq_off()
+        if state[sw.TICKS] == tick:
+            done = 1
+            head = m[sw.WRITE_INDEX]
+            m[sw.VELOCITY] = v
+            m[sw.ACCEL] = acc
+            m[sw.JERK] = first
+            m[sw.LEFT] = ticks
+            m[sw.SPAN] = m[sw.WHOLE_SPAN]
+            m[sw.READ_INDEX] = head
+            m[sw.PLANNED] = m[sw.PLANNED] & (-1 - sw.PLAN_SEGMENTS)  # no more of the old plan
+            if ticks == 0 or ticks >= EASY_TICKS:
+                m[sw.LEFT] = EASY_TICKS
+            else:
+                q = ptr32(m[sw.QUEUE])
+                k = (head & (sw.SEGMENTS - 1)) << 3
+                q[k + sw.SEG_TICKS] = EASY_TICKS
+                q[k + sw.SEG_WHOLE] = at
+                q[k + sw.SEG_FRACTION] = rem
+                q[k + sw.SEG_VELOCITY] = then + d // 192
+                q[k + sw.SEG_ACCEL] = slope + d
+                q[k + sw.SEG_JERK] = last
+                q[k + sw.SEG_BRIDGE] = 0
+                q[k + sw.SEG_SPAN] = m[sw.WHOLE_SPAN]
+                m[sw.WRITE_INDEX] = (head + 1) & WIDE_WRAP
+            if mirrored:
+                b = ptr32(other)
+                b[sw.READ_INDEX] = b[sw.WRITE_INDEX]
+                if m[sw.WRITE_INDEX] != head:
+                    mirror(m, other, base, mirrored - 1)
+                if mirrored - 1:
+                    # as mirror() has it
+                    v = 0 - v
+                    acc = 31 - acc
+                    first = 0 - first
+                b[sw.VELOCITY] = v
+                b[sw.ACCEL] = acc
+                b[sw.JERK] = first
+                b[sw.LEFT] = m[sw.LEFT]
+                b[sw.SPAN] = b[sw.WHOLE_SPAN]
+                b[sw.PLANNED] = b[sw.PLANNED] & (-1 - sw.PLAN_SEGMENTS)
+        hal.irq_on(irq)
