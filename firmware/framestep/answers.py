@@ -97,7 +97,7 @@ def _slow_down(controller, bits: int):
     STOP, of its motor; else of all.
 
     A virtual motion slows down on its line, a JOG_ALL along its path, a motor with a jerk limit
-    within that. Left to that pass are motors in homing.
+    within that.
     """
     words = controller.answers
     block = controller.safety.block
@@ -112,6 +112,8 @@ def _slow_down(controller, bits: int):
         bits = int(coupled(block, bits))
         if state > LEAVING and bits & taken:  # before, a STOP concerns one motor
             bits |= int(coupled(block, taken & (virtual ^ -1)))
+    if int(controller.interlock.homing) & bits:
+        bits |= int(controller.homing.sides())
     if state == RUNNING:
         eased &= taken ^ -1
         spared = eased if operation.at_once else spared | taken
@@ -122,9 +124,7 @@ def _slow_down(controller, bits: int):
     if virtual and int(move.state) != TAKING_UP and int(move.state) != SETTLING:
         spared |= virtual
         on_line = virtual & bits
-    homing = int(controller.interlock.homing)
-    spared |= homing
-    eased &= bits & ((virtual | homing) ^ -1)
+    eased &= bits & (virtual ^ -1)
     bits &= int(coupled(block, spared)) ^ -1
     hal = controller.hal
     irq = hal.irq_off()

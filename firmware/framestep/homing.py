@@ -499,6 +499,10 @@ class Homing:
         self.faults.note(FAULT_HOMING, 0)
         self._note_result(1 << self.seekers[i].motor)
 
+    def sides(self):
+        """Return the motors of a gantry that is homed, one bit each: they stop together."""
+        return self._bits() if self.paired else 0
+
     def end(self, bits=-1):
         """End homing if any of these motors, which are about to be stopped, is homed."""
         if self.interlock.homing & bits:

@@ -42,7 +42,7 @@ from .moves import MOTORS, STEADY_RATES, STEEPEST, WINDOW, mixed_move
 from .rates import rates_by_edges, top_rate
 from .session import Session
 from .smoothness import smoothing_figures
-from .stops import planned_stops, stops_in_jogs, stops_in_moves, stops_in_run
+from .stops import APART_NS, planned_stops, stops_in_jogs, stops_in_moves, stops_in_run
 from .virtual_cost import virtual_update_us
 
 _CHANNELS = 512
@@ -268,13 +268,13 @@ def _take_arm(session: Session) -> None:
     client.request(VirtConfig.unpack(ARM.payload()))
 
 
-def virtual_stops(session: Session) -> list[float]:
+def virtual_stops(session: Session, apart_ns: int = APART_NS) -> list[float]:
     """Return how long it takes from STOP_ALL, or a STOP, until a rig is slower that moves or jogs
-    along a line, in ms."""
+    along a line, in ms. apart_ns: between the moments."""
     times = []
     for start, steady_s in _ON_LINE:
         _take_arm(session)
-        times += planned_stops(session, [start], steady_s)
+        times += planned_stops(session, [start], steady_s, apart_ns)
         session.client.request(VirtConfig.unpack(b"\0"))
     return times
 

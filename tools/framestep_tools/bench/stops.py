@@ -30,7 +30,7 @@ _GIVEN_UP_NS = 100_000_000
 _VELOCITY = 20_000  # steps/s
 _STEADY_S = 0.6  # from the start of a motion to the first of the moments
 _SPAN_NS = 110_000_000  # the checks that passes make least often come every 100 ms
-_APART_NS = 310_000
+APART_NS = 310_000
 _PLANNED_NS = 20_000_000  # longer than a planned stop takes to begin
 _REQUESTS = (MotorStopAll(), MotorStop(1))
 _MOVES = stepper.RUN | stepper.STOP
@@ -112,7 +112,7 @@ def _at_each_moment(
         for request in requests:
             with board.undone():
                 found.append(_latency_ms(session, motors, request, run))
-        board.run_until(board.now_ns + _APART_NS)
+        board.run_until(board.now_ns + APART_NS)
     session.client.request(MotorStopAll())
     session.client.wait_idle()
     return found
@@ -127,7 +127,9 @@ def _look(session: Session, motors: _Motors, span_ns: int) -> Iterator[tuple[int
         yield motors.velocities()
 
 
-def planned_stops(session: Session, begin: Sequence[Request[Any]], steady_s: float) -> list[float]:
+def planned_stops(
+    session: Session, begin: Sequence[Request[Any]], steady_s: float, apart_ns: int = APART_NS
+) -> list[float]:
     """Return the times from sending STOP_ALL, or a STOP of motor 1, until its motors are slower
     than they would be at that tick, in ms, wherever in a pass the request comes.
 
@@ -135,7 +137,7 @@ def planned_stops(session: Session, begin: Sequence[Request[Any]], steady_s: flo
     thousandths in each millisecond, so that it shows only later where the paths bend.
 
     begin: what begins a motion whose stops are planned: along a line, within jerk limits, or a
-    JOG_ALL. It has to last for `steady_s` and 120 ms more.
+    JOG_ALL. It has to last for `steady_s` and 120 ms more. apart_ns: between the moments.
     """
     board = session.board
     motors = _Motors(session)
@@ -164,7 +166,7 @@ def planned_stops(session: Session, begin: Sequence[Request[Any]], steady_s: flo
                 if not isinstance(begin[0], RtJogAll):
                     left = board.now_ns
                 found.append((left - begun) / 1e6)
-        board.run_until(board.now_ns + _APART_NS)
+        board.run_until(board.now_ns + apart_ns)
     session.client.request(MotorStopAll())
     session.client.wait_idle()
     return found
@@ -200,7 +202,10 @@ def stops_in_run(
 
 
 def stops_in_jogs(
-    session: Session, velocity: int, after_s: Sequence[float] = (0.5, 3)
+    session: Session,
+    velocity: int,
+    after_s: Sequence[float] = (0.5, 3),
+    apart_ns: int = APART_NS,
 ) -> list[float]:
     """Return planned_stops() of a JOG_ALL of eight motors on curved paths, so many seconds after
     its beginning: it becomes ever faster."""
@@ -211,5 +216,5 @@ def stops_in_jogs(
         session.prepare({m: path.astype(np.int64) for m, path in paths.items()}, velocity)
         session.client.request(RtPositionFrame(1))
         session.client.wait_idle()
-        found += planned_stops(session, [RtJogAll(24_000, len(frames))], steady_s)
+        found += planned_stops(session, [RtJogAll(24_000, len(frames))], steady_s, apart_ns)
     return found
