@@ -456,13 +456,16 @@ def ease(hal, m: ptr32, other, base, mirrored: int, jerk: int):
         if acc < 0:
             return
         first = 0
-        if jerk + d < 0:
-            jerk = 0 - d  # not less than in its plan: it would exceed its highest velocity
         ticks = 0  # in which it accelerates ever less
         if acc >> 5:
-            ticks = (acc + jerk - 1) // jerk
+            # not less jerk than in its plan: it would exceed its highest velocity
+            n = 0 - d
+            if n < jerk:
+                n = jerk
+            ticks = (acc + n - 1) // n
             first = acc // ticks
-            way += (acc >> 5) * ticks >> 1
+            if ticks < EASY_TICKS:
+                way += (acc >> 5) * ticks >> 1
         # A plan can take its deceleration back before it rests.
         way = way // (EASY_TICKS * EASY_TICKS) << 5
         if last > way:

@@ -47,7 +47,8 @@ _LEAST = const(16)  # with fewer ticks queued, nothing is cut
 _PASSING = const(2)  # ticks that may pass until the cut
 # Of begin_stop()
 _AMPLE = const(64)  # ticks in which the pass ends and the landing is planned
-_FINEST = const(16)  # 1/256 tick
+_FINEST = const(32)  # 1/256 tick
+_TRIES = const(2)  # boundaries, as each takes time
 
 # TOP from thousandths of a frame per second; the acceleration is 4 frames/s².
 _RATES = formula(
@@ -511,6 +512,7 @@ class JogAll(Operation):
         block = axes.kernel.blocks[0]
         bits = coupled(block, self.bits)
         ticks = _AMPLE
+        tries = _TRIES
         while True:
             now = state[stepper.TICKS]
             ticks = boundary(block, bits, ticks)
@@ -518,6 +520,9 @@ class JogAll(Operation):
                 return
             lost = slow(state, bits, after(now, ticks), self.stop_ticks, _FINEST)
             if not lost:
+                tries -= 1
+                if not tries:
+                    return
                 ticks += 1
                 continue
             way = ticks + (lost + 255 >> 8)
