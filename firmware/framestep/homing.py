@@ -14,7 +14,7 @@ Loaded only if a motor of the rig file has `home`. Nothing allocates after const
 from array import array
 
 from framestep.base.clock import elapsed
-from framestep.base.native import const
+from framestep.base.native import const, micropython
 from framestep.io.safety import AT_LOWER, AT_UPPER, LOWER
 from framestep.motion import reals
 from framestep.motors import bounds
@@ -499,9 +499,13 @@ class Homing:
         self.faults.note(FAULT_HOMING, 0)
         self._note_result(1 << self.seekers[i].motor)
 
-    def sides(self):
+    @micropython.viper
+    def sides(self) -> int:
         """Return the motors of a gantry that is homed, one bit each: they stop together."""
-        return self._bits() if self.paired else 0
+        bits = 0
+        if self.paired:
+            bits = 3 << int(self.seekers[0].motor)
+        return bits
 
     def end(self, bits=-1):
         """End homing if any of these motors, which are about to be stopped, is homed."""

@@ -12,7 +12,7 @@ from framestep_tools.bench.moves import STEADY_RATES, STEEPEST, mixed_move
 from framestep_tools.bench.session import Session
 from framestep_tools.bench.stops import planned_stops, stops_in_jogs, stops_in_run
 from framestep_tools.judge.trace import Trace
-from host_tests.board.conftest import on_pico
+from host_tests.board.conftest import on_both, on_pico
 from host_tests.selection import sweep
 
 WORST_MS = 3
@@ -157,6 +157,30 @@ def test_a_planned_stop_comes_to_rest_without_a_fault(chip, motion):
                 client.pump(rests_s)
                 assert not client.take_event(p.HardStop)
             board.run_until(board.now_ns + 2_370_000)
+
+
+@on_both
+def test_stops_of_jogs_on_paths_with_corners(chip):
+    """Eight motors at the limits of their accelerations, so that one way to slow down after another
+    is too steep: that takes longer, within a callback of the USB port."""
+    frames = 120
+    corners = np.random.default_rng(3).integers(-300, 300, (8, frames - 1))
+    with chip.emulated({"clock_mhz": chip.slow_mhz}, trace=False) as board:
+        session = Session(board)
+        client = session.client
+        paths = {motor: np.cumsum([0, *corners[motor - 1]]) for motor in range(1, 9)}
+        session.prepare(paths, 30_000)
+        for motor in range(1, 9):
+            client.request(p.MotorSetSpeed(motor, 30_000, 20_000))
+        client.request(p.RtPositionFrame(1))
+        client.wait_idle()
+        for i in range(10):
+            client.request(p.RtJogAll(24_000, 1 if i % 2 else frames))
+            client.pump(1.2 + 0.0131 * i)
+            client.request(p.MotorStopAll())
+            client.wait_idle()
+            client.pump(1)  # or the next STOP_ALL is a hard one
+            assert not client.take_event(p.HardStop)
 
 
 @pytest.mark.parametrize(("after_s", "jerk"), [(0.1, 4000), (0.7, 400)])

@@ -3,7 +3,7 @@
 from array import array
 
 from framestep.base.clock import after, reached
-from framestep.base.native import const
+from framestep.base.native import const, micropython
 from framestep.motors.axis import MOST_SEGMENTS, UNLIMITED, Axis
 from framestep.motors.backlash import BACKLASH
 from framestep.motors.feeder import coupled, emptiest_queue
@@ -171,11 +171,17 @@ class Axes:
         stepper.discard(self.kernel.state, bits)
         self.hal.irq_on(irq)
 
-    def begin_stop(self, bits):
+    @micropython.viper
+    def begin_stop(self, bits: int):
         """Let these motors slow down within their jerk limits; see Axis.begin_stop()."""
-        for i in range(self.count):
-            if (bits >> i) & 1 and not self.axes[i].leader:
-                self.axes[i].begin_stop(self.hal)
+        i = 0
+        while bits:
+            if bits & 1:
+                axis = self.axes[i]
+                if not axis.leader:
+                    axis.begin_stop(self.hal)
+            bits >>= 1
+            i += 1
 
     def stop(self, factor=1, spared=0, smooth=False):
         """Ramp down all motors except those of the bits `spared` and their partners; see

@@ -12,7 +12,7 @@ heap. Nothing allocates after construction.
 
 from array import array
 
-from framestep.base.native import addressof, as_word, const
+from framestep.base.native import addressof, as_word, const, micropython, ptr32
 from framestep.motion import ramps, reals, segments
 from framestep.motion.phases import DURATION_WORDS, Phases, scratch
 from framestep.motion.reals import add_words, order_words
@@ -551,13 +551,18 @@ class Axis:
         stepper.halt(self.block, bits, rate, 0)
         hal.irq_on(irq)
 
+    @micropython.viper
     def begin_stop(self, hal):
         """Slow down from the next tick on with the jerk limit, ahead of a smooth stop(), which has
-        to follow within EASY_TICKS."""
-        if self.jerk and not self.stopping_smoothly:
-            other = self.partner.block if self.partner else None
-            mirrored = self.work[feeder.MIRRORED]
-            queue_cut.ease(hal, self.block, other, self.base, mirrored, self.jerk)
+        to follow within EASY_TICKS. For the USB port's callbacks: bytecode would let MicroPython's
+        USB task run again in it, which is an error."""
+        jerk = int(self.jerk)
+        if jerk and not self.stopping_smoothly:
+            other = self.block
+            if self.partner:
+                other = self.partner.block
+            mirrored = ptr32(self.work)[feeder.MIRRORED]
+            queue_cut.ease(hal, self.block, other, self.base, mirrored, jerk)
 
     def _stop_smoothly(self, hal):
         """Plan a stop within the jerk limit. Return False without a limit or a motion to stop."""

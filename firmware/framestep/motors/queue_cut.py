@@ -382,7 +382,7 @@ def slow(m: ptr32, bits: int, tick: int, longest: int, finest: int) -> int:
             todo >>= 1
         if fits:
             return more
-        more = (more >> 1) & (0 - finest)
+        more = (more >> 2) & (0 - finest)
     return 0
 
 

@@ -13,7 +13,7 @@ On the way there the motors slow down already, from the tick after the request o
 from array import array
 
 from framestep.base.clock import after, elapsed
-from framestep.base.native import const
+from framestep.base.native import const, micropython, ptr32
 from framestep.base.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
 from framestep.motion import reals
 from framestep.motion.compute import compute
@@ -48,7 +48,7 @@ _PASSING = const(2)  # ticks that may pass until the cut
 # Of begin_stop()
 _AMPLE = const(64)  # ticks in which the pass ends and the landing is planned
 _FINEST = const(32)  # 1/256 tick
-_TRIES = const(2)  # boundaries, as each takes time
+_TRIES = const(3)  # a boundary may be too near, and a tick may pass meanwhile
 
 # TOP from thousandths of a frame per second; the acceleration is 4 frames/s².
 _RATES = formula(
@@ -497,12 +497,13 @@ class JogAll(Operation):
         compute(r, _AFTER_IT)
         return at
 
+    @micropython.viper
     def begin_stop(self):
         """Slow down from the next tick on, ahead of stop_on_frame(), which has to follow soon.
 
         What is queued beyond is in vain. Does nothing where the motors cannot slow down together
-        along the path, or where they stop already. Also for an interrupt between two pieces of a
-        plan.
+        along the path, or where they stop already. For the USB port's callbacks, see
+        Axis.begin_stop().
         """
         if self.slowed or self.stop_asked:
             return
@@ -510,36 +511,35 @@ class JogAll(Operation):
         hal = axes.hal
         state = axes.kernel.state
         block = axes.kernel.blocks[0]
-        bits = coupled(block, self.bits)
+        bits = int(coupled(block, int(self.bits)))
+        stop_ticks = int(self.stop_ticks)
         ticks = _AMPLE
         tries = _TRIES
-        while True:
-            now = state[stepper.TICKS]
-            ticks = boundary(block, bits, ticks)
-            if not ticks:
+        while tries:
+            tries -= 1
+            now = ptr32(state)[stepper.TICKS]
+            ticks = int(boundary(block, bits, ticks))
+            if ticks == 0:
                 return
-            lost = slow(state, bits, after(now, ticks), self.stop_ticks, _FINEST)
-            if not lost:
-                tries -= 1
-                if not tries:
-                    return
+            at = int(after(now, ticks))
+            lost = int(slow(state, bits, at, stop_ticks, _FINEST))
+            if lost == 0:
                 ticks += 1
-                continue
-            way = ticks + (lost + 255 >> 8)
-            dropped = -1
-            irq = hal.irq_off()
-            if state[stepper.TICKS] == now:  # else slow() may have mixed two states
-                dropped = cut_at(state, bits, after(now, ticks), ALL_SPLICE_TICKS)
+            else:
+                way = ticks + (lost + 255 >> 8)
+                dropped = 0
+                irq = hal.irq_off()
+                if ptr32(state)[stepper.TICKS] == now:  # else slow() may have mixed two states
+                    tries = 0
+                    dropped = int(cut_at(state, bits, at, ALL_SPLICE_TICKS))
+                    if dropped:
+                        take_slow(state, bits, way)
+                hal.irq_on(irq)
                 if dropped:
-                    take_slow(state, bits, way)
-            hal.irq_on(irq)
-            if dropped >= 0:
-                break
-        if dropped:
-            self.slowed = way
-            self.slow_from = now
-            self.slow_way = ticks
-            self.lost = lost
+                    self.slowed = way
+                    self.slow_from = now
+                    self.slow_way = ticks
+                    self.lost = lost
 
     def _land(self, at):
         """Come to rest on a frame from where the queues have been cut, HERE frames after the index

@@ -48,6 +48,7 @@ _BEGIN_TICKS = const(128)  # queued before anything moves
 _AHEAD_TICKS = const(256)  # planned ahead
 _SCARCE_TICKS = const(128)  # with fewer, a knot takes precedence over a survey
 _KNOTS = const(16)  # kept
+_TRIES = const(4)  # of a stop to slow down at once
 _CUT_TICKS = const(ALL_SPLICE_TICKS - 4)  # some may pass until the queues are cut
 
 # The point's velocity times the slope at S_HERE of the parabola through the three knots: factors of
@@ -401,40 +402,54 @@ class LinearMove:
 
     # ---------------------------------------------------------------- changing the plan
 
+    @micropython.viper
     def begin_stop(self):
         """Slow down from the next tick on, ahead of stop(), which has to follow soon.
 
         What is planned until then is in vain. Does nothing where the motors cannot slow down, and
-        where stop() is to do more. Also for an interrupt between two pieces of a plan.
+        where stop() is to do more. For the USB port's callbacks, see Axis.begin_stop().
         """
-        if self.state == MOVING and not self.stopping and not self.slowed:
-            self._drop(True)
+        if int(self.state) == MOVING and not self.stopping and not self.slowed:
+            self._drop(1)
 
-    def _drop(self, slow_only=False):
+    @micropython.viper
+    def _drop(self, slow_only: int) -> int:
         """Drop the plan from the first knot on that is far enough ahead, and get there ever more
         slowly, from the next tick on, or to a later one if that has more room. If the motors
-        cannot, only drop it, or do nothing (slow_only).
+        cannot, only drop it, or do nothing (slow_only: 1).
 
         Return the knot, or 0 if nothing was dropped.
         """
         hal = self.axes.hal
         state = hal.kernel.state
-        found = self.found
-        last = (self.knot if self.closed else self.queued) - 1
+        found = ptr32(self.found)
+        bits = int(self.bits)
+        newest = int(self.knot)
+        last = newest - 1
+        if not self.closed:
+            last = int(self.queued) - 1
+        knot = more = ticks = 0
         dropped = -1
+        tries = _TRIES  # as a tick may pass meanwhile
         while dropped < 0:
-            more = _find_cut(state, self.bits, self.times, self.knot, last, self.tick, found)
+            tries -= 1
+            more = int(_find_cut(state, bits, self.times, newest, last, int(self.tick), self.found))
             knot = found[_KNOT]
-            if knot > last or slow_only and not more:
+            if knot > last or (slow_only and more == 0):
                 return 0
             ticks = found[_TICKS]
+            at = int(after(found[_NOW], ticks))
             irq = hal.irq_off()
-            if state[stepper.TICKS] == found[_NOW]:  # else slow() may have mixed two states
-                dropped = cut_at(state, self.bits, after(found[_NOW], ticks), _CUT_TICKS)
+            if ptr32(state)[stepper.TICKS] == found[_NOW]:  # else slow() may have mixed two states
+                dropped = int(cut_at(state, bits, at, _CUT_TICKS))
                 if dropped and more:
-                    take_slow(state, self.bits, ticks + more)
+                    take_slow(state, bits, ticks + more)
+            elif tries == 0:
+                more = dropped = 0
+                if slow_only == 0:
+                    dropped = int(cut_at(state, bits, at, _CUT_TICKS))
             hal.irq_on(irq)
-        if not dropped:
+        if dropped == 0:
             return 0
         if more:
             self.slowed = knot
@@ -449,12 +464,12 @@ class LinearMove:
         knot = self.slowed
         drop = True
         if not knot:
-            knot = self._drop()
+            knot = self._drop(0)
             if not knot:
                 for i in range(registers.AXES):
                     if self.motor[i]:
                         axes[self.motor[i] - 1].feed()
-                knot = self._drop()
+                knot = self._drop(0)
             if not knot:
                 knot = self.queued
                 if self.closed or self._ticks_to(knot) < ALL_SPLICE_TICKS:
