@@ -108,16 +108,23 @@ OFF = """
 import machine, time
 begun = time.ticks_us()
 state = machine.disable_irq()
-while time.ticks_diff(time.ticks_us(), begun) < %d:
-    pass  # a sleep may wait for an interrupt
+%s
 machine.enable_irq(state)
 """
+# without a sleep, which may wait for an interrupt
+WHILE = "while time.ticks_diff(time.ticks_us(), begun) < %d: pass"
 
 
 @pytest.mark.parametrize(
-    "moves, us, kind", [(False, 400, "masked"), (True, 1300, "late"), (False, 30, None)]
+    "moves, what, kind",
+    [
+        (False, WHILE % 400, "masked"),
+        (True, WHILE % 1300, "late"),
+        (False, "time.ticks_us()", None),  # without a branch, at which a pass may begin
+    ],
+    ids=["400 us", "1300 us", "a call"],
 )
-def test_ticks_of_an_emulated_chip(moves, us, kind):
+def test_ticks_of_an_emulated_chip(moves, what, kind):
     """A program on the REPL keeps interrupts off. That makes a tick late, too: then only this is
     looked for."""
     session = Session(rp2040.Target())
@@ -127,7 +134,7 @@ def test_ticks_of_an_emulated_chip(moves, us, kind):
         player.within = replace(player.within, masked_us=1_000_000)
         session.accept(MotorMove(1, 5000)).run(0.3)
     repl = session.board.emulator.repl()
-    repl.exec(OFF % us)
+    repl.exec(OFF % what)
     found = watch.settle()
     assert (found and found.kind) == kind
 
