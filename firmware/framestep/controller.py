@@ -372,6 +372,7 @@ class Controller:
             and kind != m.MSG_RT_UPLOAD_MOVE_AXIS
         ):
             self.planning = True  # at once, not at the next housekeeping
+            self.port.send(self.writer)  # such a request may take tens of milliseconds
         state = self.operations.state
         if (state == READY or state == LEAVING) and kind not in m.KEEPS_PLAN:
             if state == READY:

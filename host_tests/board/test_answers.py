@@ -10,7 +10,7 @@ from framestep_tools.bench import measure
 from framestep_tools.bench.measure import AT_ONCE, GO_MOVES, Asker, go_times, virtual_replies
 from framestep_tools.bench.moves import STEADY_RATES, STEEPEST, mixed_move
 from framestep_tools.bench.session import Session
-from framestep_tools.bench.stops import planned_stops, stops_in_jogs, stops_in_run
+from framestep_tools.bench.stops import planned_stops, stops_in_jogs, stops_in_run, stops_in_shot
 from framestep_tools.judge.trace import Trace
 from host_tests.board.conftest import on_both, on_pico
 from host_tests.selection import sweep
@@ -118,6 +118,13 @@ def test_a_stop_in_any_pass(chip):
     assert max(times) < STOP_MS
 
 
+def test_a_stop_of_a_shot(chip):
+    with chip.emulated({"clock_mhz": chip.slow_mhz}, trace=False) as board:
+        times = stops_in_shot(Session(board), max(STEADY_RATES), (1.5,))
+    assert len(times) > 300
+    assert max(times) < STOP_MS
+
+
 def test_a_stop_of_a_rig_on_a_line(chip):
     """Also while a knot of the line is computed, or a jog is surveyed further on."""
     with chip.emulated({"clock_mhz": chip.slow_mhz}, trace=False) as board:
@@ -212,6 +219,23 @@ def test_a_stop_of_a_motor_that_is_homed(chip):
         times = planned_stops(Session(board), [p.Home()], 0.7, MOMENTS_NS)
     assert len(times) > 200
     assert max(times) < STOP_MS
+
+
+@on_both
+def test_an_answer_does_not_wait_for_a_survey(chip):
+    """A move of a rig that comes behind a request, in the same packet, is surveyed for tens of
+    milliseconds before its own answer."""
+    with chip.emulated({"clock_mhz": chip.slow_mhz}, trace=False) as board:
+        session = Session(board)
+        client = session.client
+        measure._take_arm(session)
+        (move, _), _ = measure._ON_LINE
+        begun = client.clock()
+        ids = [client.send(request) for request in (p.MotorStopAll(), move)]
+        client.answer_to(ids[0])
+        assert 1000 * (client.clock() - begun) < 2 * WORST_MS
+        client.answer_to(ids[1])
+        assert 1000 * (client.clock() - begun) > 4 * WORST_MS
 
 
 @pytest.mark.repeats

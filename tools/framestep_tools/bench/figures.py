@@ -185,7 +185,7 @@ FIGURES = (
         None,
         4,
         "emulated clock, pins: from the host writing GO to the start of the pre-roll's motion, "
-        "as calculated from its first edges; 100 runs of six moves of one to eight motors, "
+        "as calculated from its first edges; 400 runs of six moves of one to eight motors, "
         "at random moments",
     ),
     Figure("go_ms_spread", "ms", None, 0.8, "the longest of these minus the shortest"),
@@ -195,8 +195,8 @@ FIGURES = (
         None,
         2,
         "emulated clock, the tick's own velocities: from the host writing STOP_ALL or a STOP to "
-        "the first slower tick of each motor that it stops; in moves of eight motors, in a run and "
-        "in a JOG_ALL, at 350 moments of 110 ms each",
+        "the first slower tick of each motor that it stops; in moves of eight motors, in a run, in "
+        "a SHOOT_FRAME and in a JOG_ALL, at 350 moments of 110 ms each",
     ),
     Figure(
         "virtual_stop_ms_worst",

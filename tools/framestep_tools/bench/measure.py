@@ -38,11 +38,18 @@ from ..payloads import (
 from ..simulator.boards import EmulatedBoard
 from .figures import FIGURES
 from .lateness import worst_late_us
-from .moves import MOTORS, STEADY_RATES, STEEPEST, WINDOW, mixed_move
+from .moves import MOTORS, READY_S, STEADY_RATES, STEEPEST, WINDOW, mixed_move
 from .rates import rates_by_edges, top_rate
 from .session import Session
 from .smoothness import smoothing_figures
-from .stops import APART_NS, planned_stops, stops_in_jogs, stops_in_moves, stops_in_run
+from .stops import (
+    APART_NS,
+    planned_stops,
+    stops_in_jogs,
+    stops_in_moves,
+    stops_in_run,
+    stops_in_shot,
+)
 from .virtual_cost import virtual_update_us
 
 _CHANNELS = 512
@@ -60,7 +67,7 @@ GO_MOVES = (
     (2, 24, 40, 2_400),
     (6, 30, 200, 15_000),
 )
-READY_S = 0.15  # from rest to GO; eight motors are planned in 0.1 s
+GO_RUNS = 400
 APART_MS = 0.05
 # the rig of the virtual motions: steps per degree or millimetre, and the host's pose
 ARM = Rig(
@@ -123,7 +130,7 @@ def upload_rate(
     return size / took
 
 
-def go_times(session: Session, runs: int = 100) -> list[float]:
+def go_times(session: Session, runs: int = GO_RUNS) -> list[float]:
     """Return the times from writing GO to the start of motion, in ms, for runs of GO_MOVES in turn.
 
     The pre-roll is a ramp from rest: its n-th edge comes √(2·T·n/v) after its start.
@@ -207,13 +214,14 @@ def measure(
         figures["light_channels_with_2000_frames"] = light_channels(session, 2000)
         say("mixed move")
         _mixed(session, figures, mhz)
-        say("GO, 100 times")
+        say(f"GO, {GO_RUNS} times")
         times = go_times(session)
         figures["go_ms_median"] = float(np.median(times))
         figures["go_ms_spread"] = max(times) - min(times)
         say("stops")
         times = stops_in_moves(session)
         times += stops_in_run(session, mixed_move(), max(STEADY_RATES) * 11 // 10)
+        times += stops_in_shot(session, max(STEADY_RATES))
         times += stops_in_jogs(session, max(STEADY_RATES))
         figures["stop_ms_worst"] = max(times)
         figures["virtual_stop_ms_worst"] = max(virtual_stops(session))

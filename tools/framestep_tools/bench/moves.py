@@ -10,6 +10,7 @@ FPS = 25  # of the moves below, so their steps per frame are whole numbers
 RAMP = 100_000  # steps/s²
 STEEPEST = 4_000_000  # steps/s²: the motors' acceleration setting
 ROLL_MS = 200
+READY_S = 0.15  # from rest to GO; eight motors are planned in 0.1 s
 WINDOW = 4  # unanswered sections of an upload
 # velocities of the motors in the mixed move
 STEADY_RATES = (99_700, 80_000, 61_000, 50_000, 33_325, 20_000, 9_975, 1_000)

@@ -11,7 +11,7 @@ from ..errors import ToolError
 from ..simulator.boards import EmulatedBoard
 from .figures import Figure, plain_table
 from .lateness import worst_late_us
-from .measure import ARM, ARM_SPEED, AT_ONCE, Asker, go_times, upload_rate
+from .measure import ARM, ARM_SPEED, AT_ONCE, GO_RUNS, Asker, go_times, upload_rate
 from .rates import top_rate
 from .session import Played, Session
 from .stops import stops_in_moves, stops_in_run
@@ -157,7 +157,7 @@ def measured(say: Callable[[str], None]) -> dict[str, float]:
         _played(session, _FPS[-1], ask)
         figures["reply_ms_median"] = float(np.median(ask.ms[AT_ONCE:]))
         figures["reply_ms_max"] = max(ask.ms)
-        say("GO, 100 times")
+        say(f"GO, {GO_RUNS} times")
         times = go_times(session)
         figures["go_ms_median"] = float(np.median(times))
         figures["go_ms_spread"] = max(times) - min(times)

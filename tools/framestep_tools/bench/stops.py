@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from framestep.protocol.messages import MOTOR_BLUR, MOTOR_ENABLED
 from framestep.pulse import stepper
 
 from ..errors import ToolError
 from ..payloads import (
+    BlurMotor,
+    MotorConfigure,
     MotorMove,
     MotorResetPosition,
     MotorSetSpeed,
@@ -21,8 +24,9 @@ from ..payloads import (
     RtGo,
     RtJogAll,
     RtPositionFrame,
+    RtShootFrame,
 )
-from .moves import FPS, RAMP
+from .moves import FPS, RAMP, READY_S
 from .session import Session
 
 _LOOK_NS = 50_000
@@ -199,6 +203,33 @@ def stops_in_run(
     session.client.request(RtGo())
     session.client.pump(_STEADY_S)
     return _at_each_moment(session, motors, True, requests)
+
+
+def stops_in_shot(
+    session: Session, velocity: int, after_s: Sequence[float] = (0.5, 1.5)
+) -> list[float]:
+    """Return the same for a SHOOT_FRAME of all motors with an exposure of 2 s, so many seconds
+    after GO: in its ramp of 1 s, and while the shutter is open."""
+    client = session.client
+    stands = session.positions
+    motors = _Motors(session)
+    blur = MOTOR_ENABLED | MOTOR_BLUR
+    for motor in stands:
+        client.request(MotorSetSpeed(motor, velocity, RAMP))
+        client.request(MotorConfigure(motor, blur))
+    client.upload_move(1, 3, {motor: np.full(3, stand) for motor, stand in stands.items()})
+    found = []
+    for steady_s in after_s:
+        ways = [BlurMotor(motor, stand, stand + velocity) for motor, stand in stands.items()]
+        client.request(RtShootFrame(2, 0, 2000, 1000, ways))
+        client.wait_idle()
+        client.pump(READY_S)
+        client.request(RtGo())
+        client.pump(steady_s)
+        found += _at_each_moment(session, motors, True, _REQUESTS[:1])
+    for motor in stands:
+        client.request(MotorConfigure(motor, MOTOR_ENABLED))
+    return found
 
 
 def stops_in_jogs(
