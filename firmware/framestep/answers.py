@@ -61,6 +61,7 @@ _ACK = const(m.MSG_FLAG_ACK >> 8)
 _SKIPPED = const(2)
 _ANY_RATE = const(0x3FFFFFFF)
 _LARGEST = const(4 * 16)
+_ALL = const(256)
 _THIRD_BYTE = const(MOTORS >> 4)  # 0 if MOTOR_STATUS' bits of all motors fit two bytes
 
 
@@ -273,17 +274,17 @@ def answer(controller, questions, at: int, place) -> int:
         return 0
     words = controller.answers
     w = ptr32(words)
-    x = ptr32(w[_READER])
-    if x[NEXT] != x[FILL]:
-        return 0
     kind = f[at + 6]
     size = f[at + 8]
-    if (
-        size
-        and (kind != m.MSG_MOTOR_STOP or size != 1)
-        and (kind != m.MSG_MOTOR_STOP_ALL or size != 4)
-    ):
-        return 0
+    stopped = -1  # the motor, from 1, or _ALL: whatever waits before that request
+    if kind == m.MSG_MOTOR_STOP and size == 1:
+        stopped = f[at + 10]
+    elif kind == m.MSG_MOTOR_STOP_ALL and size & 3 == 0 and size <= 4:
+        stopped = _ALL
+    else:
+        x = ptr32(w[_READER])
+        if size or x[NEXT] != x[FILL]:
+            return 0
     first = 0
     second = 0
     i = at
@@ -294,13 +295,12 @@ def answer(controller, questions, at: int, place) -> int:
         i += 1
     if first % 255 | second % 255:
         return 0
-    if kind == m.MSG_MOTOR_STOP:
-        i = f[at + 10] - 1
-        if f[at + 8] and i >= 0 and i < int(controller.axes.count):
-            _slow_down(controller, 1 << i)
-        return 0
-    if kind == m.MSG_MOTOR_STOP_ALL:
-        _slow_down(controller, (1 << int(controller.axes.count)) - 1)
+    if stopped >= 0:
+        count = int(controller.axes.count)
+        if stopped == _ALL:
+            _slow_down(controller, (1 << count) - 1)
+        elif stopped and stopped <= count:
+            _slow_down(controller, 1 << (stopped - 1))
         return 0
     x = ptr32(w[_WRITER])
     if x[TAKE] != x[END]:

@@ -189,7 +189,7 @@ class Controller:
             self.active_passes = _ACTIVE_PASSES
         if busy or self.unsent:
             self.unsent = self.port.send(self.writer)
-            if busy and self.unsent:
+            if busy:
                 self.port.glance()  # what it waits for may have gone since the pass began
         news = self.io.poll(now)
         if news:
@@ -350,6 +350,8 @@ class Controller:
                     continue
                 self.backlog = False
                 break
+            if busy:
+                self.port.glance()  # a burst takes tens of ms
             busy = True
             self.begun_at = self.now
             code = m.ERR_CHECKSUM if found == DAMAGED else self._handle(reader)
@@ -360,7 +362,7 @@ class Controller:
             if not reader.waiting:
                 self.backlog = False
                 break
-            sample(self.header, self.axes.samples)  # a burst takes tens of ms
+            sample(self.header, self.axes.samples)
         return busy
 
     def _handle(self, reader):
@@ -372,7 +374,9 @@ class Controller:
             and kind != m.MSG_RT_UPLOAD_MOVE_AXIS
         ):
             self.planning = True  # at once, not at the next housekeeping
-            self.port.send(self.writer)  # such a request may take tens of milliseconds
+            # Such a request may take tens of milliseconds.
+            self.port.send(self.writer)
+            self.port.look_for_stop()
         state = self.operations.state
         if (state == READY or state == LEAVING) and kind not in m.KEEPS_PLAN:
             if state == READY:

@@ -10,7 +10,13 @@ from framestep_tools.bench import measure
 from framestep_tools.bench.measure import AT_ONCE, GO_MOVES, Asker, go_times, virtual_replies
 from framestep_tools.bench.moves import STEADY_RATES, STEEPEST, mixed_move
 from framestep_tools.bench.session import Session
-from framestep_tools.bench.stops import planned_stops, stops_in_jogs, stops_in_run, stops_in_shot
+from framestep_tools.bench.stops import (
+    planned_stops,
+    stops_amid_requests,
+    stops_in_jogs,
+    stops_in_run,
+    stops_in_shot,
+)
 from framestep_tools.judge.trace import Trace
 from host_tests.board.conftest import on_both, on_pico
 from host_tests.selection import sweep
@@ -115,6 +121,15 @@ def test_a_stop_in_any_pass(chip):
         velocity = max(STEADY_RATES) * 11 // 10
         times = stops_in_run(Session(board), mixed_move(), velocity, requests=(p.MotorStopAll(),))
     assert len(times) > 300
+    assert max(times) < STOP_MS
+
+
+def test_a_stop_amid_other_requests(chip):
+    """In each moment of a pass that carries out a MOVE, a JOG, a SET_SPEED or a POSITION_FRAME, and
+    behind five requests in the same packet."""
+    with chip.emulated({"clock_mhz": chip.slow_mhz}, trace=False) as board:
+        times = stops_amid_requests(Session(board), MOMENTS_NS)
+    assert len(times) > 100
     assert max(times) < STOP_MS
 
 

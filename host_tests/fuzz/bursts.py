@@ -5,16 +5,15 @@ import struct
 
 from framestep.protocol import messages as m
 
-from .host import ODD, Actions, signed
+from .host import ODD, QUESTIONS, Actions, signed
 
 
 class Bursts(Actions):
-    """A few valid requests in one packet."""
+    """A few valid requests in one packet, a question among them."""
 
     def __init__(self, world):
         super().__init__(world)
         self.drawn = (
-            (m.MSG_MOTOR_STATUS, self._nothing, 6),
             (m.MSG_MOTOR_MOVE, self._to, 2),
             (m.MSG_MOTOR_JOG, self._jog, 3),
             (m.MSG_MOTOR_STOP, self._motor, 2),
@@ -37,7 +36,10 @@ class Bursts(Actions):
     def burst(self):
         dice = self.dice
         weights = [weight for _, _, weight in self.drawn]
-        for kind, payload, _ in dice.choices(self.drawn, weights, k=dice.choice((2, 3, 4, 6))):
+        chosen = dice.choices(self.drawn, weights, k=dice.choice((2, 3, 4, 6)))
+        question = (dice.choice(QUESTIONS), self._nothing, 0)
+        chosen.insert(dice.randint(0, len(chosen)), question)
+        for kind, payload, _ in chosen:
             if kind in (m.MSG_RT_RUN_MOVE, m.MSG_RT_SHOOT_FRAME2) and dice.random() < 0.7:
                 self.send(m.MSG_MOTOR_STATUS)
             self.send(kind, payload())

@@ -341,6 +341,7 @@ class Axis:
         back would take up backlash, which moves the other motor.
         """
         r = self.numbers
+        hal.port.look_for_stop()
         if speed != self.speed or self.rates_outdated:
             self.speed = speed
             self.rates_outdated = False
@@ -376,6 +377,9 @@ class Axis:
         ):
             self.block[stepper.PLANNED] = stepper.PLAN_TARGET  # resume_target() continues
             return True
+        if not smooth:
+            # A stop of this motor is a ramp of the kernel's then, as if at a limit switch.
+            hal.port.look_for_stop()
         if reals.equal_words(backlash, TARGET, backlash, PLANNED_LOAD):
             backlash.take_up(direction)
         else:
@@ -410,8 +414,11 @@ class Axis:
                 return self.moving
             # The motion ends there already, but begin_plan() has cut its end off the queue.
         self.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
+        if not smooth:
+            hal.port.look_for_stop()
         self.feed(MOST_SEGMENTS, FIRST_TICKS)
         self.start(hal)
+        hal.port.look_for_stop()
         return True
 
     def append_phase(self, duration, start, end, numbers, targets, i, part=0):

@@ -92,6 +92,7 @@ class Motors:
         code = self.interlock.may_move(motor)
         if code != m.OK:
             return code
+        self.hal.port.look_for_stop()
         axis = self.axes[motor]
         side = bounds.outside(axis, self.words, 0)
         if side:
@@ -121,6 +122,7 @@ class Motors:
         code = self.interlock.may_move(motor)
         if code != m.OK:
             return code
+        self.hal.port.look_for_stop()
         axis = self.axes[motor]
         bounds.clamp(axis, self.words, 0)
         code = self.safety.limit_blocking(motor, self.words, 0)
@@ -258,6 +260,7 @@ class Motors:
         if acceleration < 0:
             acceleration = ACCELERATION_LIMIT
         self.axes.set_speed(motor, velocity, acceleration)
+        self.hal.port.look_for_stop()
         self.operations.settings_changed()
         self.virtuals.changed(self.interlock.leading(motor))
         return m.OK

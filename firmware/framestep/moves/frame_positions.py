@@ -78,6 +78,7 @@ def find_positions(player, safety, frame, among, positions):
     bits = player.motors() & among
     for motor in range(player.count):
         if (bits >> motor) & 1:
+            player.axes.hal.port.look_for_stop()
             store.position(motor, frame - store.start, positions, motor)
             side = bounds.outside(player.axes[motor], positions, motor)
             if side:
@@ -87,6 +88,7 @@ def find_positions(player, safety, frame, among, positions):
 
 def find_blocking_switch(player, safety, bits, positions):
     """Return OK, or the code of a limit switch that blocks a motor's way to positions[motor]."""
+    player.axes.hal.port.look_for_stop()
     for motor in range(player.count):
         if (bits >> motor) & 1:
             code = safety.limit_blocking(motor, positions, motor)

@@ -30,7 +30,9 @@ def _path(dice: np.random.Generator, t: np.ndarray) -> np.ndarray:
     kind = dice.choice(("eases", "sines", "line", "creeps", "rests"), p=(0.45, 0.3, 0.1, 0.1, 0.05))
     if kind == "eases":  # between keyframes, some of them a rest
         at = np.sort(dice.uniform(0, seconds, max(2, round(seconds / _PART_S))))
-        at = np.concatenate(([0], at[np.diff(at, prepend=0) > 0.4], [seconds]))
+        # the shorter a part, the steeper
+        apart = (np.diff(at, prepend=0) > 0.4) & (at < seconds - 0.4)
+        at = np.concatenate(([0], at[apart], [seconds]))
         # an ease's highest velocity is 15/8 of its mean
         ways = dice.uniform(-1, 1, len(at) - 1) * np.diff(at) * _FASTEST * 8 / 15
         ways[dice.random(len(ways)) < 0.2] = 0

@@ -196,7 +196,8 @@ FIGURES = (
         2,
         "emulated clock, the tick's own velocities: from the host writing STOP_ALL or a STOP to "
         "the first slower tick of each motor that it stops; in moves of eight motors, in a run, in "
-        "a SHOOT_FRAME and in a JOG_ALL, at 350 moments of 110 ms each",
+        "a SHOOT_FRAME and in a JOG_ALL, at 350 moments of 110 ms each, and in passes that carry "
+        "out other requests",
     ),
     Figure(
         "virtual_stop_ms_worst",

@@ -45,6 +45,7 @@ from .smoothness import smoothing_figures
 from .stops import (
     APART_NS,
     planned_stops,
+    stops_amid_requests,
     stops_in_jogs,
     stops_in_moves,
     stops_in_run,
@@ -219,7 +220,7 @@ def measure(
         figures["go_ms_median"] = float(np.median(times))
         figures["go_ms_spread"] = max(times) - min(times)
         say("stops")
-        times = stops_in_moves(session)
+        times = stops_in_moves(session) + stops_amid_requests(session)
         times += stops_in_run(session, mixed_move(), max(STEADY_RATES) * 11 // 10)
         times += stops_in_shot(session, max(STEADY_RATES))
         times += stops_in_jogs(session, max(STEADY_RATES))

@@ -10,10 +10,12 @@ import numpy as np
 from framestep.protocol.messages import MOTOR_BLUR, MOTOR_ENABLED
 from framestep.pulse import stepper
 
+from ..client.wire import encode
 from ..errors import ToolError
 from ..payloads import (
     BlurMotor,
     MotorConfigure,
+    MotorJog,
     MotorMove,
     MotorResetPosition,
     MotorSetSpeed,
@@ -36,6 +38,7 @@ _STEADY_S = 0.6  # from the start of a motion to the first of the moments
 _SPAN_NS = 110_000_000  # the checks that passes make least often come every 100 ms
 APART_NS = 310_000
 _PLANNED_NS = 20_000_000  # longer than a planned stop takes to begin
+_CARRIED_OUT_NS = 25_000_000  # a request that moves five motors, and the reports after it
 _REQUESTS = (MotorStopAll(), MotorStop(1))
 _MOVES = stepper.RUN | stepper.STOP
 _Block = tuple[int, ...]
@@ -83,9 +86,15 @@ def _slower(block: _Block, before: _Block) -> bool:
     )
 
 
-def _latency_ms(session: Session, motors: _Motors, request: Payload, run: bool) -> float:
+def _latency_ms(
+    session: Session,
+    motors: _Motors,
+    request: Payload,
+    run: bool,
+    ahead: Iterable[Payload] = (),
+) -> float:
     """Send a request to stop, and return the time until each motor that it stops is slower: in a
-    run, all of them."""
+    run, all of them. ahead: what comes before it, in the same packet."""
     board = session.board
     before = motors.blocks()
     left = {i for i, block in enumerate(before) if block[stepper.MODE] & _MOVES}
@@ -94,7 +103,8 @@ def _latency_ms(session: Session, motors: _Motors, request: Payload, run: bool) 
     if not left:
         raise ToolError("no motor moved that was to be stopped")
     begun = board.now_ns
-    session.client.send(request)
+    frames = [encode(each.TYPE, each.pack(), 1) for each in (*ahead, request)]
+    session.client.port.write(b"".join(frames))
     while left:
         board.run_until(board.now_ns + _LOOK_NS)
         now = motors.blocks()
@@ -188,6 +198,48 @@ def stops_in_moves(session: Session) -> list[float]:
         client.request(MotorMove(motor, _VELOCITY))  # takes over a second
     client.pump(_STEADY_S)
     return _at_each_moment(session, motors, False, _REQUESTS)
+
+
+def stops_amid_requests(session: Session, apart_ns: int = APART_NS) -> list[float]:
+    """Return the times from sending STOP_ALL to slower motors, in ms, while the last motors move
+    by themselves, and the board carries out requests that concern the others: at moments of the
+    passes that do so, and behind requests in the same packet."""
+    client, board = session.client, session.board
+    motors = _Motors(session)
+    count = session.info.motors
+    others = range(1, 6)
+    for motor in range(1, count + 1):
+        client.request(MotorSetSpeed(motor, _VELOCITY, RAMP))
+        client.request(MotorResetPosition(motor, 0))
+    waves = {motor: np.rint(300 * np.sin(np.arange(100) / (5 + motor))) for motor in others}
+    client.upload_move(1, 100, {motor: wave.astype(np.int64) for motor, wave in waves.items()})
+    for motor in range(others[-1] + 1, count + 1):
+        client.request(MotorMove(motor, 3 * _VELOCITY))
+    client.pump(_STEADY_S)
+    found = []
+    for request in (
+        MotorMove(1, 5000),
+        MotorJog(1, 5000, 5000),
+        MotorSetSpeed(count, _VELOCITY // 2, RAMP),
+        RtPositionFrame(50),
+    ):
+        for after_ns in range(0, _CARRIED_OUT_NS, apart_ns):
+            with board.undone():
+                client.send(request)
+                board.run_until(board.now_ns + after_ns)
+                found.append(_latency_ms(session, motors, MotorStopAll(), True))
+    for ahead in (
+        [MotorMove(motor, 5000) for motor in others],
+        [MotorSetSpeed(motor, _VELOCITY // 2, RAMP) for motor in others],
+        [MotorStop(motor) for motor in others],
+    ):
+        for after_ns in range(0, 1_000_000, apart_ns):
+            with board.undone():
+                board.run_until(board.now_ns + after_ns)
+                found.append(_latency_ms(session, motors, MotorStopAll(), True, ahead))
+    client.request(MotorStopAll())
+    client.wait_idle()
+    return found
 
 
 def stops_in_run(

@@ -41,7 +41,6 @@ from framestep.hal.ports.usb_transfers import (
     LEFT,
     LIVE,
     LOOK,
-    MARK_0,
     MEMORY,
     NEXT,
     NO,
@@ -68,10 +67,13 @@ from framestep.hal.ports.usb_transfers import (
     activate,
     arm,
     arrived,
+    begin_stops,
     chip,
     drop_stale,
     forget_host,
+    look,
     mark_stale,
+    reply,
     restore,
     send_packet,
 )
@@ -88,10 +90,9 @@ _SET_CONTROL_LINE_STATE = const(0x22)
 _SEND_BREAK = const(0x23)
 _STAGE_SETUP = const(1)
 
-# Types of questions, and of stops and GO, which begin at once (protocol.messages)
+# Types of requests that are carried out at once (protocol.messages)
 _HI = const(0x01)
 _STATUS = const(0x30)
-_STOP = const(0x32)  # STOP_ALL is between this and _GET_POSITION
 _GET_POSITION = const(0x34)
 _SECTION = const(0x101)  # of an uploaded move
 _GO = const(0x113)
@@ -168,6 +169,7 @@ class UsbPort:
                 mark_stale,
                 send_packet,
                 _at_once,
+                begin_stops,
                 port._configured,
                 port._reset,
                 port._control,
@@ -320,6 +322,11 @@ class UsbPort:
     @micropython.viper
     def _transferred(self, endpoint: int, result: int, count: int) -> bool:
         s = ptr32(self._state)
+        # A program on the REPL may have taken so much of the stack that there is no room for more
+        # here; then the next pass sees to it, as it does to everything else.
+        ready = 1 if self.answer and s[STALE] == 0 else 0
+        if s[INSIDE] == 0 and int(runtime.stack_use()) > DEEPEST:
+            ready = 0
         if endpoint == s[EP_OUT]:
             place = s[FILL] & 1
             s[END + place] = count
@@ -327,6 +334,9 @@ class UsbPort:
             s[FILL] = (s[FILL] + 1) & 3
             ptr32(s[KEPT])[KEPT_FILL] = s[FILL]
             s[ARMED] = 0
+            if ready and self.open:
+                at = s[AT] if place == s[TAKE] & 1 else 0
+                begin_stops(self, place * PLACE + at, place * PLACE + count)
             # A host sends sections without waiting, but its next question after the answer.
             if ptr8(s[RX] + place * PLACE)[7] and (s[FILL] - s[TAKE]) & 3 < 2:
                 arm(self)
@@ -346,13 +356,13 @@ class UsbPort:
                 kind = frame[6] | (frame[7] << 8)
                 if kind == _SECTION:
                     now = 1 - s[INSIDE]
-                elif kind == _GO or kind >= _STOP and kind < _GET_POSITION:
+                elif kind == _GO:
                     now = 1
                 elif s[SENDING]:
                     pass
                 elif kind == _STATUS or kind == _GET_POSITION or kind == _HI:
                     now = 1
-        if now and self.answer:
+        if now and ready:
             _at_once(self)
         if s[LIVE] and not s[ARMED] and (s[FILL] - s[TAKE]) & 3 < 2:
             arm(self)
@@ -457,19 +467,14 @@ class UsbPort:
             s[INSIDE] = 1
             self._run_task()
             s[INSIDE] = 0
-        elif s[ARMED] and s[TAKE] == s[FILL] and s[AT] | s[STALE] == 0:
-            at = (s[FILL] & 1) * PLACE
-            if ptr32(s[RX] + at)[0] != MARK_0:
-                _begin(self, at, s[SENDING])
+        else:
+            look(self, s[SENDING])
 
     @micropython.viper
     def look_for_stop(self):
         """As glance(), but begin a stop only. Called where a pass has a report half done."""
-        s = ptr32(self._state)
-        if chip and s[ARMED] and s[TAKE] == s[FILL] and s[AT] | s[STALE] == 0:
-            at = (s[FILL] & 1) * PLACE
-            if ptr32(s[RX] + at)[0] != MARK_0:
-                _begin(self, at, 1)
+        if chip:
+            look(self, 1)
 
     def _run_task(self):
         """Run MicroPython's USB task. It keeps a Ctrl-C that has come on the REPL's port for the
@@ -536,14 +541,8 @@ class UsbPort:
 @micropython.viper
 def _at_once(port):
     """Send what could not be sent before. Answer the question, store the section, or carry out the
-    GO, that has come.
-
-    A program on the REPL may have taken so much of the stack that there is no room for that; then
-    the next pass sees to it, as it does to everything else.
-    """
+    GO, that has come."""
     s = ptr32(port._state)
-    if s[STALE] or s[INSIDE] == 0 and int(runtime.stack_use()) > DEEPEST:
-        return
     if s[HELD] and s[SENDING] == 0:
         s[HELD] = 0
         port.send(port._writer)
@@ -559,9 +558,8 @@ def _at_once(port):
         if left < QUESTION + frame[8] + (frame[9] << 8):
             return
         if s[LEFT] or s[SENDING] and frame[7] == 0:
-            if frame[7] or frame[6] < _STOP or frame[6] >= _GET_POSITION:
-                return  # all else has an answer
-        if int(_reply(port, place * PLACE + at)) == 0:
+            return
+        if int(reply(port, place * PLACE + at)) == 0:
             return
         at = s[AT]
     if at == s[END + place]:
@@ -569,32 +567,3 @@ def _at_once(port):
         s[TAKE] = (s[TAKE] + 1) & 3
         if not s[ARMED] and s[LIVE]:
             arm(port)
-
-
-@micropython.viper
-def _begin(port, at: int, stops: int):
-    """Begin what is coming in at this offset in the slots, if it is there. stops: a stop only."""
-    s = ptr32(port._state)
-    frame = ptr8(s[RX] + at)
-    kind = frame[6] | (frame[7] << 8)
-    if stops and (kind < _STOP or kind >= _GET_POSITION):
-        return
-    if frame[7] == 0 or kind == _GO:
-        if port.answer and port.open:
-            if int(chip.arrived(s[EP_OUT])) == QUESTION + frame[8]:
-                _reply(port, at)
-
-
-@micropython.viper
-def _reply(port, at: int) -> int:
-    """Answer the question, or store the section, at this offset in the slots; 0: a pass does."""
-    count = int(port.answer(port._rx, at, port._tx))
-    if count:
-        s = ptr32(port._state)
-        frame = ptr8(s[RX] + at)
-        s[AT] = s[AT] + QUESTION + frame[8] + (frame[9] << 8)
-        s[LEFT] = count
-        s[NEXT] = s[TX]
-        if s[SENDING] == 0:
-            send_packet(port)
-    return count

@@ -32,6 +32,7 @@ import sys
 from array import array
 
 from framestep.base.native import addressof, const, micropython, ptr8, ptr32
+from framestep.hal import QUESTION
 
 try:
     from machine import USBDevice  # noqa: F401 -- the port needs it
@@ -61,6 +62,10 @@ else:
     def enable_irq(_state):
         pass
 
+
+_STOP = const(0x32)  # protocol.messages; STOP_ALL is between this and GET_POSITION
+_GET_POSITION = const(0x34)
+_GO = const(0x113)
 
 # Bits of ADDRESS_REGISTER: 0 from a bus reset until the host has given a new address
 _ADDRESS = const(0x7F)
@@ -314,3 +319,60 @@ def restore(s: ptr32, at: int) -> int:
     s[ARMED] = 1
     s[SENDING] = 1
     return 1
+
+
+@micropython.viper
+def look(port, stops: int):
+    """Begin what has come in by the running transfer, though it has not ended. stops: stops
+    only."""
+    s = ptr32(port._state)
+    first = (s[FILL] & 1) * PLACE
+    if s[ARMED] == 0 or s[STALE] or ptr32(s[RX] + first)[0] == MARK_0:
+        return
+    if not port.answer or not port.open:
+        return
+    at = first
+    while at < first + PLACE - PACKET and ptr32(s[RX] + at + PACKET)[0] != MARK_0:
+        at += PACKET
+    count = int(chip.arrived(s[EP_OUT]))
+    end = at + count
+    if count < 0:  # the last one was full
+        end = at + PACKET
+    at = first
+    if s[TAKE] == s[FILL]:
+        at += s[AT]
+        frame = ptr8(s[RX] + at)
+        if stops == 0 and end - at == QUESTION + frame[8]:
+            if frame[7] == 0 or frame[6] == _GO and frame[7] == _GO >> 8:
+                reply(port, at)
+                return
+    begin_stops(port, at, end)
+
+
+@micropython.viper
+def begin_stops(port, at: int, end: int):
+    """Begin each stop in the slots from offset `at` to `end`, whatever comes before it."""
+    s = ptr32(port._state)
+    while end - at >= QUESTION:
+        frame = ptr8(s[RX] + at)
+        size = QUESTION + frame[8] + (frame[9] << 8)
+        if frame[0] != 0x44 or frame[1] != 0x46 or end - at < size:
+            return
+        if frame[7] == 0 and frame[6] >= _STOP and frame[6] < _GET_POSITION:
+            port.answer(port._rx, at, port._tx)
+        at += size
+
+
+@micropython.viper
+def reply(port, at: int) -> int:
+    """Answer the question, or store the section, at this offset in the slots; 0: a pass does."""
+    count = int(port.answer(port._rx, at, port._tx))
+    if count:
+        s = ptr32(port._state)
+        frame = ptr8(s[RX] + at)
+        s[AT] = s[AT] + QUESTION + frame[8] + (frame[9] << 8)
+        s[LEFT] = count
+        s[NEXT] = s[TX]
+        if s[SENDING] == 0:
+            send_packet(port)
+    return count
