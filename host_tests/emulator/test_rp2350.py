@@ -13,7 +13,6 @@ from framestep_tools.payloads import MotorMove
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session
 
-ROUNDS = 60  # of 99 instructions
 BLOCKS = 200  # for which test/pieces33.mjs has a record
 STEPS_PER_S = 20_000
 ACCELERATION = 100_000
@@ -21,12 +20,9 @@ ACCELERATION = 100_000
 
 def test_instructions_agree_with_qemu(paths):
     script = paths.root / "tools/framestep_emulator/board/test/qemu.mjs"
-    command = ["node", script, "m33", str(ROUNDS)]
-    result = subprocess.run(command, capture_output=True, text=True)
+    result = subprocess.run(["node", script, "m33"], capture_output=True, text=True)
     assert result.returncode == 0, result.stdout + result.stderr
-    cases, _, _, groups, *_ = result.stdout.split()
-    assert int(cases) == 99 * ROUNDS
-    assert int(groups) >= 77
+    assert result.stdout == "4950 cases of 77 groups, 0 differ\n"
 
 
 def test_functions_of_code_agree_with_its_steps(paths):

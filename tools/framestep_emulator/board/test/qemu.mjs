@@ -1,7 +1,11 @@
 // Random instructions of a processor, one at a time from a random state, have the results that they have in QEMU: registers, flags, floats
 // and memory.
 //
-// usage: node qemu.mjs m0|m33 ROUNDS [SEED]
+// usage: node qemu.mjs m0|m33                compares with the answers in qemu_m0.txt, qemu_m33.txt
+//        node qemu.mjs m0|m33 --record       renews them first
+//        node qemu.mjs m0|m33 ROUNDS [SEED]  asks QEMU about other cases
+//
+// The last two need qemu-arm and the binutils of arm-none-eabi. A line of the answers: a case's instructions, and what they change.
 //
 // QEMU's processor is an A-profile one with the same encodings. Any NaN counts as equal to any other. No branches,
 // exclusives, exceptions or coprocessors: the firmware shows these. An M0+ has the groups whose names end with 16.
@@ -13,12 +17,15 @@ import path from 'node:path';
 import { STATE } from '../lib/rp2350/emit.mjs';
 import { makeCore, makeM33 } from './chip.mjs';
 
-const M0 = process.argv[2] === 'm0';
-const ROUNDS = Number(process.argv[3]);
+const [KIND, ASKED] = process.argv.slice(2);
+const M0 = KIND === 'm0';
+const RECORD = new URL(`qemu_${KIND}.txt`, import.meta.url);
+const RENEW = ASKED === '--record';
+const ROUNDS = RENEW ? 50 : Number(ASKED ?? 50);
 const RESULT = 94; // words of a case: APSR, r0 to r12, s0 to s15, 64 of memory
 const WORDS = 64; // of memory, r12 points into their middle
-const CODE = 0x20000200; // where a case runs here, and its memory
-const DATA = 0x20001000;
+const CODE = 0x20000200; // where a case runs here
+const DATA = 0x20001000; // its memory, here and in QEMU
 const NZCVQ_GE = 0xf80f0000;
 const AT_ONCE = 1000; // cycles; with one at a time each instruction ends at its limit
 
@@ -244,9 +251,10 @@ ${numbered((c, i) => `.word t${i}`)}
 ${numbered((c, i) => `t${i}: .word c${i}+1, ${(c.flags | (c.ge << 16)) >>> 0}, ${c.r.join(', ')}, ${c.s.join(', ')}`)}
 pattern:
 ${Array.from({ length: WORDS }, (_, i) => `.word ${pattern(i)}`).join('\n')}
-data: .space ${4 * WORDS}
 .space 64
 saveend: .word 0
+.section .case, "aw"
+data: .space ${4 * WORDS}
 .bss
 .balign 4
 results: .space ${all.length * RESULT * 4}
@@ -254,18 +262,17 @@ resend:
 `;
 }
 
-/** Return QEMU's results, RESULT words a case, and the address of the memory there. */
+/** Return QEMU's answers. */
 function inQemu(all) {
   const folder = fs.mkdtempSync(path.join(os.tmpdir(), 'm33-'));
   const at = (name) => path.join(folder, name);
   try {
     fs.writeFileSync(at('cases.s'), program(all));
     execFileSync('arm-none-eabi-as', [at('cases.s'), '-o', at('cases.o')]);
-    execFileSync('arm-none-eabi-ld', ['-Ttext=0x10000', '--no-warn-rwx-segments', at('cases.o'), '-o', at('cases')]);
+    execFileSync('arm-none-eabi-ld', ['-Ttext=0x10000', `--section-start=.case=0x${DATA.toString(16)}`, '--no-warn-rwx-segments', at('cases.o'), '-o', at('cases')]);
     const found = execFileSync('qemu-arm', ['-cpu', 'max', at('cases')], { maxBuffer: 1 << 30 });
-    const symbols = execFileSync('arm-none-eabi-nm', [at('cases')], { maxBuffer: 1 << 28 }).toString();
-    const data = parseInt(symbols.match(/^([0-9a-f]+) . data$/m)[1], 16);
-    return { words: new Uint32Array(found.buffer, found.byteOffset, found.length / 4), data };
+    const words = new Uint32Array(found.buffer, found.byteOffset, found.length / 4);
+    return all.map((c, i) => answer(c, words.subarray(i * RESULT, (i + 1) * RESULT)));
   } finally {
     fs.rmSync(folder, { recursive: true });
   }
@@ -330,25 +337,23 @@ function onM0({ core, native }, c, asPiece) {
 }
 
 const isNan = (x) => (x & 0x7f800000) === 0x7f800000 && (x & 0x7fffff) !== 0;
-const name = (i) => (i === 0 ? 'apsr' : i < 14 ? `r${i - 1}` : i < 30 ? `s${i - 14}` : `word ${i - 30}`);
+const name = (i) => (i === 0 ? 'apsr' : i < 14 ? `r${i - 1}` : i < 30 ? `s${i - 14}` : `m${i - 30}`);
 
-/** Return how two results differ, in words. */
-function differences(mine, want, data) {
-  const found = [];
-  for (let i = 0; i < RESULT; i++) {
-    let wanted = want[i];
-    if (wanted >>> 0 === mine[i]) continue;
-    if (wanted >= data - 0x100 && wanted < data + 0x200) wanted = wanted - data + DATA; // an address
-    if (wanted >>> 0 === mine[i]) continue;
-    if (i >= 14 && i < 30 && isNan(wanted) && isNan(mine[i])) continue;
-    if (i === 0 && (wanted & NZCVQ_GE) === (mine[i] & NZCVQ_GE)) continue;
-    found.push(`${name(i)}: ${mine[i].toString(16)}, in QEMU ${wanted.toString(16)}`);
-  }
-  return found;
+/** Return a case's line, from the words of its result. */
+function answer(c, words) {
+  const begun = [c.flags | (c.ge << 16), ...c.r, DATA + 128, ...c.s, ...Array.from({ length: WORDS }, (_, i) => pattern(i))];
+  const line = [c.code.map((half) => half.toString(16).padStart(4, '0')).join('')];
+  begun.forEach((before, i) => {
+    const after = i ? words[i] : words[i] & NZCVQ_GE;
+    if (after >>> 0 === before >>> 0) return;
+    line.push(`${name(i)}=${i >= 14 && i < 30 && isNan(after) ? 'nan' : (after >>> 0).toString(16)}`);
+  });
+  return line.join(' ');
 }
 
 const all = cases(ROUNDS);
-const { words, data } = inQemu(all);
+const wanted = ASKED ? inQemu(all) : fs.readFileSync(RECORD, 'latin1').trimEnd().split('\n');
+if (RENEW) fs.writeFileSync(RECORD, `${wanted.join('\n')}\n`);
 const onHalt = (text) => (reason = text);
 let ways;
 if (M0) {
@@ -359,18 +364,18 @@ if (M0) {
   ways = [[AT_ONCE, false], [AT_ONCE, true], [1, false]].map((way) => (c) => onM33(made, c, ...way));
 }
 const groups = new Set(all.map((c) => c.group));
-let wrong = 0;
+let wrong = wanted.length === all.length ? 0 : 1;
 for (const here of ways) all.forEach((c, i) => {
-  let said;
+  let mine;
   try {
-    const mine = here(c);
-    said = typeof mine === 'string' ? [mine] : differences(mine, words.subarray(i * RESULT, (i + 1) * RESULT), data);
+    const found = here(c);
+    mine = typeof found === 'string' ? found : answer(c, found);
   } catch (error) {
-    said = [error.message.split('\n')[0]];
+    [mine] = error.message.split('\n');
   }
-  if (!said.length) return;
+  if (mine === wanted[i]) return;
   wrong++;
-  if (wrong <= 20) console.log(`${c.group} ${c.code.map((x) => x.toString(16)).join(' ')}, flags ${(c.flags >>> 28).toString(16)}: ${said.slice(0, 4).join('; ')}`);
+  if (wrong <= 20) console.log(`case ${i}, ${c.group}, flags ${(c.flags >>> 28).toString(16)}: ${mine}\n  in QEMU: ${wanted[i]}`);
 });
 console.log(`${all.length} cases of ${groups.size} groups, ${wrong} differ`);
 process.exit(wrong || !all.length ? 1 : 0);
