@@ -1,11 +1,13 @@
 """The board as a whole: boot, resets, file system, time."""
 
+import base64
 import time
 
 import numpy as np
 import pytest
 
 from framestep_emulator import TraceFile, device_file, edge_times
+from framestep_emulator.errors import EmulatorError
 from framestep_emulator.image import collect, make_image, read_image
 from framestep_tools.building import images
 
@@ -50,6 +52,34 @@ def test_resets(emulator):
     assert "bootsel" in (emu.halted or "")
     emu.reset()
     assert emu.repl().eval("2 + 2") == 4, "after a power cycle"
+
+
+BAD_READ = """
+import uctypes
+@micropython.viper
+def read(at: ptr32) -> int:
+    n = 9
+    x = at[9]
+    n += n
+    n += n
+    return x + n
+word = uctypes.addressof(bytearray(64))
+for _ in range(RUNS):
+    read(word)
+read(0x30000000)
+"""
+
+
+@pytest.mark.parametrize("runs", [0, 7_000], ids=["new code", "code that has run often"])
+@pytest.mark.parametrize("board", [None, "pico2"], ids=["RP2040", "RP2350"])
+def test_a_fault_is_told_with_the_address_of_its_instruction(board, runs, emulator):
+    emu = emulator(firmware=board and images.frozen(board))
+    with pytest.raises(EmulatorError):
+        emu.repl().exec(BAD_READ.replace("RUNS", str(runs)))
+    assert "fault: read of 30000024 (pc " in emu.halted.lower().replace("hardfault", "fault")
+    at = int(emu.halted.split("(pc ")[1].split(",")[0], 16)
+    instruction = base64.b64decode(emu.cmd("peek", address=at, length=2)["data"])
+    assert int.from_bytes(instruction, "little") & 0xFFC0 == 0x6A40  # LDR r, [r, #0x24]
 
 
 def test_files_from_directories(emulator, tmp_path):

@@ -143,12 +143,12 @@ export class Processor {
     this.limit = -1;
   }
 
-  halt(reason) {
+  halt(reason, pc = this.r[15]) {
     this.limit = -1;
     if (this.halted) return;
     this.halted = true;
     const hex = (n) => '0x' + (n >>> 0).toString(16);
-    this.onHalt(`${reason} (pc ${hex(this.r[15])}, lr ${hex(this.r[14])}, sp ${hex(this.r[13])}, ipsr ${this.IPSR})`);
+    this.onHalt(`${reason} (pc ${hex(pc)}, lr ${hex(this.r[14])}, sp ${hex(this.r[13])}, ipsr ${this.IPSR})`);
   }
 
   // ------------------------------------------------------------------ exceptions

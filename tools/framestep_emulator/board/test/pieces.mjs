@@ -12,7 +12,7 @@ import { makeCore } from './chip.mjs';
 
 const NEVER = 1e9;
 /** States after the random blocks, as the interpreter written by hand left them. */
-const RECORDED = { blocks: 600, hash: 'fc266f8342e2a1ade1d6ee0987eb7d12e53a94cd7f79c6296c0b3ae660f2599d' };
+const RECORDED = { blocks: 600, hash: '7816afc6233b3714f7cb2cc582a86c8505e1ef3fe1bdefaf266972ac7c015a1c' };
 const BLOCKS = Number(process.argv[2]);
 const LENGTH = 20; // halfwords, without the loop at the end
 const DATA = 0x20001000;
@@ -111,7 +111,7 @@ for (let block = 0; block < BLOCKS; block++) {
     const [memory, other] = cores.map(({ core }) => Buffer.from(core.ram8));
     assert.deepEqual(found, expected, `${code.map((op) => op.toString(16))} at ${start.toString(16)}, limit ${limit}`);
     assert.ok(memory.equals(other), `memory after ${code.map((op) => op.toString(16))}`);
-    if (!atEnd) seen.update(JSON.stringify(expected)).update(memory.subarray(0x1000, 0x4000));
+    if (!atEnd) seen.update(JSON.stringify(expected).replace(/pc 0x.*?, /, '')).update(memory.subarray(0x1000, 0x4000));
   }
   pieces += native.has(start);
 }

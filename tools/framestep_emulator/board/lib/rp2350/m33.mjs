@@ -1,5 +1,5 @@
 // A Cortex-M33 of an RP2350, secure state only, with the interface that the board and the peripherals expect of
-// core.mjs. Code runs as WebAssembly made of emit.mjs' text, a piece at a time; interrupts are taken between pieces.
+// core.mjs. Code runs as WebAssembly made of emit.mjs' text, a piece at a time; interrupts are taken between its instructions.
 
 import { Processor } from '../processor.mjs';
 import { Dcp } from './dcp.mjs';
@@ -98,9 +98,9 @@ export class M33 extends Processor {
     this.next[1] = place;
     this.#running = false;
     if (this.#fault === null) return;
-    const reason = this.#fault;
+    const [reason, pc] = this.#fault;
     this.#fault = null;
-    this.halt(reason);
+    this.halt(reason, pc);
   }
 
   /** Run a piece from a place on, up to its end or to the limit. Returns where it goes on then. */
@@ -120,6 +120,7 @@ export class M33 extends Processor {
     scratch[SCRATCH.stopping] = 1;
     scratch[SCRATCH.stop] = 0;
     this.cyc -= cycles;
+    r[15] = start; // as for a piece that runs from its start
     r[15] = native.steps(at);
     const stop = scratch[SCRATCH.stop];
     if (!stop) return 0;
@@ -132,30 +133,32 @@ export class M33 extends Processor {
   find(pc) {
     if (pc >>> 24 === 0xff) this.exceptionReturn(pc);
     else if (this.#native.canRun(pc)) return this.#native.listOf(pc);
-    else this.halt('instruction fetch outside the memory');
+    else this.halt('instruction fetch outside the memory', pc);
     return 0;
   }
 
-  halt(reason) {
+  /** The board stops once the piece has ended. */
+  halt(reason, pc) {
     this.limit = -1;
-    if (this.#running) this.#fault ??= reason; // with its address once the code has ended
-    else super.halt(reason);
+    if (!this.#running) super.halt(reason, pc);
+    else this.#fault ??= pc === undefined ? [`${reason}, in the piece at pc`, this.r[15]] : [reason, pc];
   }
 
   undefined(pc, h, g) {
-    this.halt(`undefined instruction ${h.toString(16)}${g < 0 ? '' : ` ${g.toString(16)}`} at ${(pc >>> 0).toString(16)}`);
+    this.halt(`undefined instruction ${h.toString(16)}${g < 0 ? '' : ` ${g.toString(16)}`}`, pc);
     return pc;
   }
 
-  fault(reason) {
-    this.halt(`fault: ${reason}`);
+  /** @param k cycles of the piece up to it, which tell the instruction */
+  fault(reason, k) {
+    this.halt(`fault: ${reason}`, k && this.#running ? this.#native.instructionAt(this.r[15], k) : undefined);
     return 0;
   }
 
   bkpt(n, pc) {
     if (pc >>> 0 < ROM_SIZE && this.romCall) return this.romCall(n);
     this.r[15] = pc;
-    this.halt(`breakpoint #${n}`);
+    this.halt(`breakpoint #${n}`, pc);
   }
 
   // ------------------------------------------------------------------ memory
@@ -204,7 +207,7 @@ export class M33 extends Processor {
   ld32(a, k) {
     const top = a >>> 24;
     if (a & 3) {
-      if (top !== 0x20 && (top < 0x10 || top >= 0x14) && a >>> 0 >= ROM_SIZE) return this.fault(`unaligned read of ${(a >>> 0).toString(16)}`);
+      if (top !== 0x20 && (top < 0x10 || top >= 0x14) && a >>> 0 >= ROM_SIZE) return this.fault(`unaligned read of ${(a >>> 0).toString(16)}`, k);
       this.cyc += 1;
       return this.ld8(a, k) | (this.ld8(a + 1, k) << 8) | (this.ld8(a + 2, k) << 16) | (this.ld8(a + 3, k) << 24);
     }
@@ -223,7 +226,7 @@ export class M33 extends Processor {
     }
     if (top === 0xe0) return this.ppbRead(a & 0xfffff, k);
     if (top === 0x40) this.cyc += APB_EXTRA;
-    else if (top !== 0x50) return this.fault(`read of ${(a >>> 0).toString(16)}`);
+    else if (top !== 0x50) return this.fault(`read of ${(a >>> 0).toString(16)}`, k);
     const value = this.chip.readPeripheral(a >>> 0);
     this.afterAccess();
     return value;
@@ -254,7 +257,7 @@ export class M33 extends Processor {
   st32(a, value, k) {
     const top = a >>> 24;
     if (a & 3) {
-      if (top !== 0x20) return void this.fault(`unaligned write of ${(a >>> 0).toString(16)}`);
+      if (top !== 0x20) return void this.fault(`unaligned write of ${(a >>> 0).toString(16)}`, k);
       this.cyc += 1;
       for (let i = 0; i < 4; i++) this.st8((a + i) | 0, value >>> (8 * i), k);
       return;
@@ -280,7 +283,7 @@ export class M33 extends Processor {
     else if (top === 0x40 || top === 0x50) {
       if (top === 0x40) this.cyc += APB_EXTRA;
       this.chip.writePeripheral(a >>> 0, value >>> 0);
-    } else return void this.fault(`write of ${(a >>> 0).toString(16)}`);
+    } else return void this.fault(`write of ${(a >>> 0).toString(16)}`, k);
     this.afterAccess();
   }
   st16(a, value, k) {

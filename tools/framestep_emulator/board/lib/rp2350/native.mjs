@@ -111,6 +111,7 @@ const run = (hot) => `
     t=lists[e+4]+1;
     lists[e+4]=t;
     if((t&${hot - 1})===0){core.often(pc);continue L;}
+    r15=pc;
     t=lists[e+8];
     if(t!==0)pc=core.run(t);
     else{
@@ -253,6 +254,10 @@ export class Native2350 extends Native {
   /** The address of its instruction, and cycles of the piece up to it. */
   step(at) {
     return { pc: this.lists[(at >> 2) + 1], cycles: this.lists[(at >> 2) + 2] & 0xffff };
+  }
+  /** The address of the instruction in the piece at `pc` that begins before some cycles of it. */
+  instructionAt(pc, cycles) {
+    return this.emitter.steps(pc).steps.findLast((step) => step.cycles < cycles).pc;
   }
   hasChanged(pc) {
     return pc >>> 24 === 0x20 && this.base.changed(this.listOf(pc)) !== 0;
