@@ -77,9 +77,9 @@ demo: setup ## play a camera move on the emulated board, check every edge, plot 
 sim: setup ## the controller on this computer, on a pseudo-terminal; ARGS="--tcp 127.0.0.1:7000 --trace FILE"
 	@"$(PYTHON_VENV)" -m framestep_tools sim $(ARGS)
 
-emu: setup node ## the controller on the emulated board, on a pseudo-terminal; ARGS as for sim, and --repl
-	@"$(PYTHON_VENV)" -m framestep_tools.building.make_image >&2
-	@"$(PYTHON_VENV)" -m framestep_tools.commands.emu $(ARGS)
+emu: setup node ## the controller on the emulated board, on a pseudo-terminal; BOARD=pico, ARGS as for sim, and --repl
+	@"$(PYTHON_VENV)" -m framestep_tools.building.make_image --board $(or $(BOARD),pico) >&2
+	@"$(PYTHON_VENV)" -m framestep_tools.commands.emu --board $(or $(BOARD),pico) $(ARGS)
 
 flash: setup ## copy edited modules onto a board with framestep's image: PORT=/dev/ttyACM0 if there are several; ARGS=--clean removes them
 	@"$(PYTHON_VENV)" -m framestep_tools flash $(if $(PORT),--port $(PORT)) $(ARGS)
@@ -151,8 +151,8 @@ conform: setup ### the conformance kit against the simulator and against seeded 
 	$(if $(filter esp32%,$(BOARD)),@tools/micropython/build.sh esp32,$(if $(BOARD),@tools/setup.sh node && tools/micropython/build.sh rp2))
 	@"$(PYTHON_VENV)" -m host_tests.conform.score $(if $(BOARD),--board $(BOARD)) $(ARGS)
 
-prove: setup node micropython ### the emulated board measures itself, like a real one with `framestep lab prove` (build/prove); ARGS="--chip B1" or --renew
-	@"$(PYTHON_VENV)" -m framestep_tools.prove $(ARGS)
+prove: setup node micropython ### the emulated board measures itself, like a real one with `framestep lab prove` (build/prove); BOARD=pico or all, ARGS="--chip B1" or --renew
+	@"$(PYTHON_VENV)" -m framestep_tools.prove $(if $(BOARD),--board $(BOARD)) $(ARGS)
 
 emulator-measure: setup node micropython ### measure the emulated boards themselves (three minutes)
 	@tools/micropython/build.sh rp2350
