@@ -1,9 +1,9 @@
 """Runs on the board: kernel and engine, fed with segments.
 
-The test puts numbers in place of the constants of `stepper`.
+The test puts numbers in place of the constants of `stepper`, and of APART and MICROSECONDS.
 """
 
-# ruff: noqa: F821 - the test replaces the names of `stepper` by numbers
+# ruff: noqa: F821 - the test replaces these names by numbers
 import time
 
 import machine
@@ -11,12 +11,13 @@ import machine
 from framestep.hal.rp2.pulses import PulseEngine, lost_commands
 from framestep.pulse.kernel import StepKernel
 
-# APART, of the test: for each motor 0, or cycles between edges that are steps
+# APART: for each motor 0, or cycles between edges that are steps; MICROSECONDS: the chip's timer
+HZ = machine.freq()
 N = len(APART)
 pins = range(2, 2 + 2 * N, 2)
 shapes = [(0, 625, False, 0, apart) for apart in APART]
-engine = PulseEngine(list(pins), [pin + 1 for pin in pins], 125_000_000, shapes)
-kernel = StepKernel(N, 125_000, 0x40054028)
+engine = PulseEngine(list(pins), [pin + 1 for pin in pins], HZ, shapes)
+kernel = StepKernel(N, HZ // 1000, MICROSECONDS)
 
 
 def configure(width, setup, invert):

@@ -11,6 +11,7 @@ import pytest
 from framestep.pulse import stepper
 from framestep_emulator import Emulator, edge_times
 from framestep_tools.building import images
+from framestep_tools.prove.chips import CHIPS
 from host_tests.pulse.engine import ONE, PER_TICK, PER_US, Bench, Profile, trapezoid
 
 MOTORS = 8
@@ -27,7 +28,8 @@ class Board:
     def __init__(self, emu, apart=(0,) * MOTORS):
         self.emu = emu
         self.repl = emu.repl()
-        self.exec(f"APART = {apart}\n{SETUP.read_text()}")
+        constants = f"APART = {apart}\nMICROSECONDS = {CHIPS['rp2040'].microseconds}\n"
+        self.exec(constants + SETUP.read_text())
 
     def exec(self, code):
         """Run code with the kernel's constants as stepper.NAME, which the test replaces by

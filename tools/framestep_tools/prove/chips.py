@@ -47,7 +47,7 @@ CHIPS = {
         request=15,
         count=0x7FFFFFFF,
     ),
-    # not emulated, and not yet tried on a chip
+    # not yet tried on a chip
     "rp2350": Registers(
         blocks=3,
         microseconds=0x400B0028,
