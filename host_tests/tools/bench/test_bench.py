@@ -23,9 +23,9 @@ KEYS = [
     "edge_error_steady_us", "edge_error_ramp_us", "frame_error_us", "velocity_ripple",
     "acceleration_ripple", "smoothing_load_percent", "tick_us_8", "tick_late_us_worst",
     "cpu_load_8_percent", "upload_frames_8", "light_channels_with_2000_frames", "rx_bytes_per_s",
-    "rx_bytes_per_s_single_port", "reply_ms_median", "reply_ms_max", "go_ms_median", "go_ms_spread",
-    "stop_ms_worst", "virtual_stop_ms_worst", "virtual_reply_ms_max", "heap_bytes_per_hour",
-    "virtual_update_us",
+    "rx_bytes_per_s_small", "rx_bytes_per_s_single_port", "reply_ms_median", "reply_ms_max",
+    "go_ms_median", "go_ms_spread", "stop_ms_worst", "virtual_stop_ms_worst",
+    "virtual_reply_ms_max", "heap_bytes_per_hour", "virtual_update_us",
 ]  # fmt: skip
 
 

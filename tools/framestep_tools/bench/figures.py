@@ -163,11 +163,18 @@ FIGURES = (
         "(no move can be played while it is uploaded)",
     ),
     Figure(
+        "rx_bytes_per_s_small",
+        "bytes/s",
+        175_000,
+        None,
+        "the same in sections of 16 positions, of 2 000 frames, while nothing moves",
+    ),
+    Figure(
         "rx_bytes_per_s_single_port",
         "bytes/s",
         80_000,
         None,
-        "the same with ports: 1 in the rig file",
+        "as rx_bytes_per_s, of 1 000 frames, with ports: 1 in the rig file",
     ),
     Figure(
         "reply_ms_median",
@@ -240,6 +247,7 @@ FIGURES = (
 AT_200 = {
     "tick_us_8": 38,
     "rx_bytes_per_s": 800_000,
+    "rx_bytes_per_s_small": 290_000,
     "reply_ms_median": 0.4,
     "reply_ms_max": 2,
     "virtual_reply_ms_max": 2,

@@ -23,6 +23,7 @@ from ..payloads import (
     MotorStatus,
     MotorStopAll,
     Positions,
+    Request,
     RtEnd,
     RtGo,
     RtRunMove,
@@ -54,6 +55,8 @@ from .stops import (
 from .virtual_cost import virtual_update_us
 
 _CHANNELS = 512
+SMALL_BYTES = 5 + 4 * 16  # a section of 16 positions
+SMALL_FRAMES = 2000
 LEVELS_AT_ONCE = 1000
 PLAYS = 4  # of the mixed move, because one has too few replies for a median
 TRIGGERS_AT_ONCE = 100
@@ -106,28 +109,53 @@ def upload_rate(
 ) -> float:
     """Return bytes per second of an upload for all motors, while they move."""
     client = session.client
+    requests = _upload(session, frames)
+    for motor, stands in session.positions.items():
+        client.request(MotorSetSpeed(motor, 5000, 5000))
+        client.request(MotorMove(motor, stands + 100_000))
+    client.pump(0.2)
+    rate = _stream_rate(session, requests, during)
+    if not any(isinstance(event.message, Positions) for event in client.events):
+        raise ToolError("no positions were reported during the upload")
+    client.request(MotorStopAll())
+    client.wait_idle()
+    return rate
+
+
+def small_upload_rate(session: Session) -> float:
+    """Return bytes per second of an upload in sections of 16 positions, at rest.
+
+    Not in motion: no pass comes between such sections, so that queues run dry after half a second.
+    """
+    return _stream_rate(session, _upload(session, SMALL_FRAMES, SMALL_BYTES))
+
+
+def _upload(
+    session: Session, frames: int, section_bytes: int = messages.LARGEST_PAYLOAD
+) -> list[Request[Ack]]:
     t = np.arange(frames)
     positions = {
         motor: (100 * motor * np.sin(t / 300)).astype(np.int64)
         for motor in range(1, session.info.motors + 1)
     }
-    requests = list(upload_requests(1, frames, positions))
-    size = sum(len(encode(request.TYPE, request.pack(), 1)) for request in requests[1:-1])
-    for motor, stands in session.positions.items():
-        client.request(MotorSetSpeed(motor, 5000, 5000))
-        client.request(MotorMove(motor, stands + 100_000))
-    client.pump(0.2)
-    client.request(requests[0])
+    return list(upload_requests(1, frames, positions, section_bytes))
+
+
+def _stream_rate(
+    session: Session,
+    requests: list[Request[Ack]],
+    during: AbstractContextManager[Any] | None = None,
+) -> float:
+    client = session.client
+    first, *sections, last = requests
+    size = sum(len(encode(request.TYPE, request.pack(), 1)) for request in sections)
+    client.request(first)
     client.events.clear()
     begun = client.clock()
     with during or nullcontext():
-        client.stream(requests[1:-1], WINDOW)
+        client.stream(sections, WINDOW)
     took = client.clock() - begun
-    if not any(isinstance(event.message, Positions) for event in client.events):
-        raise ToolError("no positions were reported during the upload")
-    client.request(RtUploadMoveEnd())
-    client.request(MotorStopAll())
-    client.wait_idle()
+    client.request(last)
     return size / took
 
 
@@ -196,25 +224,38 @@ def light_channels(session: Session, frames: int) -> int:
     return _CHANNELS
 
 
+def rig_of(mhz: int, board: str = "pico") -> dict[str, Any]:
+    """Return the rig file of a board with eight motors at a clock of the processor."""
+    rig: dict[str, Any] = {"clock_mhz": mhz, "motors": [{"pulse_us": PULSE_US}] * MOTORS}
+    if len(board_data(board)["step"]) != MOTORS:
+        rig["motor_count"] = MOTORS
+    return rig
+
+
+def first_figures(
+    session: Session, mhz: int, say: Callable[[str], None] = lambda text: None
+) -> dict[str, float]:
+    """Measure the figures that take little time, on a board that has just come up. Each run of the
+    tests compares them with the record."""
+    figures: dict[str, float] = {"upload_frames_8": session.info.upload_frames}
+    say("upload")
+    figures["rx_bytes_per_s"] = upload_rate(session, session.info.upload_frames)
+    say("lights and triggers")
+    figures["light_channels_with_2000_frames"] = light_channels(session, 2000)
+    say("mixed move")
+    return figures | _mixed(session, mhz)
+
+
 def measure(
     mhz: int, cache: bool, say: Callable[[str], None], board: str = "pico"
 ) -> dict[str, float]:
     """Measure all figures at a clock of the processor, with the flash-cache model or without."""
     args = [] if cache else ["--xip-miss", "0"]
-    rig: dict[str, Any] = {"clock_mhz": mhz, "motors": [{"pulse_us": PULSE_US}] * MOTORS}
-    if len(board_data(board)["step"]) != MOTORS:
-        rig["motor_count"] = MOTORS
-    figures: dict[str, float] = {}
+    rig = rig_of(mhz, board)
     say("booting the frozen image")
     with EmulatedBoard(rig, trace=False, board=board, args=args) as emulated:
         session = Session(emulated)
-        figures["upload_frames_8"] = session.info.upload_frames
-        say("upload")
-        figures["rx_bytes_per_s"] = upload_rate(session, session.info.upload_frames)
-        say("lights and triggers")
-        figures["light_channels_with_2000_frames"] = light_channels(session, 2000)
-        say("mixed move")
-        _mixed(session, figures, mhz)
+        figures = first_figures(session, mhz, say)
         say(f"GO, {GO_RUNS} times")
         times = go_times(session)
         figures["go_ms_median"] = float(np.median(times))
@@ -232,6 +273,8 @@ def measure(
         figures["tick_late_us_worst"] = worst_late_us(session, ARM, ARM_SPEED)
         figures["steps_per_s_8"] = top_rate(session, MOTORS, say)
         figures["steps_per_s_1"] = top_rate(session, 1, say)
+        say("upload in small sections")
+        figures["rx_bytes_per_s_small"] = small_upload_rate(session)
     with EmulatedBoard(rig, trace=False, board=board, args=args) as emulated:
         # a board of its own, as what it types on the REPL takes most of the memory
         figures |= rates_by_edges(Session(emulated), say)
@@ -245,7 +288,7 @@ def measure(
 class Asker:
     """Sends a request when it is called, and notes the answer's delay in `ms`."""
 
-    KINDS = (MotorStatus, MotorGetPosition, Hi)
+    KINDS: tuple[type[Request[Any]], ...] = (MotorStatus, MotorGetPosition, Hi)
 
     def __init__(self, client: Client, at_once: int = AT_ONCE, seed: int = 1):
         """at_once: number of requests without pauses; later ones come at random moments."""
@@ -258,6 +301,11 @@ class Asker:
         client = self.client
         if len(self.ms) >= self.at_once:
             client.pump(self._random.uniform(0.001, 0.02))
+        self.ask()
+
+    def ask(self) -> None:
+        """Send the next request now."""
+        client = self.client
         begun = client.clock()
         client.answer_to(client.send(self.KINDS[len(self.ms) % len(self.KINDS)]()))
         self.ms.append(1000 * (client.clock() - begun))
@@ -308,7 +356,7 @@ def virtual_replies(session: Session) -> list[float]:
     return ask.ms + jog.ms
 
 
-def _mixed(session: Session, figures: dict[str, float], mhz: int) -> None:
+def _mixed(session: Session, mhz: int) -> dict[str, float]:
     client = session.client
     positions = session.prepare(mixed_move(), max(STEADY_RATES) * 11 // 10)
     ask = Asker(client)
@@ -328,16 +376,18 @@ def _mixed(session: Session, figures: dict[str, float], mhz: int) -> None:
             f"only {played.reports} position reports came while the mixed move was played"
         )
     ticks = played.measured["exceptions"]["irq3"]
-    figures["edge_error_steady_us"] = float(np.nanmax(played.errors_us(ramps=False)))
-    figures["edge_error_ramp_us"] = float(np.nanmax(played.errors_us(ramps=True)))
-    figures["frame_error_us"] = played.verdict.worst_time_us
-    figures["tick_us_8"] = ticks["cycles"] / mhz / played.measured["ms"]
-    figures["cpu_load_8_percent"] = 100 * played.measured["load"]
     replies = [ask.ms]
     for seed in range(2, PLAYS + 1):
         ask = Asker(client, seed=seed)
         session.play(session.prepare(mixed_move(), max(STEADY_RATES) * 11 // 10), ask)
         replies.append(ask.ms)
-    figures["reply_ms_median"] = float(np.median([ms for each in replies for ms in each[AT_ONCE:]]))
-    figures["reply_ms_max"] = max(ms for each in replies for ms in each)
-    figures["heap_bytes_per_hour"] = (taken[2] - 2 * taken[1] + taken[0]) / hours
+    return {
+        "edge_error_steady_us": float(np.nanmax(played.errors_us(ramps=False))),
+        "edge_error_ramp_us": float(np.nanmax(played.errors_us(ramps=True))),
+        "frame_error_us": played.verdict.worst_time_us,
+        "tick_us_8": ticks["cycles"] / mhz / played.measured["ms"],
+        "cpu_load_8_percent": 100 * played.measured["load"],
+        "reply_ms_median": float(np.median([ms for each in replies for ms in each[AT_ONCE:]])),
+        "reply_ms_max": max(ms for each in replies for ms in each),
+        "heap_bytes_per_hour": (taken[2] - 2 * taken[1] + taken[0]) / hours,
+    }

@@ -257,31 +257,50 @@ def stops_in_run(
     return _at_each_moment(session, motors, True, requests)
 
 
-def stops_in_shot(
-    session: Session, velocity: int, after_s: Sequence[float] = (0.5, 1.5)
-) -> list[float]:
-    """Return the same for a SHOOT_FRAME of all motors with an exposure of 2 s, so many seconds
-    after GO: in its ramp of 1 s, and while the shutter is open."""
+def begin_shot(session: Session, velocity: int) -> RtShootFrame:
+    """Return a SHOOT_FRAME of all motors with an exposure of 2 s, for which they are configured
+    and an upload is there. velocity: steps/s."""
     client = session.client
     stands = session.positions
-    motors = _Motors(session)
     blur = MOTOR_ENABLED | MOTOR_BLUR
     for motor in stands:
         client.request(MotorSetSpeed(motor, velocity, RAMP))
         client.request(MotorConfigure(motor, blur))
     client.upload_move(1, 3, {motor: np.full(3, stand) for motor, stand in stands.items()})
+    ways = [BlurMotor(motor, stand, stand + velocity) for motor, stand in stands.items()]
+    return RtShootFrame(2, 0, 2000, 1000, ways)
+
+
+def stops_in_shot(
+    session: Session, velocity: int, after_s: Sequence[float] = (0.5, 1.5)
+) -> list[float]:
+    """Return the same as stops_in_run() for begin_shot(), so many seconds after GO: in its ramp of
+    1 s, and while the shutter is open."""
+    client = session.client
+    motors = _Motors(session)
+    shot = begin_shot(session, velocity)
     found = []
     for steady_s in after_s:
-        ways = [BlurMotor(motor, stand, stand + velocity) for motor, stand in stands.items()]
-        client.request(RtShootFrame(2, 0, 2000, 1000, ways))
+        client.request(shot)
         client.wait_idle()
         client.pump(READY_S)
         client.request(RtGo())
         client.pump(steady_s)
         found += _at_each_moment(session, motors, True, _REQUESTS[:1])
-    for motor in stands:
-        client.request(MotorConfigure(motor, MOTOR_ENABLED))
+    for way in shot.motors:
+        client.request(MotorConfigure(way.motor, MOTOR_ENABLED))
     return found
+
+
+def begin_jog_all(session: Session, velocity: int) -> RtJogAll:
+    """Return a JOG_ALL of eight motors on curved paths on whose first frame they are: it becomes
+    ever faster. velocity: of the motors, steps/s."""
+    frames = np.arange(160)
+    paths = {m: 40 * m * frames + np.round(300 * np.sin(frames / (2 + m))) for m in range(1, 9)}
+    session.prepare({m: path.astype(np.int64) for m, path in paths.items()}, velocity)
+    session.client.request(RtPositionFrame(1))
+    session.client.wait_idle()
+    return RtJogAll(24_000, len(frames))
 
 
 def stops_in_jogs(
@@ -290,14 +309,8 @@ def stops_in_jogs(
     after_s: Sequence[float] = (0.5, 3),
     apart_ns: int = APART_NS,
 ) -> list[float]:
-    """Return planned_stops() of a JOG_ALL of eight motors on curved paths, so many seconds after
-    its beginning: it becomes ever faster."""
-    frames = np.arange(160)
-    paths = {m: 40 * m * frames + np.round(300 * np.sin(frames / (2 + m))) for m in range(1, 9)}
+    """Return planned_stops() of begin_jog_all(), so many seconds after its beginning."""
     found = []
     for steady_s in after_s:
-        session.prepare({m: path.astype(np.int64) for m, path in paths.items()}, velocity)
-        session.client.request(RtPositionFrame(1))
-        session.client.wait_idle()
-        found += planned_stops(session, [RtJogAll(24_000, len(frames))], steady_s, apart_ns)
+        found += planned_stops(session, [begin_jog_all(session, velocity)], steady_s, apart_ns)
     return found
