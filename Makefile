@@ -141,7 +141,7 @@ plots: setup chromium ### draw the pictures in docs again
 bench: setup node micropython ## measure the firmware on the emulated board against its goals (build/bench.json); ARGS=--explain
 	@"$(PYTHON_VENV)" -m framestep_tools.bench $(ARGS)
 
-profile: setup node micropython ### where the processor's time goes: ARGS=upload, single-port, play, go or servos
+profile: setup node micropython ### where the processor's time goes: ARGS=upload, single-port, play, go, servos or answers
 	@"$(PYTHON_VENV)" -m framestep_tools.bench.profile $(ARGS)
 
 drawn: setup node micropython ### moves drawn at random with all motors of an emulated board, judged edge by edge; ARGS="--board pico2 --minutes 10"

@@ -14,6 +14,7 @@ from ..building import images
 from ..errors import Command
 from ..payloads import MotorStatus, RtGo
 from ..simulator.boards import EmulatedBoard
+from . import replies
 from .measure import PULSE_US, upload_rate
 from .moves import CLOCK_MHZ, MOTORS, STEADY_RATES, mixed_move
 from .session import Session
@@ -31,6 +32,7 @@ class Scenario(str, Enum):
     PLAY = "play"
     GO = "go"
     SERVOS = "servos"
+    ANSWERS = "answers"
 
 
 def _play(session: Session, profile: Profile, wait_s: float, seconds: float) -> None:
@@ -103,7 +105,7 @@ def main(
     cache: Annotated[bool, typer.Option(help="with the model of the flash cache")] = True,
 ) -> None:
     """Print where the processor's time goes: in an upload, in an upload through a single port, in a
-    move, just after GO; or the cost of servos."""
+    move, just after GO; or the cost of servos; or how long answers take in each state."""
     rig: dict[str, Any] = {"clock_mhz": CLOCK_MHZ, "motors": [{"pulse_us": PULSE_US}] * MOTORS}
     if scenario is Scenario.SINGLE_PORT:
         rig["ports"] = 1
@@ -112,6 +114,11 @@ def main(
     console = Console(width=120, highlight=False)
     if scenario is Scenario.SERVOS:
         console.print(servo_table(args))
+        return
+    if scenario is Scenario.ANSWERS:
+        for name, mhz in replies.BOARDS:
+            for table in replies.tables(name, mhz, args):
+                console.print(table)
         return
     with EmulatedBoard(rig, trace=False, args=args) as board:
         session = Session(board)
