@@ -22,6 +22,7 @@ from framestep.motors.positions import (
 )
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
+from framestep_tools.client.client import NoAnswer
 from host_tests.board.conftest import on_both, on_pico
 from host_tests.end_to_end.session import Session, assert_within, deceleration, run_request
 
@@ -225,13 +226,15 @@ def test_positions_outlive_the_power(rig):
 
 @on_pico
 def test_an_exception_inside_a_handler(rig):
-    """It ends the passes; a power cycle starts the board again."""
+    """It ends the passes and all answers; a power cycle starts the board again."""
     before = start(rig, *away(rig))
     emulator = rig.board.emulator
     emulator.repl().exec(RAISE)
     failed = rig.now
     rig.client.send(p.GioOut(0))
     rig.run(0.6)
+    with pytest.raises(NoAnswer):
+        rig.client.request(p.MotorStatus(), timeout_s=0.1)
     assert [message for _, message in rig.events(p.HardStop)] == [p.HardStop(100)]
     assert levels(rig) == [0, 1, 0]
     for motor in (1, 2):
