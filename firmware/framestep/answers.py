@@ -17,7 +17,7 @@ that a pass would have to look at. The next pass then goes on with the operation
 
 from array import array
 
-from framestep.base.clock import after
+from framestep.base.clock import after, elapsed
 from framestep.base.native import addressof, as_word, const, micropython, ptr8, ptr32
 from framestep.base.results import OK
 from framestep.hal import QUESTION
@@ -59,6 +59,9 @@ _ACK = const(m.MSG_FLAG_ACK >> 8)
 # Passes left out after one of them if sections are stored meanwhile, since a pass takes as long as
 # storing one. Passes that store sections themselves take no less than three milliseconds.
 _SKIPPED = const(2)
+# Small sections come so fast that MicroPython's scheduler would do nothing else. After so many
+# ticks they are left to a pass; meanwhile the host has to wait.
+_WITHOUT_PASS = const(12)
 _ANY_RATE = const(0x3FFFFFFF)
 _LARGEST = const(4 * 16)
 _ALL = const(256)
@@ -240,6 +243,11 @@ def _carry_out(controller, frames, at: int, place) -> int:
         return 0
     if int(controller.operations.state) != IDLE or int(_may_acknowledge(controller)) == 0:
         return 0
+    state = ptr32(ptr32(controller.answers)[_HEADER])
+    if state[stepper.SKIP]:
+        if elapsed(state[stepper.TICKS], state[stepper.SKIPPED_AT]) > _WITHOUT_PASS:
+            state[stepper.SKIP] = 1
+            return 0
     if int(fletcher16(frames, at, size + QUESTION)):
         return 0
     motor = f[at + m.HEADER_BYTES + m.RtUploadMoveAxis.motor]
@@ -253,9 +261,9 @@ def _carry_out(controller, frames, at: int, place) -> int:
     store = controller.moves.store
     if int(store.section(motor - 1, index, high & 0x80, frames, i, size >> 2)) != OK:
         return 0
-    state = ptr32(ptr32(controller.answers)[_HEADER])
     if state[stepper.SKIP] == 0:
         state[stepper.SKIP] = _SKIPPED + 1
+        state[stepper.SKIPPED_AT] = state[stepper.TICKS]
     return int(_acknowledge(controller, frames, at, place))
 
 
@@ -307,8 +315,6 @@ def answer(controller, questions, at: int, place) -> int:
         return 0
     operations = controller.operations
     state = int(operations.state)
-    if state == POSITIONING or state == ENDING:
-        return 0
     if state == GONE and kind == m.MSG_MOTOR_GET_POSITION:  # whose time begins in adopt()
         return 0
     if state < READY and operations.rt_end_due:  # it goes out first
@@ -324,9 +330,12 @@ def answer(controller, questions, at: int, place) -> int:
         if x[stepper.MODE] | x[stepper.PLANNED] | x[stepper.PENDING]:
             moving |= bit
         bit <<= 1
+    if state == POSITIONING or state == ENDING:
+        if moving & int(operations.operation.bits) == 0:
+            return 0  # the next pass goes on to another state
     if kind == m.MSG_MOTOR_STATUS:
         moving |= int(controller.interlock.homing) | int(controller.virtuals.move.owned)
-        if state >= RUNNING or state == LEAVING:
+        if state >= RUNNING or state == LEAVING or operations.starts_by_itself:
             moving |= int(operations.operation.bits)
         x = ptr32(w[_LIGHTS])
         to[10] = moving & 0xFF

@@ -253,6 +253,12 @@ def test_an_answer_does_not_wait_for_a_survey(chip):
         assert 1000 * (client.clock() - begun) > 4 * WORST_MS
 
 
+def test_passes_go_on_while_a_host_uploads_in_small_sections(session):
+    """These could keep MicroPython's scheduler busy for good: no report of moving motors came, and
+    after half a second they had nothing left to do."""
+    measure.upload_rate(session, measure.SMALL_FRAMES, section_bytes=measure.SMALL_BYTES)
+
+
 @pytest.mark.repeats
 def test_while_a_rig_moves_along_lines(session):
     found = virtual_replies(session)

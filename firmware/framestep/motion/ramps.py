@@ -274,14 +274,14 @@ def _level(phases):
     compute(r, _AFTER_ACCELERATION)
 
 
-def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
+def plan(phases, cubic, targets, i, limits, top, acceleration, jerk, port=None):
     """Plan from where the cubic is, at its velocity G1, to rest on the step targets[i].
 
     limits[top], limits[acceleration], limits[jerk]: reals in steps per tick, tick², tick³ (jerk 0:
     no limit). Returns NOTHING if there is nothing to do, PLANNED, or STOP_FIRST if the motor must
     turn, has a jerk limit and slows down already. Bringing its acceleration to 0 first would then
     take it past the end of the plan that it follows, and perhaps past a soft limit. So nothing is
-    planned, and plan_stop() has to plan the stop.
+    planned, and plan_stop() has to plan the stop. port: one that may begin a stop meanwhile.
     """
     r = scratch
     phases.clear()
@@ -323,6 +323,8 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
             if reals.compare(r, _S, _MIN_PHASE) < 0:
                 return PLANNED
     _choose_cruise()
+    if port:
+        port.look_for_stop()
     # The cruise covers what the two ramps leave; the last ramp covers what then remains.
     _ramp(_TO_CRUISE)
     compute(r, _LESS_DISTANCE)

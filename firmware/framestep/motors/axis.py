@@ -368,6 +368,8 @@ class Axis:
         self.direction = direction
         # The kernel's stops have no jerk limit, so a plan with one cannot begin within a stop.
         smooth = reals.sign(r, MAX_JERK) > 0
+        # Without one a stop of this motor is a ramp of the kernel's, as if at a limit switch.
+        port = None if smooth else hal.port
         if (
             (self.block[stepper.PENDING] or stepper.waking(hal.kernel.state))
             and self.at_rest
@@ -377,9 +379,8 @@ class Axis:
         ):
             self.block[stepper.PLANNED] = stepper.PLAN_TARGET  # resume_target() continues
             return True
-        if not smooth:
-            # A stop of this motor is a ramp of the kernel's then, as if at a limit switch.
-            hal.port.look_for_stop()
+        if port:
+            port.look_for_stop()
         if reals.equal_words(backlash, TARGET, backlash, PLANNED_LOAD):
             backlash.take_up(direction)
         else:
@@ -394,16 +395,11 @@ class Axis:
             MOTION_VELOCITY,
             MOTION_ACCELERATION,
             MAX_JERK,
+            port,
         )
         if planned == ramps.STOP_FIRST:
             if not ramps.plan_stop(
-                self.phases,
-                self.cubic,
-                backlash,
-                MOTOR,
-                r,
-                MAX_ACCELERATION,
-                MAX_JERK,
+                self.phases, self.cubic, backlash, MOTOR, r, MAX_ACCELERATION, MAX_JERK
             ):
                 self.stop(hal)
                 self.block[stepper.PLANNED] = stepper.PLAN_TARGET
@@ -414,8 +410,8 @@ class Axis:
                 return self.moving
             # The motion ends there already, but begin_plan() has cut its end off the queue.
         self.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
-        if not smooth:
-            hal.port.look_for_stop()
+        if port:
+            port.look_for_stop()
         self.feed(MOST_SEGMENTS, FIRST_TICKS)
         self.start(hal)
         hal.port.look_for_stop()

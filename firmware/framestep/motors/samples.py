@@ -40,9 +40,11 @@ def make_samples(motors):
 def sample(m: ptr32, out: ptr32) -> int:
     """Keep the last tick that was done, and each load's position by the commands queued until then.
 
-    Updates the positions of the loads. Return whether the tick of the alarm is over. m: the header.
+    Updates the positions of the loads. Return whether the tick of the alarm is over. m: the header,
+    in which it notes that there is a pass.
     """
     h = m
+    h[sw.SKIP] = 0
     i = out[_NEWEST]
     if out[i + 0] != h[sw.TICKS]:
         i += out[_ROW]

@@ -88,9 +88,9 @@ def find_positions(player, safety, frame, among, positions):
 
 def find_blocking_switch(player, safety, bits, positions):
     """Return OK, or the code of a limit switch that blocks a motor's way to positions[motor]."""
-    player.axes.hal.port.look_for_stop()
     for motor in range(player.count):
         if (bits >> motor) & 1:
+            player.axes.hal.port.look_for_stop()
             code = safety.limit_blocking(motor, positions, motor)
             if code != OK:
                 return code

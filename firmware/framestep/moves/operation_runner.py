@@ -497,6 +497,7 @@ class OperationRunner:
             self._send(motor, self.start_positions, self.directions)
 
     def _send_all(self, bits, positions, directions=None):
+        self.axes.hal.port.look_for_stop()
         if self.announce:
             self.announce(bits)
         for motor in range(self.axes.count):

@@ -61,7 +61,8 @@ HELD = const(23)
 AWAKE_AT = const(24)
 # 0: no passes are to be left out; else their number and 1. For Hal.pass_callback()
 SKIP = const(25)
-HEADER_WORDS = const(26)
+SKIPPED_AT = const(26)  # tick of the first section stored since the last pass, modulo 2^29
+HEADER_WORDS = const(27)
 
 UNSTRAINED = const(1000)
 

@@ -167,7 +167,7 @@ FIGURES = (
         "bytes/s",
         175_000,
         None,
-        "the same in sections of 16 positions, of 2 000 frames, while nothing moves",
+        "the same in sections of 16 positions, of 2 000 frames",
     ),
     Figure(
         "rx_bytes_per_s_single_port",

@@ -105,57 +105,35 @@ _ON_LINE = (
 
 
 def upload_rate(
-    session: Session, frames: int, during: AbstractContextManager[Any] | None = None
+    session: Session,
+    frames: int,
+    during: AbstractContextManager[Any] | None = None,
+    section_bytes: int = messages.LARGEST_PAYLOAD,
 ) -> float:
     """Return bytes per second of an upload for all motors, while they move."""
     client = session.client
-    requests = _upload(session, frames)
-    for motor, stands in session.positions.items():
-        client.request(MotorSetSpeed(motor, 5000, 5000))
-        client.request(MotorMove(motor, stands + 100_000))
-    client.pump(0.2)
-    rate = _stream_rate(session, requests, during)
-    if not any(isinstance(event.message, Positions) for event in client.events):
-        raise ToolError("no positions were reported during the upload")
-    client.request(MotorStopAll())
-    client.wait_idle()
-    return rate
-
-
-def small_upload_rate(session: Session) -> float:
-    """Return bytes per second of an upload in sections of 16 positions, at rest.
-
-    Not in motion: no pass comes between such sections, so that queues run dry after half a second.
-    """
-    return _stream_rate(session, _upload(session, SMALL_FRAMES, SMALL_BYTES))
-
-
-def _upload(
-    session: Session, frames: int, section_bytes: int = messages.LARGEST_PAYLOAD
-) -> list[Request[Ack]]:
     t = np.arange(frames)
     positions = {
         motor: (100 * motor * np.sin(t / 300)).astype(np.int64)
         for motor in range(1, session.info.motors + 1)
     }
-    return list(upload_requests(1, frames, positions, section_bytes))
-
-
-def _stream_rate(
-    session: Session,
-    requests: list[Request[Ack]],
-    during: AbstractContextManager[Any] | None = None,
-) -> float:
-    client = session.client
-    first, *sections, last = requests
+    first, *sections, last = upload_requests(1, frames, positions, section_bytes)
     size = sum(len(encode(request.TYPE, request.pack(), 1)) for request in sections)
+    for motor, stands in session.positions.items():
+        client.request(MotorSetSpeed(motor, 5000, 5000))
+        client.request(MotorMove(motor, stands + 100_000))
+    client.pump(0.2)
     client.request(first)
     client.events.clear()
     begun = client.clock()
     with during or nullcontext():
         client.stream(sections, WINDOW)
     took = client.clock() - begun
+    if not any(isinstance(event.message, Positions) for event in client.events):
+        raise ToolError("no positions were reported during the upload")
     client.request(last)
+    client.request(MotorStopAll())
+    client.wait_idle()
     return size / took
 
 
@@ -274,7 +252,8 @@ def measure(
         figures["steps_per_s_8"] = top_rate(session, MOTORS, say)
         figures["steps_per_s_1"] = top_rate(session, 1, say)
         say("upload in small sections")
-        figures["rx_bytes_per_s_small"] = small_upload_rate(session)
+        rate = upload_rate(session, SMALL_FRAMES, section_bytes=SMALL_BYTES)
+        figures["rx_bytes_per_s_small"] = rate
     with EmulatedBoard(rig, trace=False, board=board, args=args) as emulated:
         # a board of its own, as what it types on the REPL takes most of the memory
         figures |= rates_by_edges(Session(emulated), say)

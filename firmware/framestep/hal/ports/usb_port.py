@@ -93,6 +93,7 @@ _STAGE_SETUP = const(1)
 # Types of requests that are carried out at once (protocol.messages)
 _HI = const(0x01)
 _STATUS = const(0x30)
+_STOP = const(0x32)  # STOP_ALL is between this and _GET_POSITION
 _GET_POSITION = const(0x34)
 _SECTION = const(0x101)  # of an uploaded move
 _GO = const(0x113)
@@ -322,11 +323,7 @@ class UsbPort:
     @micropython.viper
     def _transferred(self, endpoint: int, result: int, count: int) -> bool:
         s = ptr32(self._state)
-        # A program on the REPL may have taken so much of the stack that there is no room for more
-        # here; then the next pass sees to it, as it does to everything else.
-        ready = 1 if self.answer and s[STALE] == 0 else 0
-        if s[INSIDE] == 0 and int(runtime.stack_use()) > DEEPEST:
-            ready = 0
+        stops = -1  # the slot where they may be
         if endpoint == s[EP_OUT]:
             place = s[FILL] & 1
             s[END + place] = count
@@ -334,11 +331,16 @@ class UsbPort:
             s[FILL] = (s[FILL] + 1) & 3
             ptr32(s[KEPT])[KEPT_FILL] = s[FILL]
             s[ARMED] = 0
-            if ready and self.open:
-                at = s[AT] if place == s[TAKE] & 1 else 0
-                begin_stops(self, place * PLACE + at, place * PLACE + count)
+            frame = ptr8(s[RX] + place * PLACE)
+            kind = frame[6] | (frame[7] << 8)
+            if (
+                QUESTION + frame[8] + (frame[9] << 8) != count
+                or kind >= _STOP
+                and kind < _GET_POSITION
+            ):
+                stops = place
             # A host sends sections without waiting, but its next question after the answer.
-            if ptr8(s[RX] + place * PLACE)[7] and (s[FILL] - s[TAKE]) & 3 < 2:
+            if frame[7] and (s[FILL] - s[TAKE]) & 3 < 2:
                 arm(self)
         elif endpoint == s[EP_IN]:
             if s[LEFT] or s[LAST] == PACKET:
@@ -362,8 +364,15 @@ class UsbPort:
                     pass
                 elif kind == _STATUS or kind == _GET_POSITION or kind == _HI:
                     now = 1
-        if now and ready:
-            _at_once(self)
+        # A program on the REPL may have taken so much of the stack that there is no room for more
+        # here; then the next pass sees to it, as it does to everything else.
+        if self.answer and (now or stops >= 0) and s[STALE] == 0:
+            if s[INSIDE] or int(runtime.stack_use()) <= DEEPEST:
+                if stops >= 0 and self.open:
+                    at = stops * PLACE
+                    begin_stops(self, at, at + s[AT] if stops == s[TAKE] & 1 else at, at + count)
+                if now:
+                    _at_once(self)
         if s[LIVE] and not s[ARMED] and (s[FILL] - s[TAKE]) & 3 < 2:
             arm(self)
         return True

@@ -65,6 +65,7 @@ else:
 
 _STOP = const(0x32)  # protocol.messages; STOP_ALL is between this and GET_POSITION
 _GET_POSITION = const(0x34)
+_SECTION = const(0x101)
 _GO = const(0x113)
 
 # Bits of ADDRESS_REGISTER: 0 from a bus reset until the host has given a new address
@@ -331,6 +332,9 @@ def look(port, stops: int):
         return
     if not port.answer or not port.open:
         return
+    frame = ptr8(s[RX] + first)
+    if frame[6] | (frame[7] << 8) == _SECTION:  # it takes a while to come
+        return
     at = first
     while at < first + PLACE - PACKET and ptr32(s[RX] + at + PACKET)[0] != MARK_0:
         at += PACKET
@@ -338,20 +342,23 @@ def look(port, stops: int):
     end = at + count
     if count < 0:  # the last one was full
         end = at + PACKET
-    at = first
+    taken = first
     if s[TAKE] == s[FILL]:
-        at += s[AT]
-        frame = ptr8(s[RX] + at)
-        if stops == 0 and end - at == QUESTION + frame[8]:
+        taken += s[AT]
+        frame = ptr8(s[RX] + taken)
+        if stops == 0 and end - taken == QUESTION + frame[8]:
             if frame[7] == 0 or frame[6] == _GO and frame[7] == _GO >> 8:
-                reply(port, at)
+                reply(port, taken)
                 return
-    begin_stops(port, at, end)
+    begin_stops(port, first, taken, end)
 
 
 @micropython.viper
-def begin_stops(port, at: int, end: int):
-    """Begin each stop in the slots from offset `at` to `end`, whatever comes before it."""
+def begin_stops(port, at: int, taken: int, end: int):
+    """Begin each stop in the slots up to offset `end`, whatever comes before it.
+
+    at: where the first frame begins. Those that end before `taken` may have been carried out.
+    """
     s = ptr32(port._state)
     while end - at >= QUESTION:
         frame = ptr8(s[RX] + at)
@@ -359,7 +366,8 @@ def begin_stops(port, at: int, end: int):
         if frame[0] != 0x44 or frame[1] != 0x46 or end - at < size:
             return
         if frame[7] == 0 and frame[6] >= _STOP and frame[6] < _GET_POSITION:
-            port.answer(port._rx, at, port._tx)
+            if at + size > taken:
+                port.answer(port._rx, at, port._tx)
         at += size
 
 

@@ -70,7 +70,6 @@ class WholeStack:
             if h[SKIP] > 1:
                 h[SKIP] = h[SKIP] - 1
                 return
-            h[SKIP] = 0
         before = limit[0]
         limit[0] = STACK
         inside[PASS] = 1
