@@ -145,12 +145,13 @@ class _Upload:
     def __init__(self) -> None:
         self._sent: deque[int] = deque()
         self._left: Iterator[Request[Any]] = iter(())
-        self._random = np.random.default_rng(1)
+        self._random = np.random.default_rng()
 
     def begin(self, session: Session) -> None:
         positions = {m: np.arange(_UPLOAD_FRAMES) * m for m in range(1, MOTORS + 1)}
         self._left = iter(list(upload_requests(1, _UPLOAD_FRAMES, positions))[:-1])
         self._sent.clear()
+        self._random = np.random.default_rng(1)
         session.client.request(next(self._left))
         self.go_on(session)
 
@@ -216,10 +217,12 @@ def _move(session: Session) -> None:
 class _Jogs:
     """A host that repeats its jogs."""
 
-    _sent_s = 0.0
+    def __init__(self) -> None:
+        self._sent_s = 0.0
 
     def begin(self, session: Session) -> None:
         _speeds(session)
+        self._sent_s = -_JOGS_AGAIN_S  # also if another board, with another clock, was asked before
         self.go_on(session)
 
     def go_on(self, session: Session) -> None:
