@@ -1,6 +1,6 @@
 // The emulated board in a Web Worker: the browser's counterpart of emu.mjs. Messages are plain objects.
 //
-// In:  {do: "start", image, files, pins}   a UF2 image, the first content of its file system, levels {pin: 0 or 1}
+// In:  {do: "start", image, files, pins}   a UF2 image, which says the chip, the first content of its file system, levels {pin: 0 or 1}
 //      {do: "open", port, on}              a serial port (DTR)
 //      {do: "write", port, bytes}
 //      {do: "took", port, bytes}           how many of the port's bytes have been processed
@@ -12,11 +12,12 @@
 //      {is: "halted", why}
 
 import { Board } from './lib/board.mjs';
+import { Pico2 } from './lib/rp2350/board.mjs';
 import { Runner } from './lib/runner.mjs';
 import { Trace } from './lib/trace.mjs';
-import { firmwareOf } from './lib/uf2.mjs';
+import { imageOf } from './lib/uf2.mjs';
 
-const PINS = [...Array(30).keys()];
+const KINDS = { RP2040: Board, RP2350: Pico2 };
 const PORTS = 2;
 const EDGES_MS = 30;
 const HIGH_WATER = 65536; // bytes of a port on their way to the page
@@ -68,9 +69,10 @@ function sendEdges() {
 
 const COMMANDS = {
   start({ image, files, pins }) {
-    board = new Board({ firmware: firmwareOf(new Uint8Array(image)), ports: PORTS, onEvent });
+    const { chip, firmware } = imageOf(new Uint8Array(image));
+    board = new KINDS[chip]({ firmware, ports: PORTS, onEvent });
     board.flash.set(new Uint8Array(files), board.files.offset);
-    board.startTrace(new Trace(PINS));
+    board.startTrace(new Trace([...board.outside.keys()]));
     for (const [pin, level] of Object.entries(pins)) board.setPin(Number(pin), Boolean(level));
     for (const [i, port] of board.usb.ports.entries()) {
       port.onData = (bytes) => {
@@ -92,6 +94,13 @@ const COMMANDS = {
   pin: ({ pin, level }) => board.setPin(pin, level === null ? null : Boolean(level)),
   reset: () => board.powerCycle(),
 };
+
+// An image that is refused, or a fault of the emulator
+addEventListener('error', ({ error }) => {
+  console.error(error); // close() may keep it from the browser's console
+  postMessage({ is: 'halted', why: error.message });
+  close();
+});
 
 addEventListener('message', ({ data }) => {
   COMMANDS[data.do](data);
