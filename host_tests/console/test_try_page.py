@@ -12,8 +12,10 @@ import pytest
 from playwright.sync_api import expect
 from rich.console import Console
 
+from flash_images.uf2 import RP2040, RP2350
 from framestep_emulator.trace import edges_from
 from framestep_tools import demo
+from framestep_tools.building import images
 from framestep_tools.client.client import Client
 from framestep_tools.judge.judge import judge
 from framestep_tools.judge.reference import Reference
@@ -29,6 +31,7 @@ FPS_MILLI = 24_000
 CLOCK_NS = 1000  # a motor that starts reads the chip's microsecond clock
 CYCLE_NS = 10  # of the pulse engine at the Pico's 200 MHz
 RUN_NS = 238 * 10**9 // 24 + 100_000  # from the second frame to the last, with the step to it
+SHORT = 51, 74  # frames of the example move in which all motors move
 PACKAGES = ["@xterm/addon-fit", "@xterm/xterm", "rp2040js"]  # what the page is made of
 # Keeps what the worker says of its pins, from the first moment on
 KEEP_EDGES = """
@@ -194,19 +197,43 @@ def show(page):
     card(page, "Tour").get_by_role("button", name="Show me where").locator("visible=true").click()
 
 
+def open_move(page, table):
+    """Call the positions known, and set the speeds that the move needs."""
+    ui.go_to(page, "Positions")
+    page.get_by_role("button", name="All are as shown").click()
+    page.get_by_role("button", name="Press again: all are known").click()
+    ui.close_drawer(page)
+    ui.go_to(page, "Move")
+    page.get_by_label("Open a move").set_input_files(table)
+    page.get_by_role("button", name="Raise the speeds to fit").click()
+    expect(ui.log(page)).to_contain_text("Speeds are set: track")
+    ui.close_drawer(page)
+
+
 def prepare_run(page):
     page.locator("#ready").click()
     expect(page.locator("#banner")).to_contain_text("READY")
     page.locator("#go").click()
 
 
-def run_of(edges, move, start):
-    """Return for each motor, from the second frame to the last, (times of its steps in ns after
-    motor 1's step to the second frame, positions). start: as for judge()."""
+def page_edges(page, board):
+    records = edges_from(base64.b64decode(page.evaluate(TAKE_EDGES).partition(",")[2]))
+    return PinDecoder(load_board(board, try_page.RIG)).feed(records)
+
+
+def judged(edges, move, start):
+    """Return the trace, and the verdict, which is good. start: as for judge()."""
     trace = Trace.from_edges(edges)
     path = Reference(move.positions, FPS_MILLI, demo.ROLL_MS, demo.ROLL_MS)
     verdict = judge(trace, move.positions, FPS_MILLI, start, path=path)
     assert verdict.good, verdict.complaints
+    return trace, verdict
+
+
+def run_of(edges, move, start):
+    """Return for each motor, from the second frame to the last, (times of its steps in ns after
+    motor 1's step to the second frame, positions). start: as for judge()."""
+    trace, verdict = judged(edges, move, start)
     times, after = trace.positions(1, start.get(1, 0))
     begin = times[(times > verdict.origin_ns) & (after == move.positions[1][1])][0]
     found = []
@@ -254,8 +281,7 @@ def test_the_tour_and_the_edges_of_its_run(page, tmp_path):
     expect(page.get_by_label("Position of boom in deg")).to_have_text("24.375°")
 
     move = read_move(CAMERA_MOVE)
-    records = edges_from(base64.b64decode(page.evaluate(TAKE_EDGES).partition(",")[2]))
-    made = run_of(PinDecoder(load_board()).feed(records), move, start)
+    made = run_of(page_edges(page, "pico"), move, start)
     expected = run_of(demo_edges(move, tmp_path), move, {})
     for motor, (found, wanted) in enumerate(zip(made, expected, strict=True), 1):
         assert len(found[0]) > 10_000, motor
@@ -274,6 +300,42 @@ def test_the_tour_and_the_edges_of_its_run(page, tmp_path):
     expect_on_repl(page, re.compile("E-stop|motor"))
     done(page, 5)
     expect(card(page, "Tour").get_by_role("status")).to_contain_text("That was the tour")
+
+
+def of_the_other_chip(route):
+    """Answer with an image of a Pico whose blocks say that it is for an RP2350."""
+    image = images.frozen("pico").with_suffix(".uf2").read_bytes()
+    families = [family.to_bytes(4, "little") for family in (RP2040, RP2350)]
+    route.fulfill(body=image.replace(*families))
+
+
+def test_a_wrong_image_is_refused_and_a_pico_2_plays_a_move(stage, url, tmp_path):
+    page = stage.page("about:blank")
+    page.add_init_script(KEEP_EDGES)
+    page.route("**/pico.uf2", of_the_other_chip)
+    page.goto(f"{url}?board=none")  # an unknown one is the default
+    refusal = "the image is for an RP2040, and the emulated chip is an RP2350"
+    expect(ui.log(page)).to_contain_text(refusal)
+    assert [refusal in error for error in page.errors] == [True]
+    page.errors.clear()
+
+    choice = page.get_by_label("Emulated board")
+    expect(choice).to_have_value("pico")
+    choice.select_option("Raspberry Pi Pico 2")
+    page.wait_for_url(f"{url}?board=pico2")
+    ui.wait_connected(page)
+    expect(choice).to_have_value("pico2")
+    table = tmp_path / "short.csv"
+    first, last = SHORT
+    header, *rows = CAMERA_MOVE.read_text().splitlines()  # the first row is frame 1
+    table.write_text("\n".join([header, *rows[first - 1 : last]]))
+    open_move(page, table)
+    prepare_run(page)
+    expect(ui.log(page)).to_contain_text(f"Run {first} to {last} is over.")
+    ui.wait_rest(page)
+    _, verdict = judged(page_edges(page, "pico2"), read_move(table), {})
+    assert len(verdict.motors) == 4
+    assert page.errors == []
 
 
 def worker_seconds():
@@ -317,15 +379,7 @@ def test_eight_motors_at_24_frames_take_half_of_the_start(stage, make_site, tmp_
     rows = [",".join(map(str, row)) for row in zip(range(240), *columns, strict=True)]
     table = tmp_path / "eight.csv"
     table.write_text("\n".join(["frame,1,2,3,4,5,6,7,8", *rows]))
-    ui.go_to(page, "Positions")
-    page.get_by_role("button", name="All are as shown").click()
-    page.get_by_role("button", name="Press again: all are known").click()
-    ui.close_drawer(page)
-    ui.go_to(page, "Move")
-    page.get_by_label("Open a move").set_input_files(table)
-    page.get_by_role("button", name="Raise the speeds to fit").click()
-    expect(ui.log(page)).to_contain_text("Speeds are set: track")
-    ui.close_drawer(page)
+    open_move(page, table)
     prepare_run(page)
     expect(ui.log(page)).to_contain_text("for 8 motors are uploaded")
     first, from_s = frames_played(page, 20), worker_seconds()

@@ -2,7 +2,6 @@
 
 const RECORD = 10; // bytes (tools/framestep_emulator/board/lib/trace.mjs)
 const KEPT = 1 << 17; // edges of each pin; a motor at 20 000 steps/s makes them in three seconds
-const COUNT = 30;
 
 /** The last edges of one pin. `count` never wraps; edges from `count - KEPT` on are kept. */
 class Edges {
@@ -44,14 +43,15 @@ class Edges {
 export class Pins {
   /** Board time in ns up to which the edges are complete. */
   nanos = 0;
-  edges = Array.from({ length: COUNT }, () => new Edges());
+  edges;
   /** Steps of each motor since power-up, up minus down. */
   steps;
   #motorOf = new Map(); // step pin -> index of the motor
   #dir;
 
-  /** step, dir: pins of the motors. */
-  constructor(board, { step, dir }) {
+  /** pins: how many the board has; step, dir: those of the motors. */
+  constructor(board, { pins, step, dir }) {
+    this.edges = Array.from({ length: pins }, () => new Edges());
     this.steps = step.map(() => 0);
     this.#dir = dir;
     step.forEach((pin, motor) => this.#motorOf.set(pin, motor));

@@ -1,4 +1,4 @@
-// framestep in a browser tab: an emulated board with the image of a Pico, its console and its REPL.
+// framestep in a browser tab: an emulated board with the image of a Pico or a Pico 2, its console and its REPL.
 
 import "framestep-console/style.css";
 import "@xterm/xterm/css/xterm.css";
@@ -13,7 +13,10 @@ import { Pins } from "./pins.js";
 import { Scope } from "./scope.js";
 import { ReplTerminal } from "./terminal.js";
 
-const { pins } = setup;
+const { boards } = setup;
+const asked = new URLSearchParams(location.search).get("board");
+const chosen = Object.hasOwn(boards, asked) ? asked : setup.board;
+const { name, chip, image, files, closed, pins } = boards[chosen];
 const PRESSED = 1; // the E-stop is normally closed: pressed, it lets its pin go high
 const RELEASED = 0;
 const DRAWN_MS = 40;
@@ -26,8 +29,8 @@ async function load(name) {
 
 async function makeBoard() {
   const worker = new Worker("board_worker.js");
-  const [image, files] = await Promise.all([load(setup.image), load(setup.files)]);
-  return new Board(worker, image, files, setup.closed);
+  const loaded = await Promise.all([load(image), load(files)]);
+  return new Board(worker, ...loaded, closed);
 }
 
 /** Put the example move onto the desk, and set the velocities that it needs. */
@@ -42,7 +45,8 @@ async function takeExample() {
 /** Return the scope's pins, [pin, name]. */
 function shownPins() {
   const motors = pins.step.flatMap((pin, i) => [[pin, `Step ${i + 1} · GP${pin}`], [pins.dir[i], `Direction ${i + 1} · GP${pins.dir[i]}`]]);
-  return [...motors, [pins.dmx.tx, `DMX · GP${pins.dmx.tx}`], [pins.shutter, `Shutter · GP${pins.shutter}`], [pins.meter, `Meter · GP${pins.meter}`]];
+  const others = [["DMX", pins.dmx?.tx], ["Shutter", pins.shutter], ["Meter", pins.meter]].filter(([, pin]) => pin !== undefined);
+  return [...motors, ...others.map(([title, pin]) => [pin, `${title} · GP${pin}`])];
 }
 
 /** Draw repeatedly while the page is visible. */
@@ -74,11 +78,14 @@ const traced = new Pins(board, pins);
 const estop = addEstop((on) => board.setPin(pins.estop, on ? PRESSED : RELEASED));
 const scope = new Scope(traced, shownPins());
 const power = h("button", { type: "button", onclick: () => board.reset() }, "Power off and on");
-const terminal = new ReplTerminal(board.repl, power);
+const choice = h("select", { "aria-label": "Emulated board", onchange: () => { location.search = `?board=${choice.value}`; } },
+  ...Object.entries(boards).map(([value, each]) => h("option", { value }, each.name)));
+choice.value = chosen;
+const terminal = new ReplTerminal(board.repl, choice, power);
 if (!device.axes.list.length) device.axes.set(setup.axes);
 const running = start(() => SerialLink.at(board.protocol, board.repl, "a board in this page"));
 const about = h("p", { class: "faint" },
-  "What runs here is ", h("a", { href: setup.image }, "the image for a Pico"), ", on an emulated RP2040. Nothing leaves this page. ",
+  "What runs here is ", h("a", { href: image }, `the image for a ${name}`), `, on an emulated ${chip}. Nothing leaves this page. `,
   h("a", { href: "licences.txt" }, "Licences"), " of the packages that it is made of.");
 bench.append(scope.element, terminal.element, about);
 running.drawer("board", true);
