@@ -307,6 +307,7 @@ def to_pose_table(move: Move, axes: list[Axis], rig: CameraRig, camera: Camera) 
     """
     to_table(move, axes)
     poses = rig.poses(move.positions, move.start_frame)
+    camera = camera.changed(rig.order, rig.up)
     written = camera.written(poses[:, :3], poses[:, 3:])
     angles = {name for name, _ in camera.rotations}
     columns = [

@@ -20,14 +20,14 @@ import numpy as np
 from ...errors import extra
 from ...text.text_file import MoveFileError
 from . import quaternions
-from .camera import OWN, of_angles
+from .camera import SCENE, of_angles
 from .recording import Recording, Table, slots
 from .scene_camera import UNITS, Pose, recorded
 
 NAME = "gltf"
 MEANING = "a glTF scene's camera"
 ENDINGS = (".gltf", ".glb")
-CAMERA = OWN
+CAMERA = SCENE
 
 _BINARY = "glTF"
 _ASSET = re.compile(r'"asset"\s*:\s*\{')

@@ -22,14 +22,14 @@ import numpy as np
 from ...errors import extra
 from ...text.text_file import MoveFileError
 from ..table import FASTEST, SLOWEST, rate
-from .camera import OWN
+from .camera import OWN, SCENE
 from .recording import Recording, Table, slots
 from .scene_camera import UNITS, Pose, recorded
 
 NAME = "usd"
 MEANING = "a USD scene's camera"
 ENDINGS = (".usda", ".usd", ".usdc")
-CAMERA = OWN
+CAMERA = SCENE
 
 _BINARY = "PXR-USDC"
 _CONVERT = "import sys; from pxr import Sdf; Sdf.Layer.FindOrOpen(sys.argv[1]).Export(sys.argv[2])"
