@@ -345,6 +345,7 @@ def test_every_command_and_the_page_take_poses(shot, capsys):
     assert json.loads(capsys.readouterr().out)["motors"][0]["name"] == "slide"
     assert run(shot, "export", str(shot / "a.chan"), "--pose", "-o", str(shot / "b.chan")) == 0
     assert (shot / "b.chan").read_text().splitlines()[1].split()[:2] == ["2", "10.000000"]
+    assert "left out, no part of the camera's pose: focus\n" in capsys.readouterr().err
 
 
 def test_columns_that_are_named_count_as_framestep_does(shot):

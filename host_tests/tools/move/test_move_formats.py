@@ -243,6 +243,20 @@ def test_an_axis_that_the_file_has_not_holds(shot):
     assert out.read_text() == "frame,track\n1,0.0000\n2,1.0000\n"
 
 
+def test_an_axis_that_moves_is_not_left_out_silently(shot, capsys):
+    """The file would lead to other steps."""
+    (shot / "axes.toml").write_text(LINEAR + "hold = 3\n")
+    move, out = shot / "move.csv", shot / "out.csv"
+    for pan, said in (("-100,-150", "2, axis pan: it is at 3.5 deg"), ("0,0", "1, axis pan: it")):
+        first, second = pan.split(",")
+        move.write_text(f"frame,track,pan\n1,0,{first}\n2,10,{second}\n")
+        assert run(shot, "export", str(move), "-o", str(out)) == 1
+        error = capsys.readouterr().err
+        assert f"frame {said}" in error
+        assert error.endswith('to stay at 3 deg: take "hold" out of axes.toml\n')
+        assert not out.exists()
+
+
 def test_seconds_from_zero_on_are_exported(shot):
     imported(shot, "0 2\n1. 2\n")
     out = shot / "out.csv"

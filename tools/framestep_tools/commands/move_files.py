@@ -281,10 +281,10 @@ def export_move(
     from ..errors import ToolError
     from ..move.any_file import read_any
     from ..move.camera_rig import rig_of
-    from ..move.move_conversion import to_pose_table, to_table
+    from ..move.move_conversion import left_by_pose, to_pose_table, to_table
     from ..move.move_file import or_example
     from ..move.move_formats import FORMATS, WITH_RATE, of_name
-    from ..text.text_file import write_text
+    from ..text.text_file import listed, write_text
 
     _not_itself(move, output)
     chosen = FORMATS[file_format] if file_format else of_name(output)
@@ -293,15 +293,19 @@ def export_move(
     found = rig_axes.find(axes) or rig_axes.FILE
     axes_of_rig = rig_axes.load(found, every_motor=True)
     content = read_any(or_example(move), axes_of_rig, fps)
+    left: list[str] = []
     if pose or camera:
         rig = rig_of(axes_of_rig, _camera(camera))
         if rig is None:
             raise ToolError(f"--pose needs [camera] in {found}, see docs/use/virtual-axes.md")
         table = to_pose_table(content, axes_of_rig.list, rig, chosen.CAMERA)
+        left = left_by_pose(content, axes_of_rig.list, rig)
     else:
         table = to_table(content, axes_of_rig.list)
     write_text(output, chosen.write(table, fps))
     note(*content.said)
+    if left:
+        note(f"left out, no part of the camera's pose: {listed(left)}")
     count = len(table.columns)
     print(
         f"{output}: frames {table.frames[0]} to {table.frames[-1]} of {count} "

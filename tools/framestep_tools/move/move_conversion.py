@@ -281,19 +281,19 @@ def _position(
 def to_table(move: Move, axes: list[Axis]) -> Table:
     """Return a move for export: the axes that do not hold, in their files' units.
 
-    Raises ToolError if the move has other motors than the axes, or if a position is beyond its
-    limits, with the frame.
+    Raises ToolError if the move has other motors than the axes, or with the frame if a position is
+    beyond its limits or an axis is not where it holds.
     """
-    if list(move.positions) != [axis.motor for axis in axes]:
-        motors = ", ".join(map(str, move.positions))
-        raise ToolError(
-            f"the move has positions for motor{'s' * (len(move.positions) > 1)} {motors}, "
-            f"and there {'are axes' if len(axes) > 1 else 'is an axis'} for "
-            f"{', '.join(str(axis.motor) for axis in axes)}"
-        )
+    _check(move, axes)
     for axis in axes:
-        for i, steps in enumerate(move.positions[axis.motor]):
-            axis.check(steps, move.start_frame + i)
+        steps = move.positions[axis.motor]
+        i = _off_hold(axis, steps)
+        if axis.hold is not None and i is not None:
+            raise ToolError(
+                f"frame {move.start_frame + i}, axis {axis.name}: it is at "
+                f'{axis.position(steps[i]):.10g} {axis.unit}, and "hold" leaves it out of the file, '
+                f'to stay at {axis.hold:.10g} {axis.unit}: take "hold" out of axes.toml'
+            )
     columns = [_column(axis, move.positions[axis.motor]) for axis in axes if axis.hold is None]
     if not columns:
         raise ToolError('no axis to write: each of the axes has "hold"')
@@ -305,7 +305,7 @@ def to_pose_table(move: Move, axes: list[Axis], rig: CameraRig, camera: Camera) 
 
     Raises ToolError as `to_table` does, or if the rig's arm cannot be there.
     """
-    to_table(move, axes)
+    _check(move, axes)
     poses = rig.poses(move.positions, move.start_frame)
     camera = camera.changed(rig.order, rig.up)
     written = camera.written(poses[:, :3], poses[:, 3:])
@@ -317,6 +317,35 @@ def to_pose_table(move: Move, axes: list[Axis], rig: CameraRig, camera: Camera) 
         for name, values in written.items()
     ]
     return Table(move.start_frame, columns, move.fps)
+
+
+def left_by_pose(move: Move, axes: list[Axis], rig: CameraRig) -> list[str]:
+    """Return the names of the axes that the pose of the rig's camera does not have."""
+    return [
+        axis.name
+        for axis in axes
+        if axis not in rig.axes.values()
+        and (axis.hold is None or _off_hold(axis, move.positions[axis.motor]) is not None)
+    ]
+
+
+def _off_hold(axis: Axis, steps: list[int]) -> int | None:
+    """Return the first index at which an axis is not where it holds."""
+    hold = axis.steps(axis.hold or 0.0)
+    return next((i for i, step in enumerate(steps) if step != hold), None)
+
+
+def _check(move: Move, axes: list[Axis]) -> None:
+    if list(move.positions) != [axis.motor for axis in axes]:
+        motors = ", ".join(map(str, move.positions))
+        raise ToolError(
+            f"the move has positions for motor{'s' * (len(move.positions) > 1)} {motors}, "
+            f"and there {'are axes' if len(axes) > 1 else 'is an axis'} for "
+            f"{', '.join(str(axis.motor) for axis in axes)}"
+        )
+    for axis in axes:
+        for i, steps in enumerate(move.positions[axis.motor]):
+            axis.check(steps, move.start_frame + i)
 
 
 def _column(axis: Axis, steps: list[int]) -> Column:
