@@ -249,6 +249,26 @@ def test_what_a_board_has_set_is_asked(framestep, monkeypatch):
     assert motors[3]["reason"] == "there is no motor 4, the device has motors 1 to 3"
 
 
+def test_what_a_board_does_not_report_is_said(framestep, monkeypatch, tmp_path):
+    """Its rig file may let it refuse what fits without."""
+    rig, path = tmp_path / "rig.json", tmp_path / "move.csv"
+    settings = {"motor_count": 3, "strict_moves": True, "motors": [{"backlash": 24}]}
+    rig.write_text(json.dumps(settings))
+    path.write_text("frame,1\n1,0\n2,10\n3,0\n4,10\n5,10\n")
+    board = SimulatedBoard(settings)
+    monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
+    line = "not considered, as a board does not report them: strict_moves, backlash, pulse_us of"
+    check_it = f"check socket://x {path}"
+    status, out, _ = framestep(check_it)
+    assert (status, out.count(line)) == (0, 1)
+    assert json.loads(framestep(f"{check_it} --json")[1])["not_considered"] == [
+        "strict_moves", "backlash", "pulse_us",
+    ]  # fmt: skip
+    status, out, _ = framestep(f"{check_it} --rig {rig}")
+    assert (status, out.count(line)) == (7, 0)
+    assert json.loads(framestep(f"check {path} --json")[1])["not_considered"] == []
+
+
 def test_a_picture(framestep, tmp_path):
     move = tmp_path / "move.csv"
     move.write_text("frame,pan\n1,0\n2,3\n3,5\n")

@@ -122,10 +122,14 @@ def check(
         found = move_check.check(content, run, settings, asked)
     except RigError as error:
         raise ToolError(f"{rig}: {with_suggestion(str(error))}") from None
+    without_rig_file = bool(device) and rig is None
     if json:
-        say_json(move_check.for_programs(found))
+        left = move_check.NOT_REPORTED if without_rig_file else ()
+        say_json({**move_check.for_programs(found), "not_considered": left})
     else:
         print(*move_check.lines(found, known), sep="\n")
+        if without_rig_file:
+            print(move_check.OF_RIG_FILE)
     if plot:
         try:
             check_plot.plot(found, plot)

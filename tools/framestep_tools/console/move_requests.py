@@ -64,7 +64,7 @@ class MoveWork:
             raise ToolError(f"the page has asked for no move: {error}") from None
         found = move_check.check(move, run, settings, device)
         return {
-            "lines": move_check.lines(found, device.axes),
+            "lines": [*move_check.lines(found, device.axes), move_check.OF_RIG_FILE],
             "fits": found.fits,
             "refused": found.refused,
         }

@@ -29,6 +29,12 @@ from .turns import jump_in, said_of
 
 FITS, STEEP, REFUSED = "fits", "too steep", "refused"
 
+NOT_REPORTED = ("strict_moves", "backlash", "pulse_us")  # settings that no message asks for
+OF_RIG_FILE = (
+    f"not considered, as a board does not report them: {', '.join(NOT_REPORTED)} of its rig file; "
+    "framestep check --rig FILE takes them from there"
+)
+
 _WINDOW = 4
 _REACHED = 0.01  # steps; a motor makes a step once the path is there
 _UNIT = 9.5  # times the velocity that is set: millimetres for centimetres are ten times
