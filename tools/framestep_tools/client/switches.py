@@ -10,8 +10,8 @@ from .client import Client, RequestRefused
 
 
 class Switches(NamedTuple):
-    """`estop`: whether it is held; `limits`: for each set, whether its upper and its lower switch
-    are active. None if the device does not report it."""
+    """`estop`: whether it is held; no message tells whether there is one. `limits`: for each set,
+    whether its upper and its lower switch are active. None if the device does not report it."""
 
     estop: bool | None
     limits: list[tuple[bool, bool]] | None
@@ -44,7 +44,7 @@ def ask(client: Client) -> Switches:
 def _rows(found: Switches) -> list[tuple[str, str]]:
     rows = []
     if found.estop is not None:
-        rows.append(("E-stop", "held" if found.estop else "released"))
+        rows.append(("E-stop", "held" if found.estop else "released, or there is none"))
     rows += [(f"input {i}", "on" if on else "off") for i, on in enumerate(found.inputs, 1)]
     for i, ends in enumerate(found.limits or [], 1):
         states = zip(("upper", "lower"), ends, strict=True)
@@ -77,6 +77,6 @@ def for_programs(found: Switches) -> dict[str, Any]:
     """Return the inputs as values for JSON."""
     limits = {str(i): [n for n, on in zip(("upper", "lower"), ends, strict=True) if on]
               for i, ends in enumerate(found.limits or [], 1)}  # fmt: skip
-    estop = None if found.estop is None else "held" if found.estop else "released"
+    estop = None if found.estop is None else "held" if found.estop else "released or none"
     return {"estop": estop, "inputs": {str(i): on for i, on in enumerate(found.inputs, 1)},
             "limits": limits if found.limits is not None else None}  # fmt: skip

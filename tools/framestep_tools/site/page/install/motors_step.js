@@ -107,7 +107,7 @@ export class MotorsStep {
   #showSwitches({ upper_active: upper, lower_active: lower }) {
     const { conditions, info, inputs } = this.#device.state;
     if (!info) return;
-    const rows = [["E-stop", conditions & M.CONDITION_ESTOP ? "held" : "released"]];
+    const rows = [["E-stop", conditions & M.CONDITION_ESTOP ? "held" : "released, or there is none"]];
     for (let i = 0; i < info.limit_sets && lower !== undefined; i += 1) {
       rows.push([`Limit set ${i + 1}, lower`, (lower >>> i) & 1 ? "active" : "clear"], [`Limit set ${i + 1}, upper`, (upper >>> i) & 1 ? "active" : "clear"]);
     }
