@@ -11,6 +11,7 @@ from framestep_tools.building.board_files import ROOT
 from framestep_tools.client.wire import encode
 from framestep_tools.commands import emu
 from framestep_tools.commands.common import arranged
+from framestep_tools.commands.moves import section
 from framestep_tools.errors import STATUSES
 from framestep_tools.move.move_file import CAMERA_MOVE, MoveFileError, or_example, read_move
 from framestep_tools.payloads import Hi, MotorMove, RtUploadMoveAxis
@@ -217,6 +218,14 @@ def test_the_camera_move():
     assert (move.start_frame, move.end_frame, move.frames) == (1, 240, 240)
     assert list(move.names.values()) == ["track", "boom", "swing", "pan"]
     assert move.section(3, 1)[1] == move.positions[1][2::-1]
+
+
+def test_backward_is_backward():
+    move = read_move(CAMERA_MOVE)
+    assert section(move, 9, 3, reverse=True) == (9, 3)
+    assert section(move, 3, 9, reverse=True) == (9, 3)
+    assert section(move, 9, 3, reverse=False) == (9, 3)
+    assert section(move, None, None, reverse=True) == (240, 1)
 
 
 def test_an_example_is_found_by_its_name_unless_there_is_a_file(tmp_path, monkeypatch):

@@ -56,7 +56,7 @@ FirstFrame = Annotated[
 LastFrame = Annotated[
     int | None, typer.Option("--to", help="last scene frame played, else the move's last")
 ]
-Reverse = Annotated[bool, typer.Option("--reverse", help="backward")]
+Reverse = Annotated[bool, typer.Option("--reverse", help="backward, whichever of --from and --to is later")]
 Preroll = Annotated[
     float,
     typer.Option(
@@ -184,8 +184,8 @@ def fits(request: "Request") -> None:
 
 
 def section(content: "Move", first: int | None, last: int | None, reverse: bool) -> tuple[int, int]:
-    """Return the first and the last scene frame to play. Raises MoveFileError for one outside the
-    move."""
+    """Return the first and the last scene frame to play; with `reverse` the later one first.
+    Raises MoveFileError for one outside the move."""
     from ..text.text_file import MoveFileError
 
     begin = content.start_frame if first is None else first
@@ -195,7 +195,7 @@ def section(content: "Move", first: int | None, last: int | None, reverse: bool)
             raise MoveFileError(
                 f"the move has frames {content.start_frame} to {content.end_frame}, not {frame}"
             )
-    return (end, begin) if reverse else (begin, end)
+    return (max(begin, end), min(begin, end)) if reverse else (begin, end)
 
 
 def play(
