@@ -95,6 +95,15 @@ def test_a_file_in_units_needs_axes_and_one_in_steps_does_not(shot, capsys):
     assert "column 1 is track, column 2 is pan" in capsys.readouterr().err
 
 
+def test_the_example_plays_whatever_the_motors_are_called(shot, capsys):
+    (shot / "axes.toml").write_text(LINEAR.replace('"track"', '"swing"'))
+    assert run(shot, "check", "camera_move.csv", "--json", "--velocity", "20000") in (0, 1)
+    found = [
+        (each["motor"], each["name"]) for each in json.loads(capsys.readouterr().out)["motors"]
+    ]
+    assert found == [(1, "swing"), (2, "pan"), (3, "swing"), (4, "pan")]
+
+
 def test_another_rate_than_the_files_is_said(shot, capsys):
     (shot / "m.csv").write_text("# fps: 25\nframe,track\n1,5\n2,6\n")
     assert run(shot, "check", str(shot / "m.csv"), "--json") == 0

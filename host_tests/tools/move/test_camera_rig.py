@@ -130,9 +130,7 @@ ORDERS = ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"]
 def test_a_pose_file_leads_back_to_the_same_steps(name, kind, seed, heading, order, up):
     _, steps = drawn(kind, 8, seed)
     more = f'order = "{order}"\n' * bool(order) + f'up = "{up}"\n' * bool(up)
-    toml = axes_toml(
-        kind, f'origin = [1, -2, 3]\nheading = {heading}\nfile_unit = "cm"\n{more}'
-    )
+    toml = axes_toml(kind, f'origin = [1, -2, 3]\nheading = {heading}\nfile_unit = "cm"\n{more}')
     axes = rig_axes.of_text(toml, "axes.toml")
     names = {axis.motor: axis.name for axis in axes.list}
     move = Move(5, names, dict(enumerate(steps.T.tolist(), 1)), 25.0)

@@ -56,7 +56,9 @@ FirstFrame = Annotated[
 LastFrame = Annotated[
     int | None, typer.Option("--to", help="last scene frame played, else the move's last")
 ]
-Reverse = Annotated[bool, typer.Option("--reverse", help="backward, whichever of --from and --to is later")]
+Reverse = Annotated[
+    bool, typer.Option("--reverse", help="backward, whichever of --from and --to is later")
+]
 Preroll = Annotated[
     float,
     typer.Option(

@@ -1,18 +1,26 @@
 """Moves from any file that framestep reads: its own, in steps, and other programs', in units."""
 
 import os
+from dataclasses import replace
 
 from ..axes.rig_axes import FILE, Axes
 from ..errors import ToolError
 from ..text.text_file import Text, listed, read_text
 from .camera_rig import rig_of
 from .move_conversion import to_move
-from .move_file import Move, move_of
+from .move_file import CAMERA_MOVE, Move, move_of, read_move
 from .move_formats import FORMATS, csv_table, of_content, refuse_others
 
 
 def read_any(path: str | os.PathLike[str], axes: Axes, fps: float | None = None) -> Move:
-    """Read a move. fps: frames per second, for a file in seconds. Raises ToolError."""
+    """Read a move. fps: frames per second, for a file in seconds. Raises ToolError.
+
+    The columns of framestep's example are motors 1, 2 …, whatever axes.toml calls them.
+    """
+    if path == CAMERA_MOVE:
+        move = read_move(path)
+        names = {m: a.name if (a := axes.axis(m)) else name for m, name in move.names.items()}
+        return replace(move, names=names)
     return any_of(read_text(path), path, axes, fps)
 
 
