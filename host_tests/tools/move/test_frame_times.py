@@ -1,5 +1,6 @@
 """Times in files are rounded; each still is its frame's."""
 
+import math
 from itertools import pairwise
 
 import pytest
@@ -58,9 +59,9 @@ def test_exact_times_of_another_rate_stay_between_frames(fps, rate):
     decimals = len(str(rate)) - 1 + (rate in (20, 50))
     times = [f"{i / rate:.{decimals}f}" for i in range(count)]
     move, _ = to_move(csv(times, [i / rate for i in range(count)]), ONE, "f", fps)
-    assert len(move.positions[1]) == int((count - 1) / rate * fps + 1e-6) + 1
+    assert len(move.positions[1]) == math.ceil((count - 1) / rate * fps - 1e-6) + 1
     for i, steps in enumerate(move.positions[1]):
-        assert steps == pytest.approx(1000 * i / fps, abs=1.01)
+        assert steps == pytest.approx(1000 * min(i / fps, 3), abs=1.01)
 
 
 @pytest.mark.parametrize("fps", RATES)
@@ -84,7 +85,17 @@ def test_a_step_between_keys_is_on_its_frame(fps, decimals):
     assert move.positions[1] == expected
 
 
-def test_keys_a_hair_beside_their_frames_in_files_of_frames(shot):
+def test_the_last_frame_of_seconds_is_on_the_end_position(shot):
+    text = "seconds,track,pan\n0,0,0\n0.1,1,1\n0.25,2.5,2.5\n"
+    move = imported(shot, text, "--fps", "10")
+    assert (move.end_frame, move.positions[1]) == (4, [0, 10, 20, 25])
+    assert (
+        imported(shot, text, "--fps", "10", "--to-fps", "25").positions[1][-1],
+        imported(shot, text, "--fps", "100").positions[1][-1],
+    ) == (25, 25)
+
+
+def test_keys_a_hair_beside_their_frames_in_files_of_frames(shot, capsys):
     arc = (
         '<scene><axis name="track"><points x="0.999" y="0"/><points x="4.9990" y="4"/>'
         '<controlPoints x="2.333" y="1"/><controlPoints x="3.666" y="3"/></axis>'
@@ -94,8 +105,10 @@ def test_keys_a_hair_beside_their_frames_in_files_of_frames(shot):
     move = imported(shot, arc)
     assert (move.start_frame, move.end_frame) == (1, 5)
     assert (move.positions[1][0], move.positions[1][-1]) == (0, 40)
+    assert "is left out" not in capsys.readouterr().err
     half = arc.replace("0.999", "0.5").replace("4.9990", "4.5").replace("5.001", "4.5")
     assert imported(shot, half).end_frame == 4
+    assert "ends at frame 4.5: what comes after frame 4 is left out\n" in capsys.readouterr().err
 
 
 def test_the_whole_file_through_the_command(shot, capsys):

@@ -22,6 +22,7 @@ LONGEST = (
     1_000_000  # frames; more than any controller accepts, so probably a typing error in a file
 )
 _CLOSE = 1e-6  # frames: what calculation may lose
+_HAIR = 0.01  # frames: keys that are meant to be on a frame
 _FEWEST_DECIMALS = 4
 _POSE_DECIMALS = 6  # of millimetres, which gives the same steps again
 _TURNING_S = 0.2  # samples of a rotation farther apart may be a turn that is meant
@@ -81,7 +82,7 @@ def to_move(
     whole, number, count = span.whole, span.number, span.frames
     if smooth and count < smooth:
         raise ToolError(f"--smooth {smooth} needs at least as many frames, {path} has {count}")
-    said = list(recording.said)
+    said = [*recording.said, *span.said]
 
     def over_frames(channel: Channel, name: str, unit: str) -> Curve:
         """Return a channel's curve over frames, its full turns unwrapped."""
@@ -138,12 +139,13 @@ def to_move(
 
 class _Span(NamedTuple):
     """Frames of a move: the function from a place in the file to a frame, the first whole frame
-    there, its number in the move, and how many there are."""
+    there, its number in the move, how many there are, and what to say."""
 
     frame: Frame
     whole: int
     number: int
     frames: int
+    said: list[str]
 
 
 def _span(
@@ -161,11 +163,17 @@ def _span(
     whole = math.ceil(begin - _CLOSE)
     first = FIRST_FRAME if recording.seconds else whole
     number = first if start is None else start
-    count = max(1, math.floor(end + _CLOSE) - whole + 1)
+    # In seconds the last frame is on the end position, even if that comes between two frames
+    last = math.ceil(end - _CLOSE) if recording.seconds else math.floor(end + _CLOSE)
+    last = max(whole, last)
+    count = last - whole + 1
     for edge in (number, number + count - 1):
         if not -(2**31) <= edge < 2**31:
             raise ToolError(f"{path}: frame numbers have to fit 32 bits signed, found {edge}")
-    return _Span(frame, whole, number, count)
+    said = [f"{path} ends at frame {end:g}: what comes after frame {last} is left out"] * (
+        end - last > _HAIR
+    )
+    return _Span(frame, whole, number, count, said)
 
 
 def _in_degrees(axis: Axis, positions: list[float]) -> list[float]:
@@ -291,8 +299,8 @@ def to_table(move: Move, axes: list[Axis]) -> Table:
         if axis.hold is not None and i is not None:
             raise ToolError(
                 f"frame {move.start_frame + i}, axis {axis.name}: it is at "
-                f'{axis.position(steps[i]):.10g} {axis.unit}, and "hold" leaves it out of the file, '
-                f'to stay at {axis.hold:.10g} {axis.unit}: take "hold" out of axes.toml'
+                f'{axis.position(steps[i]):.10g} {axis.unit}, and "hold" leaves it out of the '
+                f'file, to stay at {axis.hold:.10g} {axis.unit}: take "hold" out of axes.toml'
             )
     columns = [_column(axis, move.positions[axis.motor]) for axis in axes if axis.hold is None]
     if not columns:
