@@ -81,17 +81,19 @@ def test_a_spoilt_file_is_read_or_refused(text, at, length, put):
             (
                 f"# {comment}\nframe,track,pan\n1,0,2\n",
                 [],
-                f": a comment says {found} frames per second, expected is a number from 0.001",
+                ", line 1: expected frames per second from 0.001 to 1000, such as 25 or "
+                f"24000/1001, found {found!r}",
             )
             for comment, found in {
                 "fps: 0": "0", "fps = -25": "-25", "-25 fps": "-25", "fps: 1e9": "1e9",
-                "25.5.1 fps": "25.5.1", "frame rate: 24/0": "24/0",
+                "25.5.1 fps": "25.5.1", "frame rate: 24/0": "24/0", "fps: 25p": "25p",
+                "FPS = abc": "abc", "fps:": "", "frame rate: film": "film",
             }.items()
         ),
         (
             "# 24 fps\n# fps: 25\nframe,track,pan\n1,0,2\n",
             [],
-            ": comments say 24 and 25 frames per second: leave one",
+            ", line 2: comments say 24 and 25 frames per second: leave one",
         ),
         (
             "# 25 fps\nseconds,track,pan\n0,0,2\n2,1,2\n",

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from itertools import chain
 
 from ..text.numerals import COMMA, GREATEST, POINT, Cell, ambiguous, decimal_of, number
-from ..text.text_file import MoveFileError
+from ..text.text_file import MoveFileError, shown
 
 SLOWEST, FASTEST = 0.001, 1000.0  # frames per second
 _COMMENT = re.compile(r"\s*(?://|#)(.*)")
@@ -17,6 +17,10 @@ _RATE = re.compile(
     rf"|(?<![\w.,/+-])(?P<before>{_RATE_NUMBER}) ?(?:fps|frames/s|frames per second)\b",
     re.IGNORECASE,
 )
+# A comment that begins like "fps: 25" and so has to name a rate
+_NAMES_RATE = re.compile(
+    r"(?:fps|frame ?rate|frames per second)\s*[:=]\s*(?P<rate>.*)", re.IGNORECASE
+)
 _COMMA_BETWEEN_DIGITS = re.compile(r"\d,\d")
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+\.\d*")
 _BETWEEN = re.compile(r"[,;]?\s+|;")  # columns, if a comma between two digits is decimal
@@ -25,7 +29,8 @@ _ALL_BETWEEN = re.compile(r"\s*[,;]\s*|\s+")
 
 @dataclass
 class Table:
-    """Rows of cells, each with the number of its line. `comments`: the text after # or //.
+    """Rows of cells, each with the number of its line. `comments`: the text after # or //,
+    likewise.
 
     decimal: the sign that the caller names; None: the file's numbers decide.
     """
@@ -33,7 +38,7 @@ class Table:
     path: str
     rows: list[list[str]]
     lines: list[int]
-    comments: list[str] = field(default_factory=list)
+    comments: list[tuple[int, str]] = field(default_factory=list)
     decimal: str | None = None
 
     def where(self, row: int, column: str = "") -> str:
@@ -42,20 +47,28 @@ class Table:
 
     @property
     def fps(self) -> float | None:
-        """The frames per second that comments name. Raises MoveFileError if none can be so, or if
-        they contradict each other."""
-        found = [text for comment in self.comments for text in rates_in(comment)]
-        rates = [rate(text.replace(COMMA, POINT)) for text in found]
-        for text, value in zip(found, rates, strict=True):
-            if value is None:
-                raise MoveFileError(
-                    f"{self.path}: a comment says {text} frames per second, expected is a number "
-                    f"from {SLOWEST:g} to {FASTEST:g}"
-                )
-            if value != rates[0]:
-                raise MoveFileError(
-                    f"{self.path}: comments say {found[0]} and {text} frames per second: leave one"
-                )
+        """The frames per second that comments name. Raises MoveFileError, with the line, if none
+        can be so, or if they contradict each other."""
+        found: list[str] = []
+        rates: list[float] = []
+        for line, comment in self.comments:
+            named = rates_in(comment)
+            if not named and (wrong := _NAMES_RATE.match(comment)):
+                named = [wrong["rate"]]
+            for text in named:
+                value = rate(text.replace(COMMA, POINT))
+                if value is None:
+                    raise MoveFileError(
+                        f"{self.path}, line {line}: expected frames per second from {SLOWEST:g} to "
+                        f"{FASTEST:g}, such as 25 or 24000/1001, found {shown([text])}"
+                    )
+                found.append(text)
+                rates.append(value)
+                if value != rates[0]:
+                    raise MoveFileError(
+                        f"{self.path}, line {line}: comments say {found[0]} and {text} frames per "
+                        "second: leave one"
+                    )
         return rates[0] if rates else None
 
     def require(self, width: int, first: int = 0, what: str = "columns") -> None:
@@ -116,13 +129,13 @@ def rate(text: str) -> float | None:
     return found if SLOWEST <= found <= FASTEST else None
 
 
-def contents(text: str) -> tuple[list[tuple[int, str]], list[str]]:
-    """Return the lines that are not empty, each with its number, and the comments."""
+def contents(text: str) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
+    """Return the lines that are not empty, and the comments, each with its number."""
     lines, comments = [], []
     for at, line in enumerate(text.split("\n"), 1):
         found = _COMMENT.match(line)
         if found:
-            comments.append(found[1].strip())
+            comments.append((at, found[1].strip()))
         elif line.strip():
             lines.append((at, line))
     return lines, comments
@@ -147,7 +160,7 @@ def with_header(text: str, path: str, decimal: str | None = None) -> Table:
     for i, line in enumerate(lines, 1):
         comment = _COMMENT.match(line)
         if comment:
-            comments.append(comment[1].strip())
+            comments.append((i, comment[1].strip()))
         elif not kept and (found := _SEPARATOR_LINE.fullmatch(line.strip())):
             separator = found[1]
         elif kept or line.strip():
@@ -191,6 +204,7 @@ def without_header(
     """
     lines, comments = contents(text)
     numbers = [at + after for at, _ in lines]
+    comments = [(at + after, comment) for at, comment in comments]
     found = [line.strip().rstrip(",;") for _, line in lines]
     if decimal:
         separates = decimal == POINT

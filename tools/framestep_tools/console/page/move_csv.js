@@ -6,7 +6,10 @@ const LEAST = -2147483648;
 const MOST = 2147483647;
 const MOTORS = 32;
 const COMMENT = /^\s*(?:\/\/|#)(.*)/;
-const RATE = /(?:fps|frame ?rate|frames per second)\W{0,3}(\d+(?:\.\d+)?(?:\/\d+)?)\b|\b(\d+(?:\.\d+)?(?:\/\d+)?) ?(?:fps|frames\/s|frames per second)/i;
+// as in framestep_tools/move/table.py
+const DIGITS = String.raw`[+-]?\.?\d(?:[\d.,/+-]|e(?=[\d+-]))*`;
+const RATE = new RegExp(String.raw`(?:fps|frame ?rate|frames per second)[^\w.+-]{0,3}(${DIGITS})(?!\w)|(?<![\w.,/+-])(${DIGITS}) ?(?:fps|frames/s|frames per second)\b`, "gi");
+const NAMES_RATE = /^\s*(?:fps|frame ?rate|frames per second)\s*[:=]\s*(.*)/i;
 const UNIT = /^(.*\S)\s*[[(]\s*(steps|mm|cm|m|in|ft|deg|rad|°)\s*[\])]$/i;
 const NUMBER = /^(?:motor[ _]?)?(\d{1,9})$/i;
 const GROUPED = /^[+-]?[1-9]\d{0,2}\.\d{3}$/; // may be thousands
@@ -46,13 +49,22 @@ function whole(cell, name, where) {
   return value;
 }
 
-/** Return the frames per second in a comment, such as "fps: 25" or "24000/1001 fps", or null. */
-function rateIn(comment) {
-  const found = comment.match(RATE);
-  if (!found) return null;
-  const [above, below = 1] = (found[1] ?? found[2]).split("/").map(Number);
-  const rate = above / below;
-  return rate >= 0.001 && rate <= 1000 ? rate : null;
+/** Return the frames per second in comments such as "fps: 25" or "24000/1001 fps", or null. Throws MoveError if none can be so. */
+function rateIn(comments, name) {
+  const found = [];
+  for (const [at, comment] of comments) {
+    const named = [...comment.matchAll(RATE)].map(([, after, before]) => (after ?? before).replace(/[.,/+-]+$/, ""));
+    const [, wrong] = (named.length ? null : comment.match(NAMES_RATE)) ?? [];
+    if (wrong !== undefined) named.push(wrong.trim());
+    for (const text of named) {
+      const [above, below = 1] = text.replaceAll(",", ".").split("/").map(Number);
+      const rate = above / below;
+      if (!(rate >= 0.001 && rate <= 1000)) throw new MoveError(`${name}, line ${at}: expected frames per second from 0.001 to 1000, such as 25 or 24000/1001, found “${text}”`);
+      found.push([rate, text]);
+      if (rate !== found[0][0]) throw new MoveError(`${name}, line ${at}: comments say ${found[0][1]} and ${text} frames per second: leave one`);
+    }
+  }
+  return found[0]?.[0] ?? null;
 }
 
 /**
@@ -93,7 +105,7 @@ export function parseMove(text, name, axes) {
   const lines = [];
   text.replace(/^\uFEFF/, "").replace(/[\u001a\0\s]*\u001a[\u001a\0\s]*$/, "").split(/\r\n|\r|\n/).forEach((line, at) => {
     const comment = line.match(COMMENT);
-    if (comment) comments.push(comment[1]);
+    if (comment) comments.push([at + 1, comment[1]]);
     else if (lines.length || line.trim()) lines.push([at + 1, line]);
   });
   let between = null;
@@ -143,7 +155,7 @@ export function parseMove(text, name, axes) {
     motors: order.map((at) => motors[at]),
     names: order.map((at) => axes.of(motors[at]).settings?.name ?? (NUMBER.test(header[at + 1]) ? `motor ${motors[at]}` : header[at + 1])),
     positions: order.map((at) => positions[at]),
-    fps: comments.map(rateIn).find((rate) => rate !== null) ?? null,
+    fps: rateIn(comments, name),
     counted,
   };
 }
