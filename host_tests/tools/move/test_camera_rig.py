@@ -215,12 +215,14 @@ Transform\tPosition
 Transform\tY Rotation
 \tFrame\tdegrees
 \t0\t10
+End of Keyframe Data
 """  # right 10, down 20, ahead 30; turned to the right
     move = moved(ae, "a.txt", toml)
     assert [move.positions[m][0] for m in range(1, 7)] == [
         100_000, -200_000, -300_000, -10 * DEG, 0, 0,
     ]  # fmt: skip
-    aimed = ae + "Transform\tPoint of Interest\n\tFrame\tX\tY\tZ\n\t0\t10\t-80\t130\n"
+    point = "Transform\tPoint of Interest\n\tFrame\tX\tY\tZ\n\t0\t10\t-80\t130\n"
+    aimed = ae.replace("End of", point + "End of")
     move = moved(aimed, "a.txt", toml)  # as far up as ahead, and then turned
     ahead = looks(move) @ (0, 0, -1)
     up = np.array([0, 1, 1]) / np.sqrt(2)

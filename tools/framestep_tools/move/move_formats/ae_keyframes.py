@@ -53,6 +53,7 @@ _POINT = ("Point of Interest X", "Point of Interest Y", "Point of Interest Z")
 _AIMED = replace(_ORIENTED, target=_POINT)
 
 _FIRST = re.compile(r"\s*Adobe After Effects \S+ Keyframe Data")
+_END = "End of Keyframe Data"
 _AXIS = re.compile(r"([XYZ])\b")
 
 
@@ -81,7 +82,7 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
         where = f"{path}, line {line}"
         if line == 1 or not content.strip():
             continue
-        if content.startswith("End of Keyframe Data"):
+        if content.startswith(_END):
             break
         if cells[0].strip():
             groups, heading, at_left = [cell.strip() for cell in cells if cell.strip()], [], True
@@ -116,6 +117,11 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
             keys = curves.setdefault(name, [])
             check_increasing(keys[-1][0] if keys else None, frame, f"{where}, Frame")
             keys.append((frame, value))
+    else:
+        raise MoveFileError(
+            f"{path}, line {len(text.rstrip().splitlines())}: expected {_END} at the end: a part "
+            "of the text is missing, copy and paste all of it"
+        )
     if not curves:
         raise MoveFileError(f"{path}: expected a property with keyframes, found none")
     begin = min(keys[0][0] for keys in curves.values())
