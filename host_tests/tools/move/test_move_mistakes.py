@@ -120,6 +120,8 @@ def test_a_spoilt_file_is_read_or_refused(text, at, length, put):
         (MAYA.replace("    3 1 lin", "    1 1 lin"), [],
          "line 6, track.translateX: expected a key after 1"),
         (MAYA.replace("3 1 linear flat 1 1 0", "3 1"), [], "line 14: not understood: '3,1'"),
+        (MAYA[: MAYA.index("    6 9 flat")], [], "line 14: expected } at the end: a part of the"),
+        (MAYA.rstrip().removesuffix("}"), [], "expected } at the end: a part of the file"),
         (MAYA.replace("3 1 linear", "3 one linear"), [],
          "line 14, track.translateX: expected a number"),
         (MAYA.replace("outputUnit cm", "outputUnit mi"), [], "its linear unit: expected mm, cm, m"),

@@ -71,7 +71,9 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
     name = ""
     data: _Data | None = None
     in_keys = False
+    line = open_ = 0
     for line, words in _statements(text):
+        open_ += {"{": 1, "}": -1}.get(words[-1], 0)
         match words:
             case ["anim", *about]:
                 # a node without an attribute has no curve
@@ -90,6 +92,10 @@ def read(text: str, path: str, decimal: str | None = None) -> Recording:
                 (data.settings if data else header)[key] = value
             case _:
                 raise MoveFileError(f"{path}, line {line}: not understood: {shown(words)}")
+    if open_ > 0:
+        raise MoveFileError(
+            f"{path}, line {line}: expected }} at the end: a part of the file is missing"
+        )
     if "animVersion" not in header:
         raise MoveFileError(f"{path}: expected animVersion at the beginning, found none")
     unit = header.get("timeUnit", "film")
