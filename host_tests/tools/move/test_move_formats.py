@@ -13,7 +13,7 @@ from framestep_tools.axes.axes_file import Axis, read_axes
 from framestep_tools.axes.units import UNITS, factor
 from framestep_tools.errors import ToolError
 from framestep_tools.move.move_conversion import to_move, to_table
-from framestep_tools.move.move_file import Move
+from framestep_tools.move.move_file import Move, read_move
 from framestep_tools.move.move_formats import FORMATS, of_content
 from framestep_tools.move.move_formats.curves import Samples, Segment, within
 from host_tests.tools.conftest import ARC, LINEAR, MAYA, MAYA_AXES, imported, run
@@ -240,7 +240,24 @@ def test_an_axis_that_the_file_has_not_holds(shot):
         assert imported(shot, text).positions == {1: [0, 10], 2: [-100, -100]}
     out = shot / "out.csv"
     assert run(shot, "export", str(shot / "move.csv"), "-o", str(out)) == 0
-    assert out.read_text() == "frame,track\n1,0.0000\n2,1.0000\n"
+    assert out.read_text() == "frame,track (mm)\n1,0.0000\n2,1.0000\n"
+
+
+@pytest.mark.parametrize("in_file", ["Camera Pan", "pan (rad)"])
+def test_an_exported_csv_is_not_taken_for_steps(in_file, shot, capsys):
+    """Its units are in its headings; a heading's own unit is kept."""
+    (shot / "axes.toml").write_text(LINEAR + f'in_file = "{in_file}"\n')
+    move, out, back = shot / "move.csv", shot / "out.csv", shot / "back.csv"
+    move.write_text("frame,track,pan\n1,0,200\n2,10,0\n3,50,-700\n")
+    assert run(shot, "export", str(move), "-o", str(out)) == 0
+    heading = "pan (rad)" if in_file == "pan (rad)" else "Camera Pan (deg)"
+    assert out.read_text().splitlines()[0] == f"frame,track (mm),{heading}"
+    assert run(shot, "check", str(out)) == 1
+    if in_file == "Camera Pan":  # all numbers are whole
+        said = "a move has steps, this is in mm: framestep import converts it"
+        assert said in capsys.readouterr().err
+    assert run(shot, "import", str(out), "-o", str(back)) == 0
+    assert read_move(back).positions == read_move(move).positions
 
 
 def test_an_axis_that_moves_is_not_left_out_silently(shot, capsys):

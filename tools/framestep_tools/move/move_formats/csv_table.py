@@ -6,16 +6,17 @@ Blender and Maya have no CSV format for animation; scripts for them and spreadsh
 import csv
 import io
 import re
+from dataclasses import replace
 from itertools import pairwise
 
-from ...axes.units import unit_of, without_unit
+from ...axes.units import factor, unit_of, without_unit
 from ...text.text_file import MoveFileError, shown
 from ..frame_times import last_decimal
 from ..table import Table as Text
 from ..table import contents, rates_in, separator_of, with_header
 from .camera import OWN
 from .curves import Samples
-from .recording import Channel, Recording, Table, check_frames
+from .recording import Channel, Column, Recording, Table, check_frames
 
 NAME = "csv"
 MEANING = "a header, then a line per frame; the first column is frame or seconds"
@@ -117,7 +118,9 @@ def _check_places(table: Text, first: int, places: list[float], clock: float | N
 
 
 def write(table: Table, fps: float | None) -> str:
-    """Return the file's text: with frames, or with seconds from 0 on if fps is given."""
+    """Return the file's text: with frames, or with seconds from 0 on if fps is given. Headings name
+    the unit, so that nothing takes the numbers for steps."""
+    columns = [_with_unit(column) for column in table.columns]
     first: list[str] = (
         [f"{i / fps:.9f}" for i in range(len(table.frames))]
         if fps
@@ -127,6 +130,16 @@ def write(table: Table, fps: float | None) -> str:
     if table.fps and not fps:
         out.write(f"# fps: {table.fps:.10g}\n")
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["seconds" if fps else "frame", *(column.name for column in table.columns)])
-    writer.writerows(zip(first, *(column.texts() for column in table.columns), strict=True))
+    writer.writerow(["seconds" if fps else "frame", *(column.name for column in columns)])
+    writer.writerows(zip(first, *(column.texts() for column in columns), strict=True))
     return out.getvalue()
+
+
+def _with_unit(column: Column) -> Column:
+    """Return a column in the unit that its heading names, else with its unit in the heading."""
+    unit = without_unit(column.name)[1]
+    if unit and factor(column.unit, unit):
+        return column.converted(unit)
+    if unit or not unit_of(column.unit):
+        return column
+    return replace(column, name=f"{column.name} ({column.unit})")
