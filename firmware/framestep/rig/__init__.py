@@ -88,7 +88,11 @@ class Rig:
         self.dmx_break_us = settings["dmx_break_us"]
         self.dmx_mark_us = settings["dmx_mark_us"]
         self.dmx_ramp_ms = settings["dmx_ramp_ms"]
-        self.virtuals = settings["virtuals"] & ~3  # capabilities: bits of HI
+        self.virtuals = settings["virtuals"]  # capabilities: bits of HI
+        if self.virtuals & 3:
+            raise RigError(
+                "virtuals: found %d, allowed is a sum of 4, 8, 16, 32 and 64" % self.virtuals
+            )
 
     def _count_motors(self, settings, most):
         if most and settings["motor_count"] > most:

@@ -124,6 +124,11 @@ def assign(settings, board, others=()):
         if pin == NO_PIN:
             if "ends" in settings["limits"][i]:
                 raise RigError('limits[%d].ends: found "both", but there is no `pin`' % (i + 1))
+            if limit["high"] == NO_PIN and limit["low"] == NO_PIN:
+                raise RigError(
+                    "limits[%d]: found no switch; allowed is `high`, `low` or both, or `pin`"
+                    % (i + 1)
+                )
         elif limit["high"] != NO_PIN or limit["low"] != NO_PIN:
             raise RigError(
                 "limits[%d].pin: found %d, but `high` and `low` are for switches with inputs of "
