@@ -82,7 +82,7 @@ def test_memory():
     assert said.endswith(">>> ")
     assert fits({"virtuals": 0}, 232)
     assert not fits({"virtuals": 0}, 200)
-    assert fits({"virtuals": 0, "motor_count": 1}, 209)
+    assert fits({"virtuals": 0, "motor_count": 1}, 210)
 
 
 def test_the_memory_that_is_measured():

@@ -159,7 +159,8 @@ def planned_stops(
         session.client.request(request)
     session.client.pump(steady_s)
     with board.undone():
-        unstopped = dict(_look(session, motors, _SPAN_NS + _PLANNED_NS))
+        # with the present one, as a request may hold up the next tick
+        unstopped = dict([motors.velocities(), *_look(session, motors, _SPAN_NS + _PLANNED_NS)])
     found = []
     until = board.now_ns + _SPAN_NS
     while board.now_ns < until:
