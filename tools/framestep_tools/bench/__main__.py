@@ -16,8 +16,8 @@ from ..errors import Command
 from . import esp32, pico2, shift_registers, tick_cost
 from .figures import FIGURES, TRUST, all_missed, keyed, missed, plain_table, table
 from .main_loop import loop_table, loops
-from .measure import measure
-from .record import RECORD, comparison, record, recorded, worse
+from .measure import QUICK, measure
+from .record import IDEAL, RECORD, comparison, record, recorded, worse
 
 BOARDS = ("pico", pico2.BOARD, shift_registers.BOARD)
 RESULT = ROOT / "build" / "bench.json"
@@ -70,6 +70,7 @@ def main(
     console.print("the simulated ESP32")
     chain = esp32.measure()
     values = keyed(modelled) | on_pico2 | on_registers | chain
+    values |= {key + IDEAL: ideal[key] for key in QUICK}
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(json.dumps(values, indent=2) + "\n")
     console.print(table(modelled, ideal, explain))

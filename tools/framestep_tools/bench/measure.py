@@ -57,6 +57,14 @@ from .virtual_cost import virtual_update_us
 _CHANNELS = 512
 SMALL_BYTES = 5 + 4 * 16  # a section of 16 positions
 SMALL_FRAMES = 2000
+# figures that each run of the tests compares with the record
+QUICK = (
+    "upload_frames_8",
+    "rx_bytes_per_s",
+    "rx_bytes_per_s_small",
+    "tick_us_8",
+    "reply_ms_median",
+)
 LEVELS_AT_ONCE = 1000
 PLAYS = 4  # of the mixed move, because one has too few replies for a median
 TRIGGERS_AT_ONCE = 100
