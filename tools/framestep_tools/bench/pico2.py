@@ -22,7 +22,7 @@ _GOALS = {
     "tick_us_8": 38,
     "upload_frames_8": 20_000,
     "rx_bytes_per_s": 800_000,
-    "rx_bytes_per_s_small": 290_000,
+    "rx_bytes_per_s_small": 220_000,
     "reply_ms_median": 0.8,
     "reply_ms_max": 3,
 }

@@ -41,6 +41,7 @@ from framestep.hal.ports.usb_transfers import (
     LEFT,
     LIVE,
     LOOK,
+    MARK_0,
     MEMORY,
     NEXT,
     NO,
@@ -476,14 +477,19 @@ class UsbPort:
             s[INSIDE] = 1
             self._run_task()
             s[INSIDE] = 0
-        else:
-            look(self, s[SENDING])
+        elif s[ARMED]:
+            packet = ptr32(s[RX] + (s[FILL] & 1) * PLACE)
+            if packet[0] != MARK_0 and packet[1] >> 16 != _SECTION:
+                look(self, s[SENDING])
 
     @micropython.viper
     def look_for_stop(self):
         """As glance(), but begin a stop only. Called where a pass has a report half done."""
-        if chip:
-            look(self, 1)
+        s = ptr32(self._state)
+        if chip and s[ARMED]:
+            packet = ptr32(s[RX] + (s[FILL] & 1) * PLACE)
+            if packet[0] != MARK_0 and packet[1] >> 16 != _SECTION:
+                look(self, 1)
 
     def _run_task(self):
         """Run MicroPython's USB task. It keeps a Ctrl-C that has come on the REPL's port for the

@@ -65,7 +65,6 @@ else:
 
 _STOP = const(0x32)  # protocol.messages; STOP_ALL is between this and GET_POSITION
 _GET_POSITION = const(0x34)
-_SECTION = const(0x101)
 _GO = const(0x113)
 
 # Bits of ADDRESS_REGISTER: 0 from a bus reset until the host has given a new address
@@ -324,16 +323,11 @@ def restore(s: ptr32, at: int) -> int:
 
 @micropython.viper
 def look(port, stops: int):
-    """Begin what has come in by the running transfer, though it has not ended. stops: stops
-    only."""
+    """Begin what has come in by the running transfer, though it has not ended: one packet at least.
+    stops: stops only."""
     s = ptr32(port._state)
     first = (s[FILL] & 1) * PLACE
-    if s[ARMED] == 0 or s[STALE] or ptr32(s[RX] + first)[0] == MARK_0:
-        return
-    if not port.answer or not port.open:
-        return
-    frame = ptr8(s[RX] + first)
-    if frame[6] | (frame[7] << 8) == _SECTION:  # it takes a while to come
+    if s[STALE] or not port.answer or not port.open:
         return
     at = first
     while at < first + PLACE - PACKET and ptr32(s[RX] + at + PACKET)[0] != MARK_0:
@@ -347,7 +341,7 @@ def look(port, stops: int):
         taken += s[AT]
         frame = ptr8(s[RX] + taken)
         if stops == 0 and end - taken == QUESTION + frame[8]:
-            if frame[7] == 0 or frame[6] == _GO and frame[7] == _GO >> 8:
+            if frame[7] == 0 or frame[6] | (frame[7] << 8) == _GO:
                 reply(port, taken)
                 return
     begin_stops(port, first, taken, end)
