@@ -187,7 +187,6 @@ class Moves:
         if code == m.OK:
             code = self.operations.send_to_frame(frame, self.positions)
         if code == m.OK:
-            self.interlock.prepare(self.player.motors())
             self.run_outputs.show_frame(frame - self.store.start)
         return code
 
