@@ -322,6 +322,8 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk, port=None):
             reals.put(r, _V, 0, 0)
             if reals.compare(r, _S, _MIN_PHASE) < 0:
                 return PLANNED
+    if port:
+        port.look_for_stop()
     _choose_cruise()
     if port:
         port.look_for_stop()
