@@ -59,8 +59,8 @@ _ACK = const(m.MSG_FLAG_ACK >> 8)
 # Passes left out after one of them if sections are stored meanwhile, since a pass takes as long as
 # storing one. Passes that store sections themselves take no less than three milliseconds.
 _SKIPPED = const(2)
-# Small sections come so fast that MicroPython's scheduler would do nothing else. After so many
-# ticks they are left to a pass; meanwhile the host has to wait.
+# Small sections come so fast that MicroPython's scheduler would never get to a pass. So after this
+# many ticks without one, sections wait for it, and the host for them.
 _WITHOUT_PASS = const(12)
 _ANY_RATE = const(0x3FFFFFFF)
 _LARGEST = const(4 * 16)

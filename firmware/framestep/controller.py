@@ -350,8 +350,6 @@ class Controller:
                     continue
                 self.backlog = False
                 break
-            if busy:
-                self.port.glance()  # a burst takes tens of ms
             busy = True
             self.begun_at = self.now
             code = m.ERR_CHECKSUM if found == DAMAGED else self._handle(reader)
@@ -362,6 +360,8 @@ class Controller:
             if not reader.waiting:
                 self.backlog = False
                 break
+            # A burst takes tens of ms. No question is answered here, as the next request waits.
+            self.port.glance()
             sample(self.header, self.axes.samples)
         return busy
 

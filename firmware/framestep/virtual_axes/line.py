@@ -186,6 +186,8 @@ class Line:
         if code:
             return code
         r = self.r
+        port = self.axes.hal.port
+        port.look_for_stop()
         if self._is_where_line_ended():
             # so that rounding to steps does not add up from line to line
             for k in range(0, 2 * registers.AXES, 2):
@@ -195,7 +197,9 @@ class Line:
         for k in range(0, 2 * registers.AXES, 2):
             reals.copy(r, registers.BASE + k, base + k)
             reals.put(r, registers.DIRECTION + k, 0, 0)
+        port.look_for_stop()
         self._set_bounds()
+        port.look_for_stop()
         # The inverse of this pose must be where the rig is: there may be two solutions.
         code = self.positions_at(registers.ZERO, SURVEY)
         if code:

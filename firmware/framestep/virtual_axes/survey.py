@@ -268,6 +268,7 @@ class Survey:
     def _sample(self, part, row):
         """Find the motors' positions at a part of the line, in 8192nds. Return a code."""
         r = self.r
+        self.line.axes.hal.port.look_for_stop()
         reals.put(r, registers.SAMPLE, part, -13)
         reals.multiply(r, registers.SAMPLE, registers.SAMPLE, registers.END)
         return self.line.positions_at(registers.SAMPLE, row)

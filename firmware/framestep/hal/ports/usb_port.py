@@ -477,14 +477,14 @@ class UsbPort:
             s[INSIDE] = 1
             self._run_task()
             s[INSIDE] = 0
-        elif s[ARMED]:
+        elif s[ARMED]:  # here and not in look(), as a call takes longer than this
             packet = ptr32(s[RX] + (s[FILL] & 1) * PLACE)
             if packet[0] != MARK_0 and packet[1] >> 16 != _SECTION:
                 look(self, s[SENDING])
 
     @micropython.viper
     def look_for_stop(self):
-        """As glance(), but begin a stop only. Called where a pass has a report half done."""
+        """As glance(), but begin a stop only. Called where a report or a request is half done."""
         s = ptr32(self._state)
         if chip and s[ARMED]:
             packet = ptr32(s[RX] + (s[FILL] & 1) * PLACE)
