@@ -189,8 +189,10 @@ class Controller:
             self.active_passes = _ACTIVE_PASSES
         if busy or self.unsent:
             self.unsent = self.port.send(self.writer)
-            if busy:
+            if busy and self.unsent:
                 self.port.glance()  # what it waits for may have gone since the pass began
+            elif busy:
+                self.port.look_for_stop()  # glance() lets sections in, which passes store slowly
         news = self.io.poll(now)
         if news:
             if news & STOP:
@@ -360,9 +362,7 @@ class Controller:
             if not reader.waiting:
                 self.backlog = False
                 break
-            # A burst takes tens of ms. No question is answered here, as the next request waits.
-            self.port.glance()
-            sample(self.header, self.axes.samples)
+            sample(self.header, self.axes.samples)  # a burst takes tens of ms
         return busy
 
     def _handle(self, reader):

@@ -20,8 +20,6 @@ IDEAL = "_ideal"  # end of the key of a figure at 125 MHz without cache misses
 # cache misses, too.
 _BY_PLACE = {
     "tick_us_8": 0.06,
-    "rx_bytes_per_s": 0.15,
-    "rx_bytes_per_s_small": 0.1,
     "frame_error_us": 0.5,
     "smoothing_load_percent": 0.25,
     "reply_ms_median": 0.05,

@@ -168,7 +168,7 @@ class _Upload:
 
 
 def _run(session: Session, away: int = 0, flags: int = 0) -> None:
-    """Upload a run that begins so many steps away, and prepare it."""
+    """Upload a run that begins `away` steps from where the motors are, and prepare it."""
     _speeds(session)
     stands = session.positions
     path = {m: stands[m] + away + steps for m, steps in steady_move(_RATE, MOTORS).items()}
