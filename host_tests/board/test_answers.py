@@ -133,6 +133,22 @@ def test_a_stop_amid_other_requests(chip):
     assert max(times) < STOP_MS + 0.1  # 2.05 ms at some moments of a POSITION_FRAME
 
 
+@on_both
+def test_a_stop_before_the_first_tick_of_a_jog(chip):
+    """Its queue is filled in the same pass, and the stop empties it as often as it is looked for:
+    without an end, as the way is long."""
+    with chip.emulated({"clock_mhz": chip.slow_mhz}, trace=False) as board:
+        client = Session(board).client
+        for after_ns in range(0, 5_000_000, 100_000):
+            with board.undone():
+                client.send(p.MotorJog(1, 1000, 2**31 - 1))
+                board.run_until(board.now_ns + after_ns)
+                begun = board.now_ns
+                client.request(p.MotorStopAll())
+                assert board.now_ns - begun < 50_000_000
+                client.wait_idle()
+
+
 def test_a_stop_of_a_shot(chip):
     with chip.emulated({"clock_mhz": chip.slow_mhz}, trace=False) as board:
         times = stops_in_shot(Session(board), max(STEADY_RATES), (1.5,))

@@ -52,6 +52,9 @@ def test_random_requests_beside_work_on_the_repl(monkeypatch):
         form(replies, kind, payload)
 
     monkeypatch.setattr(Replies, "_form", noted)
+    asked = Host(target="rp2040")
+    asked.send(m.MSG_CONDITION, ms=40)
+    asked.trial.close()
     counts = collections.Counter()
     for seed in REPL_SEEDS:
         trial, finding = fuzz.session(seed, REQUESTS, target="rp2040")

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from framestep.motion import reals
 from framestep.motors.axes import AHEAD, LOW, Axes
+from framestep.motors.axis import MOST_SEGMENTS, UNLIMITED
 from framestep.motors.rates import ACCELERATION_LIMIT, kernel_rate
 from framestep.pulse import stepper
 from framestep.pulse.engine import LEAD
@@ -123,6 +124,29 @@ def test_an_interrupt_stops_the_motor_while_its_plan_is_made(speed, ticks):
     rig.to_rest()
     assert rig.place() == 300
     assert bench.kernel.state[stepper.FAULTS] == 0
+
+
+def test_a_stop_that_waits_for_a_pass_does_not_hold_up_a_feed():
+    """It empties the queue each time it is looked for, as that of a motor that does not move yet:
+    its driver wakes up, for example."""
+
+    class Port:
+        looks = 0
+
+        def glance(self):
+            self.looks += 1
+            assert self.looks <= 2 * MOST_SEGMENTS
+            stepper.halt(axis.block, 1, kernel_rate(80_000), 0)
+
+    rig = Rig()
+    axis = rig[0]
+    numbers = array("i", [0] * 8)
+    reals.put(numbers, 0, 400_000, 0)  # ticks
+    axis.begin_plan(rig.bench)
+    axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
+    axis.append_phase(0, 2, 2, numbers, array("i", [1_000_000]), 0)
+    axis.feed(MOST_SEGMENTS, UNLIMITED, Port())
+    assert axis.block[stepper.WRITE_INDEX] == MOST_SEGMENTS
 
 
 def test_a_move_in_each_tick_of_a_motion():

@@ -35,7 +35,8 @@ _PHASE_MASK = const(phases.PHASES - 1)
 
 @micropython.viper
 def feed(parts, other, base, most: int, enough: int, port):
-    """Cut phases until `most` segments are queued, or `enough` ticks more than before.
+    """Cut phases until `most` segments are queued, or `enough` ticks more than before; `most`
+    segments in all, whatever becomes of them meanwhile.
 
     parts: of the Axis. other: the block of a coupled motor, or None; base: see segments.mirror().
     port: one that may answer a question between two segments, or None.
@@ -55,10 +56,13 @@ def feed(parts, other, base, most: int, enough: int, port):
     out = ptr32(whole)
     p = ptr32(words)
     mirrored = w[MIRRORED]
+    begin = b[stepper.WRITE_INDEX]
     while (
         b[stepper.PLANNED] & stepper.PLAN_SEGMENTS
         and enough > 0
         and (b[stepper.WRITE_INDEX] - b[stepper.READ_INDEX]) & ALL_BITS < most
+        # A stop that waits for a pass empties the queue at each glance.
+        and (b[stepper.WRITE_INDEX] - begin) & ALL_BITS < most
     ):
         if port:
             port.glance()
