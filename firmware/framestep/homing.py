@@ -85,6 +85,7 @@ class Seeker:
         self.pins = self.safety.limit_pins(motor, self.away)
         self.safety.set_limit_pins(motor, self.away, self.pins | self.pin)
         self.limits = 0
+        self.axes.hal.port.look_for_stop()
         if not known:
             self._suspend_limits()
 
@@ -285,6 +286,7 @@ class Homing:
                     return code
                 if states[motor] == KNOWN:
                     known |= 1 << motor
+                self.axes.hal.port.look_for_stop()
         self.known = known
         positions = self.axes.positions
         positions.about_to_change()
@@ -387,6 +389,7 @@ class Homing:
             seeker.begin(motor + i, (self.known >> (motor + i)) & 1)
             seeker.stand_on_switch()
             pressed |= seeker.active()
+            self.axes.hal.port.look_for_stop()
         seeker = self.seekers[0]
         side = self.shared.side(motor, seeker.pin) if self.shared else _ONE_END
         self.probing = False

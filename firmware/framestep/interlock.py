@@ -72,7 +72,9 @@ class Interlock:
 
     def allow_motion(self):
         """Return whether any motor may be moved."""
-        return not self.broken and self.stops.allow_motion()
+        allowed = not self.broken and self.stops.allow_motion()
+        self.axes.hal.port.look_for_stop()
+        return allowed
 
     def enabled(self, motor):
         """Return whether a motor may move: it and its partner are enabled, and it is no follower.
@@ -150,6 +152,7 @@ class Interlock:
 
     def switch_on(self, bits):
         """Switch on the drivers of the enabled ones of these motors, which are about to move."""
+        self.axes.hal.port.look_for_stop()
         self.faults.clear()
         if self.resting:
             self.resting.begin(bits)
@@ -167,6 +170,7 @@ class Interlock:
                     self.axes.hal.enable(motor, True)
                 if self.enable_ms and (waking >> motor) & 1 and self.enable_ms[motor]:
                     self.axes.wake(self.enable_ms[motor])
+                self.axes.hal.port.look_for_stop()
 
     def switch_off_resting(self):
         """Switch off drivers whose motors have been at rest for their `off_after_s`. The positions

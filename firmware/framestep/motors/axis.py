@@ -412,7 +412,10 @@ class Axis:
         self.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
         if port:
             port.look_for_stop()
-        self.feed(MOST_SEGMENTS, FIRST_TICKS)
+        self.feed(MOST_SEGMENTS, FIRST_TICKS // 2)
+        if port:
+            port.look_for_stop()
+        self.feed(MOST_SEGMENTS, FIRST_TICKS // 2)
         self.start(hal)
         hal.port.look_for_stop()
         return True

@@ -175,6 +175,7 @@ class Line:
         """Set POSE and JOINT to where the motors are. Return a code."""
         for i in range(self.axes.count):
             self.axes[i].position_to(self.present, i)
+        self.axes.hal.port.look_for_stop()
         return self.rig.locate(self.present)
 
     def begin_line(self, by_joint=False):
@@ -204,6 +205,7 @@ class Line:
         code = self.positions_at(registers.ZERO, SURVEY)
         if code:
             return code
+        port.look_for_stop()
         for i in range(registers.AXES):
             motor = self.motor[i] - 1
             if motor >= 0 and not _within_a_step(self.rows, SURVEY + 2 * i, self.present, motor):

@@ -154,6 +154,7 @@ class LookAhead:
             if self.short:
                 return code
             self.level += 1
+        self.port.look_for_stop()
         survey.take_directions(rows[0], rows[1], rows[2], True)
         survey.set_point_limits(self.share)
         fastest = 1
@@ -161,6 +162,7 @@ class LookAhead:
             if survey.motor[i] and survey.curve[2 * i] > fastest:
                 fastest = survey.curve[2 * i]
         reals.put(r, registers.FASTEST, fastest, 0)
+        self.port.look_for_stop()
         compute(r, _FIRST_LENGTH)
         compute(r, _LENGTHEN)
         compute(r, _FIRST_HALF_CELL)
@@ -171,28 +173,26 @@ class LookAhead:
     def _sample(self, halves, row):
         """Set SAMPLE to 1 or 2 half cells beyond END, and find the motors there. Return a code."""
         r = self.r
+        self.port.look_for_stop()
         reals.double(r, registers.SAMPLE, registers.HALF_CELL, halves - 1 - self.level)
         reals.add(r, registers.SAMPLE, registers.END, registers.SAMPLE)
         return self.line.positions_at(registers.SAMPLE, row)
 
     def _probe(self, port=None):
-        """Measure the cell after END. Return 0 or a code. port: for questions that come during
-        this."""
+        """Measure the cell after END. Return 0 or a code. port: see Survey.look()."""
         survey = self.survey
         rows = self.rows
         self.short = self.level == _HALVINGS
         code = self._sample(1, rows[1])
         if code:
             return code
-        if port:
-            port.glance()
+        survey.look(port)
         if survey.is_short(rows[0], rows[1]):
             self.short = True
         code = self._sample(2, rows[2])
         if code:
             return code
-        if port:
-            port.glance()
+        survey.look(port)
         survey.clear()
         if survey.measure(rows[0], rows[1], rows[2], self.level) != SMOOTH:
             return ERR_RANGE

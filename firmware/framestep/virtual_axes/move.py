@@ -154,13 +154,17 @@ class LinearMove:
             motor = self.motor[i] - 1
             if motor >= 0 and not self.axes[motor].rests_on(line.present, motor, directions[i]):
                 self.axes[motor].move_to(self.axes.hal, line.present, motor, 10000, directions[i])
+            if i & 1:
+                self.axes.hal.port.look_for_stop()
 
     def _set_out(self):
         """Begin to plan. All motors must be at rest where the line begins."""
         hal = self.axes.hal
         line = self.line
         r = self.r
+        hal.port.look_for_stop()
         line.positions_at(registers.ZERO, 0)
+        hal.port.look_for_stop()
         for i in range(registers.AXES):
             motor = self.motor[i] - 1
             if motor >= 0:

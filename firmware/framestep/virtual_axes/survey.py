@@ -253,6 +253,7 @@ class Survey:
             code = self.passed_bound(a, b, c)
             if code:
                 return code
+            self.axes.hal.port.look_for_stop()
             self.take_directions(a, b, c, at == 0)
             at += size
             if at == _CELLS * _WHOLE_CELL:
@@ -326,28 +327,34 @@ class Survey:
 
     def set_point_limits(self, share, port=None):
         """Set MAX_V, MAX_A and `span` from `curve`, with `share` ten-thousandths of the motors'
-        limits. port: for questions that come during this."""
+        limits. port: see look()."""
         r = self.r
         reals.put(r, registers.SHARE, share, 0)
         compute(r, _NO_LIMIT)
         for i in range(registers.AXES):
             if self._load_motor(i):
                 compute(r, _LIMIT_V)
-            if port and i & 1:
-                port.glance()
+            if i & 1:
+                self.look(port)
         compute(r, _LIMIT_V_IN_BENDS)
         self.span = SPAN
         for i in range(registers.AXES):
             if self.motor[i] and self.curve[2 * i + 1]:
                 self._smoothen(i)
-        if port:
-            port.glance()
+        self.look(port)
         for i in range(registers.AXES):
             if self._load_motor(i):
                 compute(r, _LIMIT_A)
-            if port and i & 1:
-                port.glance()
+            if i & 1:
+                self.look(port)
         compute(r, _IN_UNITS)
+
+    def look(self, port):
+        """Answer a question that has come; without a port only begin a stop, within a request."""
+        if port:
+            port.glance()
+        else:
+            self.axes.hal.port.look_for_stop()
 
     def _smoothen(self, i):
         """Lower `span`, and if need be MAX_V, until cubics approximate the path of axis i."""

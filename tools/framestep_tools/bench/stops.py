@@ -39,6 +39,8 @@ _SPAN_NS = 110_000_000  # the checks that passes make least often come every 100
 APART_NS = 310_000
 _PLANNED_NS = 20_000_000  # longer than a planned stop takes to begin
 _CARRIED_OUT_NS = 25_000_000  # a request that moves five motors, and the reports after it
+_TAKEN_NS = 500_000  # before the board has taken a packet, the next one waits on the host's side
+SURVEYED_NS = 40_000_000  # a request that moves a rig along a line
 _REQUESTS = (MotorStopAll(), MotorStop(1))
 _MOVES = stepper.RUN | stepper.STOP
 _Block = tuple[int, ...]
@@ -92,12 +94,14 @@ def _latency_ms(
     request: Payload,
     run: bool,
     ahead: Iterable[Payload] = (),
+    first: int = 1,
 ) -> float:
-    """Send a request to stop, and return the time until each motor that it stops is slower: in a
-    run, all of them. ahead: what comes before it, in the same packet."""
+    """Send a request to stop, and return the time until each motor from `first` on that it stops is
+    slower: in a run, all of them. ahead: what comes before it, in the same packet."""
     board = session.board
     before = motors.blocks()
     left = {i for i, block in enumerate(before) if block[stepper.MODE] & _MOVES}
+    left -= set(range(first - 1))
     if isinstance(request, MotorStop) and not run:
         left &= {request.motor - 1}
     if not left:
@@ -201,46 +205,64 @@ def stops_in_moves(session: Session) -> list[float]:
     return _at_each_moment(session, motors, False, _REQUESTS)
 
 
-def stops_amid_requests(session: Session, apart_ns: int = APART_NS) -> list[float]:
-    """Return the times from sending STOP_ALL to slower motors, in ms, while the last motors move
-    by themselves, and the board carries out requests that concern the others: at moments of the
-    passes that do so, and behind requests in the same packet."""
+def stops_beside(
+    session: Session,
+    requests: Sequence[Payload],
+    first: int,
+    span_ns: int,
+    apart_ns: int = APART_NS,
+    bursts: Sequence[Sequence[Payload]] = (),
+) -> list[float]:
+    """Return the times from sending STOP_ALL to slower motors, in ms, while the motors from `first`
+    on move by themselves: at moments of the first `span_ns` after each of the requests, which
+    concern other motors, and behind each burst, in the same packet."""
     client, board = session.client, session.board
     motors = _Motors(session)
+    for motor in range(first, session.info.motors + 1):
+        client.request(MotorSetSpeed(motor, _VELOCITY, RAMP))
+        client.request(MotorResetPosition(motor, 0))
+        client.request(MotorMove(motor, 3 * _VELOCITY))
+    client.pump(_STEADY_S)
+    found = []
+    for request in requests:
+        for after_ns in range(_TAKEN_NS, span_ns, apart_ns):
+            with board.undone():
+                client.send(request)
+                board.run_until(board.now_ns + after_ns)
+                found.append(_latency_ms(session, motors, MotorStopAll(), True, first=first))
+    for ahead in bursts:
+        for after_ns in range(0, 1_000_000, apart_ns):
+            with board.undone():
+                board.run_until(board.now_ns + after_ns)
+                found.append(_latency_ms(session, motors, MotorStopAll(), True, ahead, first))
+    client.request(MotorStopAll())
+    client.wait_idle()
+    return found
+
+
+def stops_amid_requests(session: Session, apart_ns: int = APART_NS) -> list[float]:
+    """Return stops_beside() of requests that concern the first five motors."""
+    client = session.client
     count = session.info.motors
     others = range(1, 6)
-    for motor in range(1, count + 1):
+    for motor in others:
         client.request(MotorSetSpeed(motor, _VELOCITY, RAMP))
         client.request(MotorResetPosition(motor, 0))
     waves = {motor: np.rint(300 * np.sin(np.arange(100) / (5 + motor))) for motor in others}
     client.upload_move(1, 100, {motor: wave.astype(np.int64) for motor, wave in waves.items()})
-    for motor in range(others[-1] + 1, count + 1):
-        client.request(MotorMove(motor, 3 * _VELOCITY))
-    client.pump(_STEADY_S)
-    found = []
-    for request in (
+    requests = (
         MotorMove(1, 5000),
         MotorJog(1, 5000, 5000),
+        MotorStop(2),
         MotorSetSpeed(count, _VELOCITY // 2, RAMP),
         RtPositionFrame(50),
-    ):
-        for after_ns in range(0, _CARRIED_OUT_NS, apart_ns):
-            with board.undone():
-                client.send(request)
-                board.run_until(board.now_ns + after_ns)
-                found.append(_latency_ms(session, motors, MotorStopAll(), True))
-    for ahead in (
+    )
+    bursts = (
         [MotorMove(motor, 5000) for motor in others],
         [MotorSetSpeed(motor, _VELOCITY // 2, RAMP) for motor in others],
         [MotorStop(motor) for motor in others],
-    ):
-        for after_ns in range(0, 1_000_000, apart_ns):
-            with board.undone():
-                board.run_until(board.now_ns + after_ns)
-                found.append(_latency_ms(session, motors, MotorStopAll(), True, ahead))
-    client.request(MotorStopAll())
-    client.wait_idle()
-    return found
+    )
+    return stops_beside(session, requests, others[-1] + 1, _CARRIED_OUT_NS, apart_ns, bursts)
 
 
 def stops_in_run(

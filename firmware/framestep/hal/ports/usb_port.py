@@ -417,6 +417,10 @@ class UsbPort:
                     wanted = 1 if self._heard() else -1
                 taken = end - at
                 if wanted > 0:
+                    if self.answer and not ended:  # else the callback has looked for stops
+                        at += place * PLACE
+                        begin_stops(self, place * PLACE, at, at + taken)
+                        at -= place * PLACE
                     taken = int(reader.feed(self._rx, place * PLACE + at, taken))
                 at += taken
                 s[AT] = at
@@ -473,14 +477,15 @@ class UsbPort:
         if not chip:
             return
         s = ptr32(self._state)
-        if s[SENDING] and not chip.in_flight(s[EP_OUT], 0):
+        stops = s[SENDING]
+        if stops and not chip.in_flight(s[EP_OUT], 0):
             s[INSIDE] = 1
             self._run_task()
             s[INSIDE] = 0
-        elif s[ARMED]:  # here and not in look(), as a call takes longer than this
+        if s[ARMED]:  # here and not in look(), as a call takes longer than this
             packet = ptr32(s[RX] + (s[FILL] & 1) * PLACE)
             if packet[0] != MARK_0 and packet[1] >> 16 != _SECTION:
-                look(self, s[SENDING])
+                look(self, stops)
 
     @micropython.viper
     def look_for_stop(self):
