@@ -111,11 +111,34 @@ def test_together_in_every_stop(cause, flag, sense):
         session.accept(p.MotorMove(1, 0)).wait_idle()
 
 
+def test_a_follower_cannot_be_asked_and_the_last_motor_has_none(rig):
+    rig.refuse(p.Ack.ERR_RANGE, p.MotorConfigure(8, 1 | COUPLE))
+    rig.accept(p.MotorConfigure(3, 1 | COUPLE))
+    rig.refuse(p.Ack.ERR_GENERAL, p.MotorMove(4, 10), p.MotorJog(4, 100, 10))
+    rig.refuse(p.Ack.ERR_RANGE, p.MotorConfigure(4, 1 | COUPLE)).accept(p.MotorMove(3, 1000))
+    rig.refuse(p.Ack.ERR_MOVING, p.MotorConfigure(3, 1)).run(0.1)
+    rig.accept(p.MotorStop(4)).wait_idle()  # stops both
+    assert 0 < rig.position(3) == rig.position(4) < 1000
+    rig.accept(p.MotorConfigure(3, 1), p.MotorMove(4, 10)).wait_idle()
+    assert rig.position(4) == 10
+
+
+def test_an_uploaded_move_is_run_together():
+    """Positions of the follower do not count."""
+    session = simulated()
+    session.accept(p.MotorConfigure(1, 1 | REVERSED))
+    session.upload({1: 40 * np.arange(25), 2: 7 * np.arange(25)})
+    session.play(run_request(24, 1, 25, 300, 300))
+    assert len(session.steps(1)[0]) > 960
+    assert_together(session, -1)
+
+
 @pytest.mark.parametrize("flag, sense", [(COUPLE, 1), (REVERSED, -1)])
 def test_stops_at_any_moment_leave_no_step_between(flag, sense):
     rng = np.random.default_rng(5)
     session = simulated()
     session.accept(
+        p.MotorResetPosition(2, 500),
         p.MotorConfigure(1, 1 | flag),
         p.MotorSetSpeed(1, 23_000, 170_000),
         p.MotorSetSpeed(2, 23_000, 170_000),
@@ -125,9 +148,10 @@ def test_stops_at_any_moment_leave_no_step_between(flag, sense):
         session.run(float(rng.uniform(0.005, 0.2)))
         session.accept(*[p.MotorStopAll()] * int(rng.integers(1, 3)))
         session.run(float(rng.choice([0.001, 0.01, 0.3])))
-    session.wait_idle()
+    session.accept(p.MotorMove(1, 333)).wait_idle()
     assert_together(session, sense)
-    assert session.positions[1] == sense * session.positions[2]
+    assert session.position(1) == 333
+    assert session.position(2) == 500 + sense * 333
 
 
 @pytest.mark.parametrize("flag, sense", [(COUPLE, 1), (REVERSED, -1)])
