@@ -5,6 +5,7 @@ those of tests marked `each_processor`. With --replay x86 plays all, with --all 
 play the marked ones.
 """
 
+import functools
 import math
 import warnings
 
@@ -139,14 +140,33 @@ def standing():
 
 
 @pytest.fixture
-def framestep(board, monkeypatch, capsys):
-    """Return a command line on the module's `board`: it gives status, output and errors."""
-    monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
+def command(monkeypatch, capsys):
+    """Return a command line on a board, if one is given: it gives status, output and errors."""
 
-    def run(line):
+    def run(board, line):
+        monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
         command, *words = line.split()
-        status = cli.app.status([command, "socket://x", *words])
+        capsys.readouterr()
+        status = cli.app.status([command, *["socket://x"] * (board is not None), *words])
         said = capsys.readouterr()
         return status, said.out, said.err
 
     return run
+
+
+@pytest.fixture
+def said(command):
+    """Return the same, which checks its status and gives all that it prints."""
+
+    def run(board, line, status=0):
+        found, out, err = command(board, line)
+        assert found == status, out + err
+        return (out + err).strip()
+
+    return run
+
+
+@pytest.fixture
+def framestep(board, command):
+    """Return a command line on the module's `board`: it gives status, output and errors."""
+    return functools.partial(command, board)

@@ -265,6 +265,23 @@ def simulated(rig=None, motors=8):
     return Session(SimulatedBoard(rig=rig, motors=motors), motors)
 
 
+def released(rig, *pins):
+    """Return a simulated board whose stop button and switches on these pins are open."""
+    board = SimulatedBoard(rig)
+    for pin in ("estop", *pins):
+        board._board.set_input(pin, 1)
+    board.run_until(50_000_000)
+    board.edges()
+    return board
+
+
+def tell(board, *requests):
+    """Send requests by a client that then leaves."""
+    with Client(LockstepPort(board)) as client:
+        for request in requests:
+            client.request(request)
+
+
 def run_request(fps=24, start=1, end=2, pre=500, post=500, **more):
     return p.RtRunMove(round(fps * 1000), start, end, pre, post, **more)
 

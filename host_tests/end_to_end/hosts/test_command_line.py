@@ -1,6 +1,7 @@
 """Commands of `framestep` on the whole controller: their output, and refusals that name the setting
 and its place."""
 
+import functools
 import json
 import re
 import sys
@@ -8,23 +9,19 @@ import sys
 import pytest
 
 from framestep.protocol.messages import CONDITION_EXCEEDED
-from framestep_tools import cli
 from framestep_tools import payloads as p
 from framestep_tools.building.board_files import ROOT
 from framestep_tools.client.client import Client, RequestRefused
 from framestep_tools.client.refusals import explain
 from framestep_tools.move.move_file import CAMERA_MOVE
-from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
+from framestep_tools.simulator.boards import LockstepPort
+from host_tests.end_to_end.session import released, tell
 
 RIG = {"limits": [{"high": 22, "contact": "no"}, {"low": 26, "contact": "no"}], "estop": "no"}
 
 
 def ready_board():
-    found = SimulatedBoard(RIG)
-    for pin in ("estop", 22, 26):
-        found._board.set_input(pin, 1)
-    found.run_until(50_000_000)
-    return found
+    return released(RIG, 22, 26)
 
 
 @pytest.fixture(scope="module")
@@ -33,23 +30,9 @@ def board():
 
 
 @pytest.fixture
-def framestep(board, monkeypatch, capsys):
+def framestep(board, said):
     """Return a command line, which checks its status and gives its output."""
-    monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
-
-    def run(line, status=0):
-        found = cli.app.status([line.split()[0], "socket://x", *line.split()[1:]])
-        said = "".join(capsys.readouterr())
-        assert found == status, said
-        return said.strip()
-
-    return run
-
-
-def tell(board, *requests):
-    with Client(LockstepPort(board)) as client:
-        for request in requests:
-            client.request(request)
+    return functools.partial(said, board)
 
 
 def test_positions_as_they_are_typed(framestep):

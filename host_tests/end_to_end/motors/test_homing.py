@@ -6,12 +6,9 @@ import pytest
 from framestep import boot, repl
 from framestep.motors.positions import HELD, HOMED, HOMING, KNOWN, LOST, NOT_FOUND, NOT_OPENED
 from framestep.rig.settings import RigError
-from framestep_tools import cli
 from framestep_tools import payloads as p
-from framestep_tools.client.client import Client
 from framestep_tools.client.wire import encode
 from framestep_tools.errors import REFUSED
-from framestep_tools.simulator.boards import LockstepPort
 from host_tests.end_to_end.motors.home_switches import HIGH, LOW, LOW_2, Switch, home, rails, trust
 from host_tests.end_to_end.session import assert_within, simulated
 
@@ -499,19 +496,9 @@ def test_stall():
 
 
 @pytest.fixture
-def framestep(monkeypatch, capsys):
+def framestep(said):
     """Return a command line on a session's board, which checks its status and gives its output."""
-
-    def run(session, line, status=0):
-        session.leave()
-        monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(session.board)))
-        capsys.readouterr()
-        found = cli.app.status([line.split()[0], "socket://x", *line.split()[1:]])
-        said = "".join(capsys.readouterr())
-        assert found == status, said
-        return said.strip()
-
-    return run
+    return lambda session, line, status=0: said(session.leave().board, line, status)
 
 
 def test_command(framestep):

@@ -6,11 +6,9 @@ from framestep import texts
 from framestep.hal.host import HostFlash
 from framestep.motors.positions import DRIVER_OFF, HELD, KNOWN, LOST, SET, STEPS, UNPOWERED, UNSET
 from framestep.protocol import messages as m
-from framestep_tools import cli
 from framestep_tools import payloads as p
-from framestep_tools.client.client import Client
-from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
-from host_tests.end_to_end.session import Session, simulated
+from framestep_tools.simulator.boards import SimulatedBoard
+from host_tests.end_to_end.session import Session, simulated, tell
 
 NOT_SET = p.PositionTrust(LOST, UNSET)
 IS_SET = p.PositionTrust(KNOWN, SET)
@@ -137,35 +135,30 @@ def test_the_repl_says_so_in_words(moving):
 
 @pytest.mark.needs("inside")
 @pytest.mark.inside
-def test_the_status_command_says_so(monkeypatch, capsys):
+def test_the_status_command_says_so(command):
     board = SimulatedBoard({"estop": "nc"}, motors=2)
-    monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
-    with Client.open("x") as client:
-        client.request(p.MotorResetPosition(1, -7))
-    assert cli.app.status(["status", "socket://x"]) == 0
-    assert capsys.readouterr().out.splitlines()[1:] == [
+
+    def says(*lines):
+        status, out, _ = command(board, "status")
+        assert (status, out.splitlines()[1:]) == (0, list(lines))
+
+    tell(board, p.MotorResetPosition(1, -7))
+    says(
         "motor 1: -7, known: set by the host",
         "motor 2: 0, lost: not set since power-up",
         "the E-stop is held",
         "soft limits do not protect a motor whose position is lost; RESET_POSITION sets it "
         "(framestep zero)",
-    ]
-    with Client.open("x") as client:
-        client.request(p.MotorResetPosition(2, -7))
-    assert cli.app.status(["status", "socket://x"]) == 0
-    assert capsys.readouterr().out.splitlines()[1:] == [
-        "motors 1 to 2: -7, known: set by the host",
-        "the E-stop is held",
-    ]
-    with Client.open("x") as client:
-        client.request(p.MotorResetPosition(2, 0))
+    )
+    tell(board, p.MotorResetPosition(2, -7))
+    says("motors 1 to 2: -7, known: set by the host", "the E-stop is held")
+    tell(board, p.MotorResetPosition(2, 0))
     board._board.controller.handlers.pop(m.MSG_CONDITION)  # like another device
-    assert cli.app.status(["status", "socket://x"]) == 0
-    assert capsys.readouterr().out.splitlines()[1:] == [
+    says(
         "motor 1: -7",
         "motor 2: 0",
         "this device does not report how far its positions can be trusted",
-    ]
+    )
 
 
 @pytest.mark.needs("inside")

@@ -1,21 +1,20 @@
 """`framestep check`: its verdict is the controller's, and its figures describe the path that is
 played."""
 
+import functools
 import json
 
 import numpy as np
 import pytest
 
-from framestep_tools import cli
 from framestep_tools import payloads as p
-from framestep_tools.client.client import Client
 from framestep_tools.judge.judge import judge
 from framestep_tools.judge.reference import Reference
-from framestep_tools.judge.trace import Trace
 from framestep_tools.move.move_check import FITS, REFUSED, STEEP, Device, Setting, check
 from framestep_tools.move.move_file import Move, read_move
 from framestep_tools.move.move_peaks import peaks
-from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
+from framestep_tools.simulator.boards import SimulatedBoard
+from host_tests.end_to_end.session import simulated, tell
 
 pytestmark = pytest.mark.needs("inside")
 
@@ -90,19 +89,10 @@ def test_the_path_that_is_judged_is_the_one_that_is_played():
     run = run_of(move)
     (found,) = check(move, run, {1: setting}, Device({})).motors
     assert found.peaks.velocity.value < peaks(Reference({1: steps}, 24_000, 1000, 1000), 1)[0].value
-    board = SimulatedBoard()
-    with Client(LockstepPort(board)) as client:
-        client.request(p.MotorSetSpeed(1, setting.velocity, setting.acceleration))
-        client.upload_move(1, 12, move.positions)
-        start = dict(enumerate(client.request(p.MotorGetPosition()).steps, 1))
-        client.request(run)
-        client.wait_idle()
-        client.request(p.RtGo())
-        client.wait_event(p.RtEnd, 30)
-        client.wait_idle()
-        client.pump(0.2)
-        end = dict(enumerate(client.request(p.MotorGetPosition()).steps, 1))
-    played = judge(Trace.from_edges(board.edges()), move.positions, 24_000, start, end, found.path)
+    session = simulated()
+    session.speed(1, setting.velocity, setting.acceleration).upload(move.positions)
+    start = session.play(run)
+    played = judge(session.trace(), move.positions, 24_000, start, session.positions, found.path)
     assert played.good, played.complaints
 
 
@@ -182,15 +172,9 @@ def test_memory_counts_for_the_move_as_a_whole():
 
 
 @pytest.fixture
-def framestep(capsys):
-    """Return a command line, which gives its status, its output and its errors."""
-
-    def run(line):
-        status = cli.app.status(line.split())
-        said = capsys.readouterr()
-        return status, said.out, said.err
-
-    return run
+def framestep(command):
+    """Return a command line without a board, which gives its status, its output and its errors."""
+    return functools.partial(command, None)
 
 
 def test_exit_status_is_for_scripts(framestep):
@@ -233,13 +217,10 @@ def test_for_programs(framestep):
     assert found["motors"][1]["reason"] is None
 
 
-def test_what_a_board_has_set_is_asked(framestep, monkeypatch):
+def test_what_a_board_has_set_is_asked(command):
     board = SimulatedBoard({"motor_count": 3})
-    with Client(LockstepPort(board)) as client:
-        client.request(p.MotorSetSpeed(1, 15_000, 90_000))
-        client.request(p.MotorSetLimits(1, 1, -3000, 0, 0, 0))
-    monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
-    _, out, _ = framestep("check socket://x camera_move.csv --json")
+    tell(board, p.MotorSetSpeed(1, 15_000, 90_000), p.MotorSetLimits(1, 1, -3000, 0, 0, 0))
+    _, out, _ = command(board, "check camera_move.csv --json")
     motors = json.loads(out)["motors"]
     assert motors[0]["verdict"] == "fits"
     assert motors[0]["set"] == {
@@ -249,24 +230,23 @@ def test_what_a_board_has_set_is_asked(framestep, monkeypatch):
     assert motors[3]["reason"] == "there is no motor 4, the device has motors 1 to 3"
 
 
-def test_what_a_board_does_not_report_is_said(framestep, monkeypatch, tmp_path):
+def test_what_a_board_does_not_report_is_said(command, tmp_path):
     """Its rig file may let it refuse what fits without."""
     rig, path = tmp_path / "rig.json", tmp_path / "move.csv"
     settings = {"motor_count": 3, "strict_moves": True, "motors": [{"backlash": 24}]}
     rig.write_text(json.dumps(settings))
     path.write_text("frame,1\n1,0\n2,10\n3,0\n4,10\n5,10\n")
     board = SimulatedBoard(settings)
-    monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
     line = "not considered, as a board does not report them: strict_moves, backlash, pulse_us of"
-    check_it = f"check socket://x {path}"
-    status, out, _ = framestep(check_it)
-    assert (status, out.count(line)) == (0, 1)
-    assert json.loads(framestep(f"{check_it} --json")[1])["not_considered"] == [
-        "strict_moves", "backlash", "pulse_us",
-    ]  # fmt: skip
-    status, out, _ = framestep(f"{check_it} --rig {rig}")
-    assert (status, out.count(line)) == (7, 0)
-    assert json.loads(framestep(f"check {path} --json")[1])["not_considered"] == []
+    for given, options, status, count, found in (
+        (board, "", 0, 1, ["strict_moves", "backlash", "pulse_us"]),
+        (board, f"--rig {rig}", 7, 0, []),
+        (None, "", 0, 0, []),
+    ):
+        done, out, _ = command(given, f"check {path} {options}")
+        assert (done, out.count(line)) == (status, count)
+        _, out, _ = command(given, f"check {path} {options} --json")
+        assert json.loads(out)["not_considered"] == found
 
 
 def test_a_picture(framestep, tmp_path):

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from framestep_tools.client.client import Client
 from framestep_tools.judge.judge import Limits, judge
 from framestep_tools.judge.reference import Reference
-from framestep_tools.judge.trace import Trace
-from framestep_tools.payloads import MotorGetPosition, MotorSetSpeed, RtEnd, RtGo, RtRunMove
-from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
+from framestep_tools.payloads import RtEnd, RtGo
+from host_tests.end_to_end.session import run_request, simulated
 
 LIMITS = Limits(path_us=5)
 
@@ -37,36 +35,28 @@ def test_every_edge_is_on_the_path(fps, backward, smooth):
         ),
     }
     upload = {motor: positions.astype(int) for motor, positions in steps.items()}
-    board = SimulatedBoard({"smoothing": smooth})
-    client = Client(LockstepPort(board))
+    session = simulated({"smoothing": smooth})
     for motor in upload:
-        client.request(MotorSetSpeed(motor, 20_000, 100_000))
-    client.upload_move(1, frames, upload)
+        session.speed(motor, 20_000, 100_000)
+    session.upload(upload)
     first, last = (frames - 1, 1) if backward else (0, frames - 1)
-    client.request(RtRunMove(round(fps * 1000), first + 1, last + 1, 400, 600))
-    client.wait_idle()
-    start = dict(enumerate(client.request(MotorGetPosition()).steps, 1))
-    board.edges()
-    client.request(RtGo())
-    client.wait_event(RtEnd, 60)
-    ended_ns = board.now_ns
-    client.wait_idle()
-    client.pump(0.1)
-    end = dict(enumerate(client.request(MotorGetPosition()).steps, 1))
+    session.ready(run_request(fps, first + 1, last + 1, 400, 600))
+    start = session.positions
+    session.forget().accept(RtGo()).until(RtEnd, 60)
+    ended = session.now
+    session.wait_idle().run(0.1)
+    end = session.positions
     path = Reference(upload, round(fps * 1000), 400, 600, first, last, smooth=smooth)
     index = index[:0:-1] if backward else index
     played = {motor: positions[index] for motor, positions in upload.items()}
-    edges = board.edges()
-    trace = Trace.from_edges(edges)
     verdict = judge(
-        trace, played, round(fps * 1000), start, end, path, limits=LIMITS, smooth=smooth
+        session.trace(), played, round(fps * 1000), start, end, path, limits=LIMITS, smooth=smooth
     )
     assert verdict.complaints == []
     assert all(path(motor, -1.0) == start[motor] for motor in upload)  # waits where the path begins
-    run = Trace.from_edges([edge for edge in edges if edge[0] < ended_ns])
     for motor in upload:
+        times, signs = session.steps(motor)
         # comes to rest where it ends
-        assert path(motor, 1000.0) == start[motor] + run.steps(motor)[1].sum()
+        assert path(motor, 1000.0) == start[motor] + signs[times < ended].sum()
         assert end[motor] == upload[motor][last]  # and goes back to the end frame
     assert any(len(m.edge_error_us) > 1000 for m in verdict.motors)
-    print(fps, max(m.worst_edge_us for m in verdict.motors))

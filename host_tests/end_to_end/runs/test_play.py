@@ -14,7 +14,8 @@ from framestep_tools.judge.judge import frame_times_ns
 from framestep_tools.move.light_file import read_lights
 from framestep_tools.move.move_display import MoveDisplay
 from framestep_tools.move.move_file import MoveFileError
-from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
+from framestep_tools.simulator.boards import LockstepPort
+from host_tests.end_to_end.session import released
 
 RIG = {"estop": "no", "outputs": [{"pin": 22}, {"pin": 26}]}
 FRAMES = 36
@@ -25,11 +26,7 @@ FAST = "--velocity 20000 --acceleration 100000"
 
 @pytest.fixture
 def board():
-    found = SimulatedBoard(RIG)
-    found._board.set_input("estop", 1)
-    found.run_until(50_000_000)
-    found.edges()
-    return found
+    return released(RIG)
 
 
 @pytest.fixture

@@ -153,3 +153,40 @@ def test_slow_random_walks(fps, smoothing):
     rng = np.random.default_rng(round(1000 * fps))
     frames = int(min(300, max(60, 60 * fps)))
     assert_on_every_frame(walks(rng, frames), fps, {"smoothing": smoothing})
+
+
+def turning(frames):
+    """Return a move of slow and fast motors that turn often, and one motor that marks each
+    frame."""
+    x = np.arange(frames)
+    swings = [(31, 14.3, 2.4), (50.5, 6.02, 1.1), (36, 11.7, 4.7), (3.2, 38, 0.3), (57, 22.1, 3.2)]
+    upload = {
+        motor: np.rint(reach * np.sin(2 * np.pi * x / period + phase)).astype(int)
+        for motor, (reach, period, phase) in enumerate(swings, 1)
+    }
+    # some frames' positions are wrong by one, as by rounding
+    upload[6] = np.cumsum(np.random.default_rng(5).choice([-1, 0, 0, 0, 1, 1], frames))
+    return upload | {8: 400 * x}
+
+
+def cornered(frames):
+    """Motors that go a step or none from frame to frame, and now and then up to 45 at once."""
+    random = np.random.default_rng(1)
+    upload = {}
+    for motor in range(1, 8):
+        steps = random.choice([-2, -1, 0, 0, 0, 1, 2], frames)
+        jumps = random.random(frames) < 0.12
+        steps[jumps] = random.integers(-45, 46, jumps.sum())
+        upload[motor] = np.cumsum(steps)
+    return upload | {8: 400 * np.arange(frames)}
+
+
+@pytest.mark.parametrize("smoothing", [False, True])
+@pytest.mark.parametrize(
+    ("fps", "moves"),
+    [(13.7, turning), (23.976, turning), (24, turning), (59.94, turning), (132, cornered)],
+)
+def test_turns_and_starts_of_all_motors(smoothing, fps, moves):
+    """Also where the frame lies within a tick and the motor turns, or starts with four million
+    steps/s²."""
+    assert_on_every_frame(moves(160), fps, {"smoothing": smoothing})

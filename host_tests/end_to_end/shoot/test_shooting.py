@@ -13,7 +13,8 @@ from framestep_tools.judge.trace import Trace
 from framestep_tools.move.half_frame import ends
 from framestep_tools.move.move_display import ShotDisplay
 from framestep_tools.move.shoot import FramesError, frames_of, spans
-from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
+from framestep_tools.simulator.boards import LockstepPort
+from host_tests.end_to_end.session import released, tell
 
 PAN = [0, 0, 40, 120, 260, 420, 560, 640, 660, 640]
 FOCUS = [5 * i for i in range(10)]
@@ -22,11 +23,7 @@ FAST = "--velocity 20000 --acceleration 100000"
 
 @pytest.fixture
 def board():
-    found = SimulatedBoard({"estop": "no"})
-    found._board.set_input("estop", 1)
-    found.run_until(50_000_000)
-    found.edges()
-    return found
+    return released({"estop": "no"})
 
 
 @pytest.fixture
@@ -205,8 +202,7 @@ def test_what_are_no_frames(text):
     ],
 )  # fmt: skip
 def test_one_sentence_says_what_is_wrong(framestep, board, move, line, status, words):
-    with Client(LockstepPort(board)) as client:
-        client.request(p.MotorResetPosition(1, 0))
+    tell(board, p.MotorResetPosition(1, 0))
     found, out, err = framestep(line.replace("MOVE", str(move)))
     assert (found, out) == (status, "")
     assert words in err

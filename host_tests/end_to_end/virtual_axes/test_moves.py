@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
-from framestep_tools import cli
 from framestep_tools import payloads as p
-from framestep_tools.client.client import Client
 from framestep_tools.judge.virtual_reference import Axis, Rig
-from framestep_tools.simulator.boards import LockstepPort
 from host_tests.end_to_end.session import simulated
 from host_tests.end_to_end.virtual_axes.judging import (
     BOOM,
@@ -335,17 +332,12 @@ def test_what_cannot_be_reached_is_refused_before_anything_moves(rig, number, ta
     assert all(session.made(motor) == 0 for motor in range(1, 7))
 
 
-def test_the_command_line_reports_and_moves(monkeypatch, capsys):
-    session = configured(XYZ)
-    monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(session.board)))
-    assert cli.app.status(["virtual", "socket://x", "pan", "6.5"]) == 0
-    assert capsys.readouterr().out.split() == (
-        [
-            "track:", "300.000", "ew:", "10.000", "ns:", "-20.000", "pan:", "6.500", "tilt:",
-            "-3.000", "roll:", "0.000",
-        ]
-    )  # fmt: skip
-    assert cli.app.status(["virtual", "socket://x", "roll", "-1e9"]) != 0
+def test_the_command_line_reports_and_moves(command):
+    board = configured(XYZ).board
+    status, out, _ = command(board, "virtual pan 6.5")
+    shown = "track: 300.000 ew: 10.000 ns: -20.000 pan: 6.500 tilt: -3.000 roll: 0.000"
+    assert (status, out.split()) == (0, shown.split())
+    assert command(board, "virtual roll -1e9")[0] != 0
 
 
 def test_rounding_to_steps_does_not_add_up():
