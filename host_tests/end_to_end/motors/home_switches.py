@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from framestep_tools.payloads import GetCondition, Home
+from framestep_tools.payloads import GetCondition, HardStop, Home
 from host_tests.end_to_end.session import simulated
 
 HIGH, LOW = 22, 26  # pins of limit set 1
@@ -74,14 +74,24 @@ class Rails:
         self.tick()
 
 
-def rails(*switches, rig=None, **home):
-    """Return a session whose motor 1 homes by HOME with changes, and its rails."""
-    settings = {"limits": LIMITS, "motors": [{"home": {**HOME, **home}}], **(rig or {})}
+def on_rails(settings, *switches):
+    """Return a session with these switches on its rails, and the rails."""
     session = simulated(settings)
     session.board.wire_switches()
     found = Rails(session, *switches)
     session.run(0.05)
     return session, found
+
+
+def rails(*switches, rig=None, **home):
+    """Return a session whose motor 1 homes by HOME with changes, and its rails."""
+    motors = [{"home": {**HOME, **home}}]
+    return on_rails({"limits": LIMITS, "motors": motors, **(rig or {})}, *switches)
+
+
+def reasons(session):
+    """Return [(reason, motor)] of the hard stops so far."""
+    return [(message.reason, message.motor) for _, message in session.events(HardStop)]
 
 
 def home(session, *motors):

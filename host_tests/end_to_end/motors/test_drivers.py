@@ -11,6 +11,7 @@ from framestep.protocol import messages as m
 from framestep_tools import payloads as p
 from framestep_tools.simulator.boards import SimulatedBoard
 from framestep_tools.simulator.driver_chips import STANDSTILL
+from host_tests.end_to_end.motors.home_switches import trust
 from host_tests.end_to_end.session import Session, deceleration, run_request
 
 pytestmark = pytest.mark.needs("boards")
@@ -39,11 +40,6 @@ def enables(talk):
         if signal is not None:
             found += [(motor, int(value), t * 1e-9) for t, value in zip(*signal, strict=True)]
     return sorted(found, key=lambda each: each[2])
-
-
-def trust(talk, motor):
-    each = talk.ask(p.GetCondition()).positions[motor - 1]
-    return each.state, each.reason
 
 
 def test_enabled_only_once_set_up():

@@ -12,12 +12,11 @@ from host_tests.end_to_end.motors.home_switches import (
     LIMITS,
     LOW,
     LOW_2,
-    Rails,
     Switch,
     home,
+    on_rails,
     trust,
 )
-from host_tests.end_to_end.session import simulated
 
 pytestmark = pytest.mark.needs("inside")
 
@@ -32,10 +31,7 @@ def gantry(*switches, coupled=COUPLED, second=None, **more):
         "limits": LIMITS,
         "motors": [{"home": first}, {"home": {**HOME, "limit": 2, **(second or {})}}],
     }
-    session = simulated(settings)
-    session.board.wire_switches()
-    rails = Rails(session, *switches)
-    session.run(0.05)
+    session, rails = on_rails(settings, *switches)
     if coupled:
         session.accept(p.MotorConfigure(1, coupled))
     return session, rails

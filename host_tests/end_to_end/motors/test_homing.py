@@ -9,7 +9,16 @@ from framestep.rig.settings import RigError
 from framestep_tools import payloads as p
 from framestep_tools.client.wire import encode
 from framestep_tools.errors import REFUSED
-from host_tests.end_to_end.motors.home_switches import HIGH, LOW, LOW_2, Switch, home, rails, trust
+from host_tests.end_to_end.motors.home_switches import (
+    HIGH,
+    LOW,
+    LOW_2,
+    Switch,
+    home,
+    rails,
+    reasons,
+    trust,
+)
 from host_tests.end_to_end.session import assert_within, simulated
 
 pytestmark = pytest.mark.needs("inside")
@@ -28,7 +37,7 @@ def test_position_is_counted_from_the_switch(toward, pin, at):
     # by the rig file the switch is at -50, and the motor is 200 steps off it
     assert session.position(1) == -50 + 200 * away
     assert abs(rail.steps[1] - (at + 200 * away)) <= 1
-    assert session.events(p.HardStop) == []
+    assert reasons(session) == []
 
 
 def test_run_on_behind_the_switch_does_not_count():
@@ -271,34 +280,21 @@ def test_what_is_refused_meanwhile():
     session.accept(p.MotorMove(1, 5), p.RtPositionFrame(2))
 
 
-def _stop(session):
-    session.accept(p.MotorStop(1))
-
-
-def _stop_all(session):
-    session.accept(p.MotorStopAll())
-
-
-def _estop(session):
-    session.input("estop", 1)
-
-
-def _short_estop(session):
-    """It is shorter than the motor's rest between two approaches."""
-    session.input("estop", 1).run(0.03).input("estop", 0)
-
-
-def _lost_host(session):
-    session.leave().run(0.5).come_back()
-
-
-def _other_limit(session):
-    """Another switch at the same end, assigned to the motor by SET_LIMITS."""
-    session.input(LOW_2, 1)
+STOPS = {
+    "STOP": lambda session: session.accept(p.MotorStop(1)),
+    "STOP_ALL": lambda session: session.accept(p.MotorStopAll()),
+    "E-stop": lambda session: session.input("estop", 1),
+    # shorter than the motor's rest between two approaches
+    "short E-stop": lambda session: session.input("estop", 1).run(0.03).input("estop", 0),
+    "lost host": lambda session: session.leave().run(0.5).come_back(),
+    # another one at the same end, assigned to the motor by SET_LIMITS
+    "limit switch": lambda session: session.input(LOW_2, 1),
+}
+HARD = {"E-stop": [(0, None)], "short E-stop": [(0, None)], "limit switch": [(2, 1)]}
 
 
 @pytest.mark.parametrize("after, known", [(0.3, True), (0.98, False), (1.1, True), (1.3, False)])
-@pytest.mark.parametrize("stop", [_stop, _stop_all, _estop, _short_estop, _lost_host, _other_limit])
+@pytest.mark.parametrize("stop", STOPS)
 def test_stopped(stop, after, known):
     """In any phase, and between two of them, the motor comes to rest and stays there."""
     session, rail = rails(Switch(1, LOW, -1700), rig={"estop": "nc"})
@@ -307,9 +303,9 @@ def test_stopped(stop, after, known):
         session.accept(p.MotorResetPosition(1, 4000))
     session.forget().accept(p.Home(b"\1")).run(after)
     assert session.moving == [1]
-    stop(session)
+    STOPS[stop](session)
     session.run(0.6)
-    if stop is _other_limit and session.moving:
+    if stop == "limit switch" and session.moving:
         session.wait_idle()  # it was backing off, and met the switch on the next approach
         session.run(0.3)
     assert session.moving == []
@@ -317,8 +313,7 @@ def test_stopped(stop, after, known):
     session.run(1.0)
     assert rail.steps == before
     assert trust(session) == (HELD if known else LOST, HOMING)
-    reasons = [message.reason for _, message in session.events(p.HardStop)]
-    assert reasons == {_estop: [0], _short_estop: [0], _other_limit: [2]}.get(stop, [])
+    assert reasons(session) == HARD.get(stop, [])
 
 
 def test_what_comes_in_one_packet_with_a_stop():
@@ -349,7 +344,7 @@ def test_switch_on_the_way_to_rest():
     assert rail.steps[1] > -700 - 2000**2 / (2 * 4 * 20000) - 8
     session.accept(p.MotorMove(1, 0)).wait_idle().forget()
     session.accept(p.MotorMove(1, -750)).wait_idle()
-    assert session.events(p.HardStop) == []
+    assert reasons(session) == []
     assert rail.steps[1] == -750
 
 
@@ -358,7 +353,7 @@ def test_limits_set_on_the_way_to_rest():
     session.accept(p.Home(b"\1")).run(0.2)
     session.accept(p.MotorStop(1), p.MotorSetLimits(1, 0, 0, 0, 0, 1)).wait_idle()
     session.accept(p.MotorMove(1, -750)).wait_idle()
-    assert [(e.reason, e.motor) for _, e in session.events(p.HardStop)] == [(2, 1)]
+    assert reasons(session) == [(2, 1)]
 
 
 def test_stop_of_another_motor_ends_nothing():
@@ -373,7 +368,7 @@ def test_limit_of_another_motor():
     session, _ = rails(Switch(1, LOW, -1700), Switch(2, LOW_2, -500))
     session.accept(p.MotorSetLimits(2, 0, 0, 0, 0, 2), p.Home(b"\1"), p.MotorMove(2, -4000))
     session.run(0.5)
-    assert [(e.reason, e.motor) for _, e in session.events(p.HardStop)] == [(2, 2)]
+    assert reasons(session) == [(2, 2)]
     assert session.moving == [1]
     session.wait_idle()
     assert trust(session) == (KNOWN, HOMED)
@@ -385,9 +380,9 @@ def test_limit_switch_that_is_the_home_switch():
     session.accept(p.MotorSetLimits(1, 0, 0, 0, 0, 1))
     home(session, 1)
     assert trust(session) == (KNOWN, HOMED)
-    assert session.events(p.HardStop) == []
+    assert reasons(session) == []
     session.accept(p.MotorMove(1, -3000)).wait_idle()
-    assert [(e.reason, e.motor) for _, e in session.events(p.HardStop)] == [(2, 1)]
+    assert reasons(session) == [(2, 1)]
 
 
 def test_home_switch_is_no_limit_afterwards():
@@ -396,7 +391,7 @@ def test_home_switch_is_no_limit_afterwards():
     home(session, 1)
     session.accept(p.MotorMove(1, -400)).wait_idle()
     assert session.position(1) == -400
-    assert session.events(p.HardStop) == []
+    assert reasons(session) == []
 
 
 def test_coupled_motors():

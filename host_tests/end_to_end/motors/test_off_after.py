@@ -8,6 +8,7 @@ from framestep.motors.positions import DRIVER_OFF, HELD, KNOWN, SET
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
 from framestep_tools.payloads import VirtMove
+from host_tests.end_to_end.motors.home_switches import trust
 from host_tests.end_to_end.session import run_request, simulated
 from host_tests.end_to_end.virtual_axes.judging import XYZ, configured
 
@@ -20,11 +21,6 @@ def enables(session, motor=1):
         for time_ns, signal, value in session.board.edges()
         if signal == f"enable{motor}"
     ]
-
-
-def trust(session, motor=1):
-    found = session.ask(p.GetCondition()).positions[motor - 1]
-    return found.state, found.reason
 
 
 def rig(*after, **more):

@@ -5,8 +5,14 @@ import pytest
 
 from framestep.motors.positions import HOMED, KNOWN, LOST, NOT_OPENED
 from framestep_tools import payloads as p
-from host_tests.end_to_end.motors.home_switches import HOME, Rails, Switch, home, trust
-from host_tests.end_to_end.session import simulated
+from host_tests.end_to_end.motors.home_switches import (
+    HOME,
+    Switch,
+    home,
+    on_rails,
+    reasons,
+    trust,
+)
 
 pytestmark = pytest.mark.needs("inside")
 
@@ -35,19 +41,11 @@ def rail_from(start, bounce=(), limits=None, **more):
         "limits": [{"pin": PIN, "ends": "both", **(limits or {})}],
         "motors": [{"home": {**HOME, "travel": 6000, "back_off": BACK_OFF, **more}}],
     }
-    session = simulated(settings)
-    session.board.wire_switches()
-    found = Rails(session, Ends(1, PIN, start, bounce=list(bounce)))
-    session.run(0.1)
-    return session, found
+    return on_rails(settings, Ends(1, PIN, start, bounce=list(bounce)))
 
 
 def assign(session):
     session.accept(p.MotorSetLimits(1, 0, 0, 0, 0, 1))
-
-
-def reasons(session):
-    return [(event.reason, event.motor) for _, event in session.events(p.HardStop)]
 
 
 def go(session, to, speed=2000):
@@ -226,10 +224,7 @@ def test_pushed_by_hand_to_the_other_end():
 
 
 def test_a_motor_without_home():
-    session = simulated({"limits": [{"pin": PIN}]})
-    session.board.wire_switches()
-    rail = Rails(session, Ends(1, PIN, 2500))
-    session.run(0.1)
+    session, rail = on_rails({"limits": [{"pin": PIN}]}, Ends(1, PIN, 2500))
     assign(session)
     go(session, -3000)
     assert reasons(session) == [(2, 1)]

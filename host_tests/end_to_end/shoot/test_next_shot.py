@@ -125,26 +125,6 @@ def test_nothing_to_shoot():
     nothing_shot(session)
 
 
-@pytest.mark.parametrize("stop", ["all", "one", "estop"])
-def test_a_stop_on_the_way_ends_it(stop):
-    """Nothing goes on by itself."""
-    session = rig(estop="nc")
-    session.input("estop", 0).run(0.1)
-    first(session, p.RtShootFrame2(1, 200, 0, 180))
-    session.accept(p.MotorMove(1, 9000)).wait_idle()
-    press(session, 0.05)
-    assert 1 in session.moving
-    if stop == "all":
-        session.accept(p.MotorStopAll())
-    elif stop == "one":
-        session.accept(p.MotorStop(1))
-    else:
-        session.input("estop", 1).run(0.1).input("estop", 0)
-    session.wait_idle().forget().run(3)
-    assert edges(session, "shutter") == []
-    assert len(session.steps(1)[0]) == len(session.steps(2)[0]) == 0
-
-
 def stop_by(session, stop):
     """Stop what moves."""
     if stop == "all":
@@ -155,6 +135,21 @@ def stop_by(session, stop):
         session.leave()
     else:
         session.input("estop", 1).run(0.1).input("estop", 0)
+
+
+@pytest.mark.parametrize("stop", ["all", "one", "estop"])
+def test_a_stop_on_the_way_ends_it(stop):
+    """Nothing goes on by itself."""
+    session = rig(estop="nc")
+    session.input("estop", 0).run(0.1)
+    first(session, p.RtShootFrame2(1, 200, 0, 180))
+    session.accept(p.MotorMove(1, 9000)).wait_idle()
+    press(session, 0.05)
+    assert 1 in session.moving
+    stop_by(session, stop)
+    session.wait_idle().forget().run(3)
+    assert edges(session, "shutter") == []
+    assert len(session.steps(1)[0]) == len(session.steps(2)[0]) == 0
 
 
 @pytest.mark.parametrize("stop", ["all", "one", "estop", "leave"])

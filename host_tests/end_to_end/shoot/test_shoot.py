@@ -302,19 +302,13 @@ def test_exposure_and_blur_of_nothing(ready):
 def test_positions_too_far_apart(ready, far):
     """Refused, never wrapped, however slow the motion would be; nearer positions are not."""
     ready.speed(1, 200_000, 4_000_000)
-    for blur in (1, 500, 1000):
+    for direction, a, b in ((1, -far, far), (0, far, 0)):
+        pair = [p.BlurMotor(1, a, b)]
         ready.refuse(
-            p.Ack.ERR_RANGE, p.RtShootFrame(FRAME, 1, 3_600_000, blur, [p.BlurMotor(1, -far, far)])
+            p.Ack.ERR_RANGE,
+            *(p.RtShootFrame(FRAME, direction, 3_600_000, blur, pair) for blur in (1, 500, 1000)),
+            p.RtShootFrame2(FRAME, 3_600_000, 0, 360, pair),
         )
-        ready.refuse(
-            p.Ack.ERR_RANGE, p.RtShootFrame(FRAME, 0, 3_600_000, blur, [p.BlurMotor(1, far, 0)])
-        )
-    ready.refuse(
-        p.Ack.ERR_RANGE, p.RtShootFrame2(FRAME, 3_600_000, 0, 360, [p.BlurMotor(1, -far, far)])
-    )
-    ready.refuse(
-        p.Ack.ERR_RANGE, p.RtShootFrame2(FRAME, 3_600_000, 0, 360, [p.BlurMotor(1, far, 0)])
-    )
     ready.run(0.1)
     assert not ready.trace().motors
     ready.accept(p.RtShootFrame2(FRAME, 1000, 0, 360, [p.BlurMotor(1, 300, 100)]))
@@ -367,78 +361,66 @@ PAIR = [p.BlurMotor(1, 0, 400)]
 
 
 @pytest.mark.parametrize(
-    ("request_", "code"),
+    "request_",
     [
-        (p.RtShootFrame(0, 1, 500, 500, PAIR), p.Ack.ERR_RANGE),
-        (p.RtShootFrame(FRAMES + 1, 1, 500, 500, PAIR), p.Ack.ERR_RANGE),
-        (p.RtShootFrame2(0, 500, 0, 180, PAIR), p.Ack.ERR_RANGE),
-        (p.RtShootFrame2(FRAMES + 1, 500, 0, 180, PAIR), p.Ack.ERR_RANGE),
-        (p.RtShootFrame(FRAME, 1, 2**32 - 1, 500, PAIR), p.Ack.ERR_RANGE),
-        (p.RtShootFrame2(FRAME, 2**31, 0, 180, PAIR), p.Ack.ERR_RANGE),
-        (p.RtShootFrame(FRAME, 2, 500, 500, PAIR), p.Ack.ERR_RANGE),
-        (p.RtShootFrame(FRAME, 1, 500, 1001, PAIR), p.Ack.ERR_RANGE),
-        (p.RtShootFrame(FRAME, 1, 500, 500, [p.BlurMotor(0, 0, 1)]), p.Ack.ERR_RANGE),
-        (p.RtShootFrame(FRAME, 1, 500, 500, [*PAIR, p.BlurMotor(9, 0, 1)]), p.Ack.ERR_RANGE),
-        (p.RtShootFrame2(FRAME, 500, 0, 180, [p.BlurMotor(255, 0, 1)]), p.Ack.ERR_RANGE),
-        (p.RtShootFrame2(FRAME, 500, 180, 180, PAIR), p.Ack.ERR_RANGE),
-        (p.RtShootFrame2(FRAME, 500, 180, 0, PAIR), p.Ack.ERR_RANGE),
-        (p.RtShootFrame(FRAME, 1, 17, 1000, PAIR), p.Ack.ERR_RANGE),  # 23 500 steps/s
-        (p.RtShootFrame(FRAME, 1, 500, 1000, [p.BlurMotor(1, -(2**31), 2**31 - 1)]),
-         p.Ack.ERR_RANGE),
-        (p.RtShootFrame2(FRAME, 17, 0, 360, PAIR), p.Ack.ERR_RANGE),
-        (p.RtShootFrame2(FRAME, 60000, 0, 1, PAIR), p.Ack.ERR_RANGE),  # six hours from A to B
+        p.RtShootFrame(0, 1, 500, 500, PAIR),
+        p.RtShootFrame(FRAMES + 1, 1, 500, 500, PAIR),
+        p.RtShootFrame2(0, 500, 0, 180, PAIR),
+        p.RtShootFrame2(FRAMES + 1, 500, 0, 180, PAIR),
+        p.RtShootFrame(FRAME, 1, 2**32 - 1, 500, PAIR),
+        p.RtShootFrame2(FRAME, 2**31, 0, 180, PAIR),
+        p.RtShootFrame(FRAME, 2, 500, 500, PAIR),
+        p.RtShootFrame(FRAME, 1, 500, 1001, PAIR),
+        p.RtShootFrame(FRAME, 1, 500, 500, [p.BlurMotor(0, 0, 1)]),
+        p.RtShootFrame(FRAME, 1, 500, 500, [*PAIR, p.BlurMotor(9, 0, 1)]),
+        p.RtShootFrame2(FRAME, 500, 0, 180, [p.BlurMotor(255, 0, 1)]),
+        p.RtShootFrame2(FRAME, 500, 180, 180, PAIR),
+        p.RtShootFrame2(FRAME, 500, 180, 0, PAIR),
+        p.RtShootFrame(FRAME, 1, 17, 1000, PAIR),  # 23 500 steps/s
+        p.RtShootFrame(FRAME, 1, 500, 1000, [p.BlurMotor(1, -(2**31), 2**31 - 1)]),
+        p.RtShootFrame2(FRAME, 17, 0, 360, PAIR),
+        p.RtShootFrame2(FRAME, 60000, 0, 1, PAIR),  # six hours from A to B
         # it opens after 22 days
-        (p.RtShootFrame2(FRAME, 60000, 32766, 32767, PAIR), p.Ack.ERR_RANGE),
+        p.RtShootFrame2(FRAME, 60000, 32766, 32767, PAIR),
         # the motors start 4 days after that
-        (p.RtShootFrame2(FRAME, 10000, -32768, -32767, PAIR), p.Ack.ERR_RANGE),
-        (p.RtShootFrame2(FRAME, 120, -32768, -32767, PAIR), p.Ack.ERR_RANGE),
+        p.RtShootFrame2(FRAME, 10000, -32768, -32767, PAIR),
+        p.RtShootFrame2(FRAME, 120, -32768, -32767, PAIR),
     ],
 )  # fmt: skip
-def test_refused_for_its_numbers(ready, request_, code):
-    ready.forget().refuse(code, request_).run(0.2)
+def test_refused_for_its_numbers(ready, request_):
+    ready.forget().refuse(p.Ack.ERR_RANGE, request_).run(0.2)
     assert not ready.trace().signals
     assert not ready.moving
     ready.refuse(p.Ack.ERR_GENERAL, p.RtGo())
 
 
-def test_limits_in_the_way(ready):
-    """Run-up 0x17, run-out 0x18; 400 steps in 0.5 s need 400 for either."""
-    request = p.RtShootFrame(FRAME, 1, 500, 1000, PAIR)
+@pytest.mark.parametrize(
+    ("request_", "begin", "end", "others"),
+    [
+        # 400 steps in 0.5 s need 400 for the run-up, and for the run-out
+        (p.RtShootFrame(FRAME, 1, 500, 1000, PAIR), -400, 800,
+         [(10, 9000, p.Ack.ERR_PREROLL), (-9000, 390, p.Ack.ERR_POSTROLL)]),
+        # field note 7.3: the motors go no further than A and B
+        *((p.RtShootFrame2(FRAME, 500, *angles, PAIR), 0, 400, [(-9000, -1, p.Ack.ERR_PREROLL)])
+          for angles in ((0, 360), (-90, 270), (90, 450))),
+    ],
+)  # fmt: skip
+def test_limits_in_the_way(ready, request_, begin, end, others):
+    """Before the exposure 0x17, after it 0x18."""
     for lower, upper, code in (
-        (-399, 9000, p.Ack.ERR_PREROLL),
-        (-9000, 799, p.Ack.ERR_POSTROLL),
-        (-399, 799, p.Ack.ERR_PREROLL),
-        (10, 9000, p.Ack.ERR_PREROLL),
-        (-9000, 390, p.Ack.ERR_POSTROLL),
+        (begin + 1, 9000, p.Ack.ERR_PREROLL),
+        (-9000, end - 1, p.Ack.ERR_POSTROLL),
+        (begin + 1, end - 1, p.Ack.ERR_PREROLL),
+        *others,
     ):
         ready.accept(p.MotorSetLimits(1, 1, lower, 1, upper)).forget()
-        ready.refuse(code, request).run(0.1)
+        ready.refuse(code, request_).run(0.1)
         assert not ready.trace().signals
         assert not ready.moving
-    ready.accept(p.MotorSetLimits(1, 1, -400, 1, 800))
-    before, *_ = shoot(ready, request)
-    assert before[1] == -400
-    assert ready.position(1) == 800
-
-
-@pytest.mark.parametrize("angles", [(0, 360), (-90, 270), (90, 450)])
-def test_limits_and_angles(ready, angles):
-    """Field note 7.3: the motors go no further than A and B; A past a limit 0x17, B 0x18."""
-    request = p.RtShootFrame2(FRAME, 500, *angles, PAIR)
-    for lower, upper, code in (
-        (1, 9000, p.Ack.ERR_PREROLL),
-        (-9000, 399, p.Ack.ERR_POSTROLL),
-        (-9000, -1, p.Ack.ERR_PREROLL),
-        (1, 399, p.Ack.ERR_PREROLL),
-    ):
-        ready.accept(p.MotorSetLimits(1, 1, lower, 1, upper)).forget()
-        ready.refuse(code, request).run(0.1)
-        assert not ready.trace().signals
-        assert not ready.moving
-    ready.accept(p.MotorSetLimits(1, 1, 0, 1, 400))
-    before, *_ = shoot(ready, request)
-    assert before[1] == 0
-    assert ready.position(1) == 400
+    ready.accept(p.MotorSetLimits(1, 1, begin, 1, end))
+    before, *_ = shoot(ready, request_)
+    assert before[1] == begin
+    assert ready.position(1) == end
 
 
 def test_too_steep(ready):
