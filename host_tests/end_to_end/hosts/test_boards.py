@@ -19,30 +19,36 @@ pytestmark = pytest.mark.needs("boards")
 
 def session(name, rig=None, motors=None):
     board = SimulatedBoard(rig, motors, board=name)
-    return Session(board, board._board.hal.motors), board
+    return Session(board, board._board.hal.motors)
 
 
 @pytest.mark.parametrize("name", board_names())
-def test_example_rig_with_its_switches(name):
-    """As in `make sim`, the motors move, because the stop button and the limit switches are
-    there."""
-    talk, board = session(name, read(ROOT / "boards" / name / "rig.json"))
+def test_example_rig_file(name):
+    """Every example starts, moves its motors once the stop button and the limit switches are there,
+    as in `make sim`, and stops at its E-stop."""
+    talk = session(name, read(ROOT / "boards" / name / "rig.json"))
     talk.run(2.0).refuse(m.ERR_GENERAL, p.MotorMove(1, 100))
-    board.wire_switches()
+    talk.board.wire_switches()
     talk.run(0.05).forget()
     talk.accept(p.MotorSetLimits(1, 0, 0, 0, 0, min(1, talk.ask(p.Hi()).limit_sets)))
     for target in (100, -100):
         talk.accept(p.MotorMove(1, target)).wait_idle()
         assert talk.position(1) == target
     assert not talk.events(p.HardStop)
+    motors = tuple(range(1, talk.motors + 1))
+    talk.accept(*(p.MotorMove(motor, 20_000) for motor in motors)).run(0.2)
+    assert tuple(talk.moving) == motors
+    talk.input("estop", 1).run(1.0)
+    assert not talk.moving
+    assert [message for _, message in talk.events(p.HardStop)] == [p.HardStop(0)]
 
 
 @pytest.mark.parametrize("count", [12, 16, 24])
 def test_many_motors(count):
     """Upload, run to the exact frames, E-stop: everything with a bit or a word per motor."""
     every = tuple(range(1, count + 1))
-    talk, board = session("pico2", {"estop": "nc"}, count)
-    board._board.set_input("estop", 0)
+    talk = session("pico2", {"estop": "nc"}, count)
+    talk.input("estop", 0)
     talk.run(0.05)
     assert talk.ask(p.Hi()).motors == count
     k = np.arange(30)
@@ -59,7 +65,7 @@ def test_many_motors(count):
     talk.accept(*(p.MotorMove(motor, 40_000) for motor in every))
     assert tuple(talk.moving) == every
     talk.run(0.3)
-    board._board.set_input("estop", 1)
+    talk.input("estop", 1)
     talk.run(0.5)
     assert not talk.moving
     assert [message for _, message in talk.events(p.HardStop)] == [p.HardStop(0)]
@@ -70,10 +76,10 @@ def test_many_motors(count):
 def test_limit_of_the_last_motor(last, end):
     """The others go on. Its switch is found again by the pass, whatever the number of motors."""
     rig = {"limits": [{"high" if end > 0 else "low": 23, "contact": "no"}]}
-    talk, board = session("pico2", rig, last)
+    talk = session("pico2", rig, last)
     talk.accept(p.MotorSetLimits(last, 0, 0, 0, 0, 1)).speed(last, 10_000, 50_000)
     talk.accept(p.MotorMove(last, 30_000 * end), p.MotorMove(last - 1, 2000)).run(0.5)
-    board._board.set_input(23, 0)
+    talk.input(23, 0)
     talk.run(0.5)
     reason, refused = (1, m.ERR_HARD_UP) if end > 0 else (2, m.ERR_HARD_LOW)
     assert [message for _, message in talk.events(p.HardStop)] == [p.HardStop(reason, last)]
@@ -94,26 +100,9 @@ def test_virtual_axes_of_the_last_motors(last):
     assert pose(talk) == pytest.approx(before + [0, 5, 0, 0, 0, 0], abs=0.01)
 
 
-@pytest.mark.parametrize("name", board_names())
-def test_example_rig_file(name):
-    """Every example starts, moves its motors, and stops at its E-stop."""
-    talk, board = session(name, read(ROOT / "boards" / name / "rig.json"))
-    hal = board._board.hal
-    board._board.set_input("estop", 0)
-    talk.run(0.6)  # until the drivers are set up
-    talk.forget()  # forgets the E-stop before its button was there
-    motors = tuple(range(1, hal.motors + 1))
-    talk.accept(*(p.MotorMove(motor, 20_000) for motor in motors)).run(0.2)
-    assert tuple(talk.moving) == motors
-    board._board.set_input("estop", 1)
-    talk.run(1.0)
-    assert not talk.moving
-    assert [message for _, message in talk.events(p.HardStop)] == [p.HardStop(0)]
-
-
 def test_outputs_of_the_skr_pico():
-    talk, board = session("skr_pico")
-    names = [board._board.hal.names[pin] for pin in (20, 21, 23)]
+    talk = session("skr_pico")
+    names = [talk.board._board.hal.names[pin] for pin in (20, 21, 23)]
     assert names == ["out1", "out2", "out3"]
     talk.forget().accept(p.GioOut(5))
     levels = talk.trace().signals
@@ -123,7 +112,7 @@ def test_outputs_of_the_skr_pico():
 
 
 def test_a_motor_that_is_not_there():
-    talk, _ = session("pico", {"motor_count": 3})
+    talk = session("pico", {"motor_count": 3})
     assert talk.ask(p.Hi()).motors == 3
     talk.refuse(m.ERR_RANGE, p.MotorMove(4, 10), p.MotorConfigure(4, 1))
     assert talk.ask(p.MotorMove(3, 10)).moving

@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from framestep_tools import payloads as p
-from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end import realtime
 from host_tests.end_to_end.session import (
-    Session,
     assert_no_faster,
     deceleration,
     run_request,
@@ -74,12 +72,10 @@ def test_the_stricter_setting_counts_in_any_order(at, flag, sense):
 def test_together_in_every_stop(cause, flag, sense):
     """Alone each would brake differently; and they move on together from there."""
     pin = 26 if sense > 0 or cause != "follower's limit" else 27
-    session = Session(SimulatedBoard(rig=LIMITS))
-    switch = session.board._board.set_input
+    session = simulated(LIMITS)
     for each in "estop", 26, 27:
-        switch(each, 0)
-    session.run(0.1)
-    session.accept(
+        session.input(each, 0)
+    session.run(0.1).accept(
         p.MotorConfigure(1, 1 | flag),
         p.MotorSetSpeed(1, 9000, 60_000),
         p.MotorSetSpeed(2, 20_000, 9_000),
@@ -90,9 +86,9 @@ def test_together_in_every_stop(cause, flag, sense):
     for k in range(6):
         session.accept(p.MotorMove(1, 50_000)).run(0.6 + 0.013 * k)
         if cause == "estop":
-            switch("estop", 1)
+            session.input("estop", 1)
         elif cause.endswith("limit"):
-            switch(pin, 1)
+            session.input(pin, 1)
         elif cause == "port closed":
             session.leave()
         else:
@@ -100,9 +96,7 @@ def test_together_in_every_stop(cause, flag, sense):
         session.run(1.5)
         if cause == "port closed":
             session.come_back().run(0.1)
-        switch("estop", 0)
-        switch(pin, 0)
-        session.run(0.1)
+        session.input("estop", 0).input(pin, 0).run(0.1)
         assert session.moving == []
         assert_together(session, sense)
         session.accept(p.MotorMove(1, -70 * k)).wait_idle()

@@ -160,14 +160,6 @@ def test_move(rig, target, velocity, acceleration):
     assert times[-1] - times[0] == pytest.approx(ideal - first, abs=1e-5 + rounding + 1e-5 * ideal)
 
 
-def test_default_speed(rig):
-    """Field note 4.1: 5000 steps/s, 20000 steps/s²."""
-    rig.accept(p.MotorMove(1, 4000)).wait_idle()
-    times, signs = rig.steps(1)
-    assert 1 / np.diff(times).min() == pytest.approx(5000, rel=2e-3)
-    assert deceleration(times, signs, times[-1] - 0.2) == pytest.approx(20000, rel=0.01)
-
-
 def test_no_distance(both):
     """To its own position: an answer, no motion, no report, the same position."""
     both.accept(p.MotorResetPosition(1, -77)).run(0.1).forget()
@@ -282,18 +274,6 @@ def test_moving_bits(both):
     assert len(both.trace().steps(1)[0]) == quiet
 
 
-def test_moving_bit_until_the_last_edge(rig):
-    """At requests every millisecond, the bit is set at each edge."""
-    rig.speed(2, 5000, 100_000).accept(p.MotorMove(2, 120))
-    seen = []
-    while not seen or seen[-1][1]:
-        seen.append((rig.now, rig.moving == [2]))
-        rig.run(0.001)
-    times, _ = rig.steps(2)
-    assert len(times) == 120
-    assert times[-1] <= seen[-1][0]
-
-
 @pytest.mark.needs("prompt", only=("30",))
 @pytest.mark.with_reports
 @pytest.mark.parametrize("report_ms", [100, 30])
@@ -375,18 +355,11 @@ def test_stop_all_once_and_twice(factor, flags):
     assert stop(1) == pytest.approx([20000, 8000], rel=0.01), "the third is a first one again"
 
 
-def test_second_stop_all_under_way(rig):
-    """It also makes a ramp steeper that has begun, and comes too late after a second."""
-    rig.speed(1, 5000, 4000).accept(p.MotorMove(1, 40000))
-    rig.run(1.6).accept(p.MotorStopAll()).run(0.3)
-    rig.accept(p.MotorStopAll())
-    asked = rig.now
-    rig.wait_idle()
-    assert deceleration(*rig.steps(1), asked) == pytest.approx(16000, rel=0.02)
-    rig.run(1.2).speed(1, 5000, 2000).accept(p.MotorMove(1, 60000))
-    rig.run(3).accept(p.MotorStopAll()).run(1.1)
-    rig.accept(p.MotorStopAll())
-    asked = rig.now
+def test_a_second_stop_all_too_late_is_a_first_one_again(rig):
+    """Even while the motor still ramps down. One in time is hard (test_stops.py)."""
+    rig.speed(1, 5000, 2000).accept(p.MotorMove(1, 60000)).run(3)
+    rig.accept(p.MotorStopAll()).run(1.1)
+    asked = rig.accept(p.MotorStopAll()).now
     rig.wait_idle()
     assert deceleration(*rig.steps(1), asked) == pytest.approx(2000, rel=0.02)
 

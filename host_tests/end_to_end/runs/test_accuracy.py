@@ -72,19 +72,6 @@ def test_the_camera_move():
     assert verdict.good, verdict.complaints
 
 
-def test_all_motors_with_jitter():
-    """Positions that are not smooth: each frame is wrong by up to two steps, as noisy as an upload
-    may be."""
-    chance = np.random.default_rng(7)
-    positions = {
-        motor: np.round(200 * np.arange(30) * (motor / 8)).astype(int) + chance.integers(-2, 3, 30)
-        for motor in range(1, 9)
-    }
-    # such small jitter on such fast motion bends the path hard: the judge's cubics show that too
-    verdict = played(simulated(), positions, 24)
-    assert verdict.good, verdict.complaints
-
-
 @st.composite
 def moves(draw):
     """Draw a frame rate and positions of three motors that use up to 0.8 of velocity and

@@ -290,37 +290,24 @@ def test_status_of_holds_and_waits(polled):
 
 
 def test_status_of_jogs_and_stops(polled):
+    """Each request is given some time, or until the motors are at rest."""
     session, poll = polled
-    session.accept(p.RtPositionFrame(2))
-    poll.until_zero()
-    session.accept(p.RtJogAll(12000, 20))
-    poll.for_seconds(0.7)
-    session.accept(p.RtJogAll(12000, 4))
-    assert poll.once()
-    poll.until_zero()
-    session.accept(p.RtJogAll(12000, 20))
-    poll.for_seconds(0.4)
-    session.accept(p.MotorStopAll())
-    poll.until_zero()
-    session.accept(p.RtJogAll(12000, 1))
-    poll.for_seconds(0.3)
-    session.accept(p.MotorStopAll(), p.MotorStopAll())
-    poll.until_zero()
-    session.accept(run_request(24, 1, FRAMES))
-    poll.for_seconds(0.01)
-    session.accept(p.MotorStopAll())
-    poll.until_zero()
-    session.accept(run_request(24, 1, FRAMES))
-    poll.until_zero()
-    session.accept(p.RtGo())
-    poll.for_seconds(0.7)
-    session.accept(p.MotorStopAll())
-    poll.until_zero()
-    session.accept(run_request(24, 1, FRAMES))
-    poll.until_zero()
-    session.accept(p.MotorJog(2, 8000, 500))
-    assert poll.once() == 2
-    session.accept(p.MotorStopAll())
-    poll.until_zero()
+    stop, run = p.MotorStopAll(), run_request(24, 1, FRAMES)
+    for requests, seconds in (
+        ([p.RtPositionFrame(2)], None),
+        ([p.RtJogAll(12000, 20)], 0.7), ([p.RtJogAll(12000, 4)], None),
+        ([p.RtJogAll(12000, 20)], 0.4), ([stop], None),
+        ([p.RtJogAll(12000, 1)], 0.3), ([stop, stop], None),
+        ([run], 0.01), ([stop], None),
+        ([run], None), ([p.RtGo()], 0.7), ([stop], None),
+        ([run], None), ([p.MotorJog(2, 8000, 500)], 0), ([stop], None),
+    ):  # fmt: skip
+        session.accept(*requests)
+        if seconds is None:
+            poll.until_zero()
+        else:
+            bits = poll.once()
+            assert bits == (2 if seconds == 0 else 0b11), requests
+            poll.for_seconds(seconds)
     poll.check()
     assert np.all([len(session.steps(m)[0]) for m in (1, 2)])

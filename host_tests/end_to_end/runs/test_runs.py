@@ -99,17 +99,6 @@ def test_roll_positions(loaded, first, last, roll):
         assert_played(loaded, before, section(first, last), fps, smooth=False)
 
 
-@pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1), (5, 21), (21, 5), (3, 6)])
-def test_sections_and_backward(loaded, first, last):
-    """Field note 6.5: END before START plays backward, and a part plays like a whole."""
-    before = loaded.play(run_request(25, first, last, 500, 500))
-    assert_played(loaded, before, section(first, last), 25)
-    step = 1 if last > first else -1
-    assert [t for t in loaded.frames_reported() if t] == [
-        1000 * f for f in range(first, last + step, step)
-    ]
-
-
 def test_single_frame(loaded):
     """Field note 6.5: START = END moves there, then RT_END."""
     for frame in (12, 1, 25):
@@ -192,16 +181,6 @@ def test_motors_without_a_part_hold_still(loaded):
     assert 4 in trace.motors
     del trace.signals["m4"]
     assert judge(trace, {1: MOVE[1]}, 24000, before).good
-
-
-def test_acknowledged_before_it_moves(loaded):
-    """Field note 6.3; and all motors start in the same tick."""
-    loaded.ready(run_request(24, 1, FRAMES, 200, 200)).forget()
-    loaded.accept(p.RtGo())
-    acknowledged = loaded.now
-    loaded.run(0.5)
-    assert loaded.steps(1)[0][0] > acknowledged - 0.001
-    loaded.until(p.RtEnd, 10)
 
 
 def test_moving_bits_from_the_acknowledgement_on(loaded):

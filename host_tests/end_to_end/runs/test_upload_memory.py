@@ -11,11 +11,11 @@ from framestep.moves.path.move_check import UNREPORTED
 from framestep.protocol.messages import CONDITION_EXCEEDED, EXCEEDED_MEMORY
 from framestep.repl import state as repl_state
 from framestep_tools import payloads as p
-from framestep_tools.client.client import Client, RequestRefused
+from framestep_tools.client.client import RequestRefused
 from framestep_tools.client.refusals import explain
 from framestep_tools.client.state import ask, lines
-from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
-from host_tests.end_to_end.session import run_request
+from framestep_tools.simulator.boards import SimulatedBoard
+from host_tests.end_to_end.session import Session, run_request
 
 pytestmark = pytest.mark.needs("inside")
 
@@ -25,46 +25,39 @@ PIECE = 34
 LAST = 1 << 31
 
 
-class Rig:
-    """A simulated board with two motors, a region for both and 13 pieces of memory."""
-
-    def __init__(self):
-        size = 2 * REGION + 13 * PIECE
-        self.board = SimulatedBoard({"outputs": [{"pin": 26}]}, motors=2, upload_bytes=size)
-        self.client = Client(LockstepPort(self.board))
-        self.client.greet()
-
-    def begin(self):
-        for request in (
-            p.RtUploadMoveBegin(1, FRAMES),
-            p.RtUploadMoveAxis(1, LAST, [7]),
-            p.RtUploadMoveAxis(2, LAST, [9]),
-        ):
-            self.client.request(request)
-
-    def refused(self, request):
-        """Return what a refusal says: the text, what the request needs, what is free."""
-        with pytest.raises(RequestRefused) as caught:
-            self.client.request(request)
-        reported = self.client.request(p.GetExceeded())
-        said = str(explain(self.client, caught.value))
-        if reported.what != EXCEEDED_MEMORY:
-            return said, None, None
-        return said, reported.by, reported.room
-
-    def unreported(self):
-        """Whether the REPL has something to report; clear it."""
-        faults = self.board._board.controller.faults
-        found = faults.unreported & UNREPORTED
-        faults.unreported &= ~UNREPORTED
-        return bool(found)
-
-
 @pytest.fixture
 def rig():
-    found = Rig()
-    with found.client:
-        yield found
+    """Return a session of two motors, with a region for both and 13 pieces of memory."""
+    size = 2 * REGION + 13 * PIECE
+    rig = {"outputs": [{"pin": 26}]}
+    return Session(SimulatedBoard(rig, motors=2, upload_bytes=size), motors=2)
+
+
+def begin(rig):
+    rig.accept(
+        p.RtUploadMoveBegin(1, FRAMES),
+        p.RtUploadMoveAxis(1, LAST, [7]),
+        p.RtUploadMoveAxis(2, LAST, [9]),
+    )
+
+
+def refused(rig, request):
+    """Return what a refusal says: the text, what the request needs, what is free."""
+    with pytest.raises(RequestRefused) as caught:
+        rig.ask(request)
+    reported = rig.ask(p.GetExceeded())
+    said = str(explain(rig.client, caught.value))
+    if reported.what != EXCEEDED_MEMORY:
+        return said, None, None
+    return said, reported.by, reported.room
+
+
+def unreported(rig):
+    """Whether the REPL has something to report; clear it."""
+    faults = rig.board._board.controller.faults
+    found = faults.unreported & UNREPORTED
+    faults.unreported &= ~UNREPORTED
+    return bool(found)
 
 
 WILD = [1_000_000 * (i % 2) for i in range(FRAMES)]
@@ -83,19 +76,19 @@ WILD = [1_000_000 * (i % 2) for i in range(FRAMES)]
     ids=["positions", "levels", "triggers"],
 )  # fmt: skip
 def test_what_is_asked_and_what_is_free(rig, request_, part, needs):
-    rig.begin()
+    begin(rig)
     free = 13 * PIECE
     if needs is None:  # ten pieces, of 28 frames at most
-        rig.client.request(p.RtUploadMoveTriggers(0x1FF, [p.Trigger(3, 0x1FF)]))
+        rig.accept(p.RtUploadMoveTriggers(0x1FF, [p.Trigger(3, 0x1FF)]))
         free, needs = 4 * PIECE, 10 * PIECE
-    assert not rig.unreported()
-    said, by, room = rig.refused(request_)
+    assert not unreported(rig)
+    said, by, room = refused(rig, request_)
     assert (by, room) == (needs, free)
     assert f"refused: {part}: the board's memory is full" in said
     assert f"needs {needs} bytes, {free} are free" in said
-    assert rig.unreported()
-    rig.refused(request_)
-    assert not rig.unreported(), "once for an upload"
+    assert unreported(rig)
+    refused(rig, request_)
+    assert not unreported(rig), "once for an upload"
     line = f"the last upload does not fit into memory: it needs {needs} bytes, {free} are free"
     assert line in lines(ask(rig.client))
     boot.controller, boot.runner = rig.board._board.controller, SimpleNamespace(alive=True)
@@ -106,47 +99,48 @@ def test_what_is_asked_and_what_is_free(rig, request_, part, needs):
 
 
 def test_a_motor_that_has_no_region(rig):
-    rig.client.request(p.RtUploadMoveBegin(1, FRAMES))
-    rig.client.request(p.RtUploadMoveAxis(1, 0, WILD))
-    rig.client.request(p.RtUploadMoveTriggers(7, [p.Trigger(3, 7)]))
-    _, by, room = rig.refused(p.RtUploadMoveAxis(2, 0, [1]))
+    rig.accept(
+        p.RtUploadMoveBegin(1, FRAMES),
+        p.RtUploadMoveAxis(1, 0, WILD),
+        p.RtUploadMoveTriggers(7, [p.Trigger(3, 7)]),
+    )
+    _, by, room = refused(rig, p.RtUploadMoveAxis(2, 0, [1]))
     assert (by, room) == (REGION, 2 * REGION + 13 * PIECE - REGION - 17 * PIECE)
 
 
 def test_frames_between_those_sent(rig):
     """They hold the position before them, so the motor jumps after them."""
-    rig.client.request(p.RtUploadMoveBegin(1, FRAMES))
-    rig.client.request(p.RtUploadMoveAxis(1, 0, [0]))
-    rig.client.request(p.RtUploadMoveAxis(1, 100, [100_000_000]))
-    rig.client.request(p.RtUploadMoveAxis(2, LAST, [0]))
-    rig.client.request(p.RtUploadMoveTriggers(0x3FF, [p.Trigger(3, 0x3FF)]))
-    said, by, room = rig.refused(p.RtUploadMoveEnd())
+    rig.accept(
+        p.RtUploadMoveBegin(1, FRAMES),
+        p.RtUploadMoveAxis(1, 0, [0]),
+        p.RtUploadMoveAxis(1, 100, [100_000_000]),
+        p.RtUploadMoveAxis(2, LAST, [0]),
+        p.RtUploadMoveTriggers(0x3FF, [p.Trigger(3, 0x3FF)]),
+    )
+    said, by, room = refused(rig, p.RtUploadMoveEnd())
     assert "the frames between those that were sent: the board's memory is full" in said
     assert 0 <= room < by
-    rig.client.request(p.RtUploadMoveAxis(1, 0, [100_000_000]))
-    rig.client.request(p.RtUploadMoveEnd())
+    rig.accept(p.RtUploadMoveAxis(1, 0, [100_000_000]), p.RtUploadMoveEnd())
 
 
 def test_what_was_sent_before_can_be_played(rig):
-    rig.begin()
-    rig.refused(p.RtUploadMoveAxis(2, 0, WILD))
-    rig.client.request(p.RtUploadMoveEnd())
-    rig.client.request(p.RtPositionFrame(20))
-    rig.client.wait_idle()
-    assert list(rig.client.request(p.MotorGetPosition()).steps) == [7, 9]
-    rig.client.request(run_request(24, 1, 9))
-    assert not rig.client.request(p.GetCondition()).bits & CONDITION_EXCEEDED
+    begin(rig)
+    refused(rig, p.RtUploadMoveAxis(2, 0, WILD))
+    rig.accept(p.RtUploadMoveEnd(), p.RtPositionFrame(20)).wait_idle()
+    assert rig.positions == {1: 7, 2: 9}
+    rig.accept(run_request(24, 1, 9))
+    assert not rig.ask(p.GetCondition()).bits & CONDITION_EXCEEDED
 
 
 def test_a_new_upload_begins_anew(rig):
-    rig.begin()
-    rig.refused(p.RtUploadMoveAxis(2, 0, WILD))
-    assert rig.client.request(p.GetCondition()).bits & CONDITION_EXCEEDED
-    rig.begin()
-    assert not rig.client.request(p.GetCondition()).bits & CONDITION_EXCEEDED
-    rig.unreported()
-    rig.refused(p.RtUploadMoveAxis(2, 0, WILD))
-    assert rig.unreported()
+    begin(rig)
+    refused(rig, p.RtUploadMoveAxis(2, 0, WILD))
+    assert rig.ask(p.GetCondition()).bits & CONDITION_EXCEEDED
+    begin(rig)
+    assert not rig.ask(p.GetCondition()).bits & CONDITION_EXCEEDED
+    unreported(rig)
+    refused(rig, p.RtUploadMoveAxis(2, 0, WILD))
+    assert unreported(rig)
 
 
 @pytest.mark.parametrize(
@@ -159,7 +153,7 @@ def test_a_new_upload_begins_anew(rig):
     ],
 )
 def test_what_is_refused_for_another_reason(rig, request_, words):
-    rig.begin()
-    said, by, _ = rig.refused(request_)
+    begin(rig)
+    said, by, _ = refused(rig, request_)
     assert words in said
     assert by is None

@@ -1,6 +1,8 @@
 """Judges virtual motions from the edges: straight, within a step of the exact inverse, within the
 motors' limits."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from framestep.protocol import messages as m
@@ -20,16 +22,14 @@ BOOM = Rig(
     length=857.7,
     extension=78.0,
 )
-BOOM_NODAL = Rig(1, BOOM.axes, BOOM.length, BOOM.extension, nodal=(20.0, 35.5, -12.0))
+BOOM_NODAL = replace(BOOM, nodal=(20.0, 35.5, -12.0))
 # the same, raised by 3 degrees and swung out by 10 at its configuration
-SWUNG = Rig(
-    1,
-    tuple(
-        Axis(a.motor, a.steps_per_unit, a.position, s)
-        for a, s in zip(BOOM.axes, (750, 3000, 0, -2500, -750, 0), strict=True)
+SWUNG = replace(
+    BOOM,
+    axes=tuple(
+        replace(axis, step=step)
+        for axis, step in zip(BOOM.axes, (750, 3000, 0, -2500, -750, 0), strict=True)
     ),
-    BOOM.length,
-    BOOM.extension,
 )
 COLUMN = Rig(
     3, (Axis(1, 100.0, 30.0), *BOOM.axes[1:]), length=600.0, extension=-20.0,

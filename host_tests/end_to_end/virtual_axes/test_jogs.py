@@ -209,32 +209,27 @@ def test_another_jog_begins_when_the_one_under_way_has_come_to_rest():
     assert session.moving == []
 
 
+ENDS = {
+    "VIRT_STOP": [p.VirtStop(m.VIRT_MOTOR_EW)],
+    "STOP": [p.MotorStop(2)],
+    "STOP_ALL": [p.MotorStopAll()],
+    "two STOP_ALL": [p.MotorStopAll(), p.MotorStopAll()],
+    "another jog": [p.VirtJog(m.VIRT_MOTOR_NS, 10_000, FAR), p.VirtStop(m.VIRT_MOTOR_NS)],
+}
+
+
 def end_of_a_jog(kind, begun, seconds):
     """Release a jog after `seconds`, in one of the ways in which it ends."""
     end = begun.now + seconds
     while begun.now < end - 1e-6:
         begun.run(min(0.2, end - begun.now))
-        if kind != "time-out":
-            begun.code(p.VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR))
-    if kind == "VIRT_STOP":
-        begun.accept(p.VirtStop(m.VIRT_MOTOR_EW))
-    elif kind == "STOP":
-        begun.accept(p.MotorStop(2))
-    elif kind == "STOP_ALL":
-        begun.accept(p.MotorStopAll())
-    elif kind == "two STOP_ALL":
-        begun.accept(p.MotorStopAll(), p.MotorStopAll())
-    elif kind == "another jog":
-        begun.accept(p.VirtJog(m.VIRT_MOTOR_NS, 10_000, FAR), p.VirtStop(m.VIRT_MOTOR_NS))
-    elif kind == "host lost":
+        begun.code(p.VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR))
+    if kind == "host lost":
         begun.leave()
-    begun.run(3)
+    begun.accept(*ENDS.get(kind, ())).run(3)
 
 
-WAYS_TO_END = ["VIRT_STOP", "STOP", "STOP_ALL", "two STOP_ALL", "another jog", "host lost"]
-
-
-@pytest.mark.parametrize("kind", WAYS_TO_END)
+@pytest.mark.parametrize("kind", [*ENDS, "host lost"])
 @pytest.mark.parametrize(
     ("rig", "motor", "limits"), [(BOOM, 3, (-9000, 400)), (NODAL, 1, (0, 7000))]
 )

@@ -1,6 +1,7 @@
 """VIRT_CONFIG, VIRT_MOVE, VIRT_STOP and VIRT_GET_POSITION end to end on the host simulation."""
 
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -206,13 +207,7 @@ def test_the_pose_is_that_of_the_configuration_and_what_has_changed_since(rig):
     assert begun != stands
     # all positions 0: its positions read 0 at once
     if rig.kind != 2:
-        zero = Rig(
-            rig.kind,
-            tuple(Axis(a.motor, a.steps_per_unit) for a in rig.axes),
-            rig.length,
-            rig.extension,
-            rig.nodal,
-        )
+        zero = replace(rig, axes=tuple(Axis(a.motor, a.steps_per_unit) for a in rig.axes))
         session.accept(p.VirtConfig.unpack(zero.payload()))
         assert pose(session).tolist() == [0] * 6
 
