@@ -169,15 +169,23 @@ class Fault(NamedTuple):
 class _Says(Behaviour):
     """`spoil` changes a frame of the device, or drops it (None)."""
 
-    def __init__(self, spoil: Callable[[Frame], Frame | None]):
+    def __init__(self, spoil: "Spoil"):
         self.spoil = spoil
 
     def said(self, frame: Frame) -> Frame | None:
         return self.spoil(frame)
 
 
-def _fault(name: str, subject: str, spoil: Callable[[Frame], Frame | None]) -> Fault:
-    return Fault(name, subject, lambda: _Says(spoil))
+Spoil = Callable[[Frame], Frame | None]
+
+
+def says(spoil: Spoil) -> Callable[[], Behaviour]:
+    """Return a maker of behaviours that change what the device says."""
+    return lambda: _Says(spoil)
+
+
+def _fault(name: str, subject: str, spoil: Spoil) -> Fault:
+    return Fault(name, subject, says(spoil))
 
 
 def _code(old: int, new: int, type: int = 0):
@@ -193,14 +201,18 @@ def _code(old: int, new: int, type: int = 0):
     return spoil
 
 
-def _lost(type: int, report: bool):
+def lost(type: int, report: bool) -> Spoil:
+    """Drop the reports, or the answers, of a type."""
+
     def spoil(frame: Frame) -> Frame | None:
         return None if frame.request_type == type and (frame.id == 0) == report else frame
 
     return spoil
 
 
-def _data(type: int, change: Callable[[bytes], bytes], report: bool | None = None):
+def data(type: int, change: Callable[[bytes], bytes], report: bool | None = None) -> Spoil:
+    """Change the data of messages of a type: of all, of reports, or of answers."""
+
     def spoil(frame: Frame) -> Frame:
         if frame.type != type or report not in (None, frame.id == 0):
             return frame
@@ -235,10 +247,10 @@ _HI = {
 }
 
 FAULTS = (
-    *(_fault(f"HI: {name}", "framing", _data(spec.HI, change)) for name, change in _HI.items()),
+    *(_fault(f"HI: {name}", "framing", data(spec.HI, change)) for name, change in _HI.items()),
     _fault("IDs of 16 bits", "framing", _id(lambda id: id & 0xFFFF)),
     _fault("IDs of 31 bits", "framing", _id(lambda id: id & 0x7FFFFFFF)),
-    _fault("no answer to MOTOR_STATUS", "framing", _lost(spec.STATUS, False)),
+    _fault("no answer to MOTOR_STATUS", "framing", lost(spec.STATUS, False)),
     _fault("unknown types are accepted", "framing", _code(spec.ERR_UNSUPPORTED, spec.OK)),
     _fault("unknown types: general error", "framing",
            _code(spec.ERR_UNSUPPORTED, spec.ERR_GENERAL)),
@@ -253,37 +265,37 @@ FAULTS = (
                    spec.SET_LIMITS)),
     *(_fault(f"{spec.NAMES[type]}: OK is reported as 0", "numbers", _code(spec.OK, 0, type))
       for type in (spec.STOP, spec.RESET, spec.CONFIGURE, spec.SET_SPEED, spec.SET_LIMITS)),
-    *(_fault(f"no answer to {spec.NAMES[type]}", "motors", _lost(type, False))
+    *(_fault(f"no answer to {spec.NAMES[type]}", "motors", lost(type, False))
       for type in (spec.STOP, spec.STOP_ALL, spec.RESET, spec.JOG, spec.MOVE)),
     _fault("upper limit reported as lower", "motors", _code(spec.ERR_SOFT_UP, spec.ERR_SOFT_LOW)),
     _fault("lower limit reported as upper", "motors", _code(spec.ERR_SOFT_LOW, spec.ERR_SOFT_UP)),
     _fault("a limit is reported as OK", "motors", _code(spec.ERR_SOFT_UP, spec.OK)),
     _fault("moving is reported as range", "motors", _code(spec.ERR_MOVING, spec.ERR_RANGE)),
-    _fault("never moving", "motors", _data(spec.STATUS, lambda d: bytes(5))),
+    _fault("never moving", "motors", data(spec.STATUS, lambda d: bytes(5))),
     _fault("moving bits of the next motor", "motors",
-           _data(spec.STATUS, lambda d: bytes((d[0] << 1 & 0xFF,)) + d[1:])),
-    _fault("unsigned positions", "motors", _data(spec.GET_POSITION, _steps(abs))),
+           data(spec.STATUS, lambda d: bytes((d[0] << 1 & 0xFF,)) + d[1:])),
+    _fault("unsigned positions", "motors", data(spec.GET_POSITION, _steps(abs))),
     _fault("positions of 16 bits", "motors",
-           _data(spec.GET_POSITION, _steps(lambda p: (p + 0x8000 & 0xFFFF) - 0x8000))),
+           data(spec.GET_POSITION, _steps(lambda p: (p + 0x8000 & 0xFFFF) - 0x8000))),
     _fault("positions a step off below zero", "motors",
-           _data(spec.GET_POSITION, _steps(lambda p: p - (p < 0)))),
-    _fault("no positions unasked", "motors", _lost(spec.GET_POSITION, True)),
+           data(spec.GET_POSITION, _steps(lambda p: p - (p < 0)))),
+    _fault("no positions unasked", "motors", lost(spec.GET_POSITION, True)),
     _fault("positions unasked are all zero", "motors",
-           _data(spec.GET_POSITION, _steps(lambda p: 0), True)),
+           data(spec.GET_POSITION, _steps(lambda p: 0), True)),
     _fault("MOVE TIME a frame early", "uploads",
-           _data(spec.GET_POSITION, _time(lambda t: t - 1000))),
-    _fault("MOVE TIME in frames", "uploads", _data(spec.GET_POSITION, _time(lambda t: t // 1000))),
+           data(spec.GET_POSITION, _time(lambda t: t - 1000))),
+    _fault("MOVE TIME in frames", "uploads", data(spec.GET_POSITION, _time(lambda t: t // 1000))),
     _fault("upload: range reported as OK", "uploads", _code(spec.ERR_RANGE, spec.OK)),
     _fault("not in position reported as OK", "uploads", _code(spec.ERR_NOT_IN_POSITION, spec.OK)),
-    _fault("no answer to UPLOAD_END", "uploads", _lost(spec.UPLOAD_END, False)),
-    _fault("no answer to AXIS", "uploads", _lost(spec.AXIS, False)),
-    _fault("no RT_END", "runs", _lost(spec.END, True)),
+    _fault("no answer to UPLOAD_END", "uploads", lost(spec.UPLOAD_END, False)),
+    _fault("no answer to AXIS", "uploads", lost(spec.AXIS, False)),
+    _fault("no RT_END", "runs", lost(spec.END, True)),
     _fault("reports a frame late", "runs",
-           _data(spec.GET_POSITION, _time(lambda t: t + 1000), True)),
+           data(spec.GET_POSITION, _time(lambda t: t + 1000), True)),
     _fault("reports without positions", "runs",
-           _data(spec.GET_POSITION, _steps(lambda p: 0), True)),
-    _fault("reports 3 steps off", "runs", _data(spec.GET_POSITION, _steps(lambda p: p + 3), True)),
-    _fault("no frame is reported", "runs", _lost(spec.GET_POSITION, True)),
+           data(spec.GET_POSITION, _steps(lambda p: 0), True)),
+    _fault("reports 3 steps off", "runs", data(spec.GET_POSITION, _steps(lambda p: p + 3), True)),
+    _fault("no frame is reported", "runs", lost(spec.GET_POSITION, True)),
     _fault("GO too early is accepted", "runs", _code(spec.ERR_NOT_IN_POSITION, spec.OK)),
     _fault("a pre-roll past a limit: range", "runs", _code(spec.ERR_PREROLL, spec.ERR_RANGE)),
     _fault("during a run: OK", "runs", _code(spec.ERR_MOVING, spec.OK)),

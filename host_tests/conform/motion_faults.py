@@ -13,7 +13,7 @@ from framestep_tools.client.wire import Frame
 from framestep_tools.conform import spec
 from framestep_tools.judge.trace import Edge
 
-from .faults import Behaviour, Fault
+from .faults import Behaviour, Fault, data, lost, says
 from .faults import asked as _asked
 from .faults import field as _field
 
@@ -71,16 +71,6 @@ class _Instead(Behaviour):
             return frame
         self.port.ask(self.other)
         return None
-
-
-class _Unasked(Behaviour):
-    """A rule changes, doubles or drops unasked messages."""
-
-    def __init__(self, type: int, change: Callable[[Frame], Frame | None]):
-        self.type, self.change = type, change
-
-    def said(self, frame: Frame) -> Frame | None:
-        return self.change(frame) if frame.type == self.type and not frame.id else frame
 
 
 class _Twice(Behaviour):
@@ -310,18 +300,6 @@ class _LostStep(Behaviour):
         return kept
 
 
-class _Answer(Behaviour):
-    """Changes the data of answers to a type."""
-
-    def __init__(self, type: int, change: Callable[[bytes], bytes]):
-        self.type, self.change = type, change
-
-    def said(self, frame: Frame) -> Frame | None:
-        if frame.type == self.type:
-            return frame._replace(payload=self.change(frame.payload))
-        return frame
-
-
 def _swap_runs(payload: bytes) -> bytes:
     if len(payload) < 12:
         return payload
@@ -357,14 +335,6 @@ def _next_channel(edges: list[Edge]) -> list[Edge]:
         (time, f"dmx{int(name[3:]) + 1}" if name.startswith("dmx") else name, value)
         for time, name, value in edges
     ]
-
-
-def _hard_stop(change: Callable[[bytes], bytes | None]) -> Callable[[Frame], Frame | None]:
-    def changed(frame: Frame) -> Frame | None:
-        payload = change(frame.payload)
-        return None if payload is None else frame._replace(payload=payload)
-
-    return changed
 
 
 def _limits(index: int, change: Callable[[int], int]) -> Callable[[], Behaviour]:
@@ -605,16 +575,16 @@ FAULTS = tuple(
         ("shutter and meter are exchanged", "lights", lambda: _Edges(_renamed("shutter", "meter"))),
         # inputs, limit switches
         ("inputs are not reported unasked", "inputs",
-         lambda: _Unasked(spec.GIO_IN, lambda f: None)),
+         says(lost(spec.GIO_IN, report=True))),
         ("inputs are inverted", "inputs",
-         lambda: _Answer(spec.GIO_IN, lambda d: bytes(b ^ 0xFF for b in d[:1]) + d[1:])),
+         says(data(spec.GIO_IN, lambda d: bytes(b ^ 0xFF for b in d[:1]) + d[1:]))),
         ("inputs are reported three times", "inputs", lambda: _Twice(spec.GIO_IN, True)),
-        ("HARD_STOP is not sent", "inputs", lambda: _Unasked(spec.HARD_STOP, lambda f: None)),
+        ("HARD_STOP is not sent", "inputs", says(lost(spec.HARD_STOP, report=True))),
         ("HARD_STOP: upper and lower are exchanged", "inputs",
-         lambda: _Unasked(spec.HARD_STOP, _hard_stop(
-             lambda d: bytes((3 - d[0],)) + d[1:] if d[0] in (1, 2) else d))),
+         says(data(spec.HARD_STOP,
+                   lambda d: bytes((3 - d[0],)) + d[1:] if d[0] in (1, 2) else d))),
         ("HARD_STOP without a motor", "inputs",
-         lambda: _Unasked(spec.HARD_STOP, _hard_stop(lambda d: d[:1]))),
+         says(data(spec.HARD_STOP, lambda d: d[:1]))),
         ("HW SET is ignored", "inputs", _limits(5, lambda hw: 0)),
         # virtual axes
         ("virtual positions a tenth", "virtuals",
@@ -625,10 +595,10 @@ FAULTS = tuple(
          _changed(spec.VIRT_MOVE, "Bi", 0, lambda m: {4: 5, 5: 4}.get(m, m))),
         ("VIRT_STOP does not stop", "virtuals", _ignored(spec.VIRT_STOP)),
         ("the aim point is answered switched off", "virtuals",
-         lambda: _Answer(spec.AIM, lambda d: b"\0" + d[1:])),
+         says(data(spec.AIM, lambda d: b"\0" + d[1:]))),
         ("VIRT_GET_POSITION in thousandths", "virtuals",
-         lambda: _Answer(spec.VIRT_GET_POSITION, lambda d: b"".join(
-             struct.pack("<i", v // 100) for v in struct.unpack("<6i", d[:24])) + d[24:])),
+         says(data(spec.VIRT_GET_POSITION, lambda d: b"".join(
+             struct.pack("<i", v // 100) for v in struct.unpack("<6i", d[:24])) + d[24:]))),
         # motors that move together
         ("the boom counts downward", "arms", _config(_set(1, lambda spu: -spu), 1)),
         ("the swing counts to the other side", "arms", _config(_set(4, lambda spu: -spu), 1, 3)),

@@ -34,6 +34,15 @@ class Rig:
     def move_to(self, motor, target, share=10_000):
         return self.axes[motor].move_to(self.bench, word(target), 1, share)
 
+    def append(self, motor, ticks, step, flags=0):
+        """Begin a plan with a phase of so many ticks that ends at rest on a step."""
+        axis, numbers = self.axes[motor], array("i", [0] * 4)
+        reals.put(numbers, 0, ticks, 0)
+        axis.begin_plan(self.bench)
+        axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS | flags
+        axis.append_phase(0, 2, 2, numbers, word(step), 1)
+        return axis
+
     def run(self, ticks):
         self.bench.run(ticks, self.axes.feed)
 
@@ -138,13 +147,7 @@ def test_a_stop_that_waits_for_a_pass_does_not_hold_up_a_feed():
             assert self.looks <= 2 * MOST_SEGMENTS
             stepper.halt(axis.block, 1, kernel_rate(80_000), 0)
 
-    rig = Rig()
-    axis = rig[0]
-    numbers = array("i", [0] * 8)
-    reals.put(numbers, 0, 400_000, 0)  # ticks
-    axis.begin_plan(rig.bench)
-    axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
-    axis.append_phase(0, 2, 2, numbers, array("i", [1_000_000]), 0)
+    axis = Rig().append(0, 400_000, 1_000_000)
     axis.feed(MOST_SEGMENTS, UNLIMITED, Port())
     assert axis.block[stepper.WRITE_INDEX] == MOST_SEGMENTS
 
@@ -166,19 +169,12 @@ def test_release_starts_all_in_one_tick():
     """Queued with begin_plan(), append_phase() and feed(), started by release(): their first pulses
     come together."""
     rig = Rig(4)
-    numbers = array("i", [0] * 8)
-    reals.put(numbers, 0, 400, 0)  # ticks
-    targets = array("i", [1000, 1000, -1000, 1000])
-    for motor in range(4):
-        axis = rig[motor]
-        axis.begin_plan(rig.bench)
-        axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
-        axis.append_phase(0, 2, 2, numbers, targets, motor)
-        axis.feed()
+    for motor, target in enumerate((1000, 1000, -1000, 1000)):
+        rig.append(motor, 400, target).feed()
     rig.run(7)
     assert not any(engine.rises for engine in rig.bench.engines)
     rig.axes.release(0b1011)
-    rig.to_rest_of = rig.run(500)
+    rig.run(500)
     rises = [np.array(rig.bench.engines[motor].rises) for motor in (0, 1, 3)]
     assert np.ptp(rises, axis=0).max() / PER_US < 2.5
     assert [rig.place(motor) for motor in range(4)] == [1000, 1000, 0, 1000]
@@ -259,13 +255,8 @@ def test_phases_appended_on_the_way_meet_each_frame(period):
 def test_a_frame_of_minutes_stays_on_its_path():
     """From rest to rest by three steps in five minutes, as in a time lapse."""
     rig = Rig(jitter_us=0)
-    axis = rig[0]
     ticks = 300_000
-    numbers = array("i", [0] * 4)
-    reals.put(numbers, 0, ticks, 0)
-    axis.begin_plan(rig.bench)
-    axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
-    axis.append_phase(0, 2, 2, numbers, word(3), 1)
+    axis = rig.append(0, ticks, 3)
     axis.feed()
     axis.start(rig.bench)
     rig.run(ticks + 500)
@@ -291,13 +282,8 @@ def test_an_axis_whose_feed_stops_faults():
 @pytest.mark.parametrize("timed", [stepper.PLAN_TIMED, 0])
 def test_a_motor_that_stands_in_a_timed_motion_faults_without_its_feed(timed):
     rig = Rig()
-    axis = rig[0]
-    numbers = array("i", [0] * 4)
-    reals.put(numbers, 0, 50, 0)
-    axis.begin_plan(rig.bench)
-    axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS | timed
+    axis = rig.append(0, 50, 0, timed)
     axis.set_more_to_come(True)
-    axis.append_phase(0, 2, 2, numbers, word(0), 1)
     axis.feed()
     axis.start(rig.bench)
     rig.bench.run(40)
