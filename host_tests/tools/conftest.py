@@ -15,6 +15,35 @@ def shot(tmp_path):
     return tmp_path
 
 
+@pytest.fixture
+def refusal(shot, capsys):
+    """Return refusal(*args): run a command that is refused; return the one sentence that says
+    why."""
+
+    def refused(*args, status=1):
+        capsys.readouterr()  # what was said before
+        assert run(shot, *args) == status
+        said = capsys.readouterr().err
+        assert len(said.splitlines()) == 1, said
+        return said.rstrip()
+
+    return refused
+
+
+@pytest.fixture
+def not_imported(shot, refusal):
+    """Return not_imported(content, *options): import a file that is refused. Nothing is written."""
+
+    def refused(content, *options, status=1, name="source", out="out"):
+        source, before = shot / name, {shot / name, *shot.iterdir()}
+        source.write_bytes(content if isinstance(content, bytes) else content.encode())
+        line = refusal("import", str(source), "-o", str(shot / out), *options, status=status)
+        assert {*shot.iterdir()} == before
+        return line
+
+    return refused
+
+
 LINEAR = """
 [[axis]]
 name = "track"
@@ -82,21 +111,20 @@ animData {
   keys { 6 0 auto auto 1 1 0; 7 5 spline spline 1 1 0; }
 }
 """
-MAYA_AXES = """
-[[axis]]
-name = "focus"
-motor = 3
-steps_per_unit = 1
-in_file = {}
-"""
 
 
 def run(shot: Path, *args: str) -> int:
     return cli.app.status([*args, "--axes", str(shot / "axes.toml")])
 
 
-def imported(shot: Path, text: str, *options: str) -> Move:
-    source, out = shot / "source", shot / "move.csv"
+def named_in_file(track: str, pan: str) -> str:
+    """Return an axes.toml whose axes have other names in files."""
+    axes = LINEAR.replace('"track"\n', f'"track"\nin_file = "{track}"\n')
+    return axes.replace('"pan"\n', f'"pan"\nin_file = "{pan}"\n')
+
+
+def imported(shot: Path, text: str, *options: str, name: str = "source") -> Move:
+    source, out = shot / name, shot / "move.csv"
     source.write_bytes(text.encode())
     assert run(shot, "import", str(source), "-o", str(out), *options) == 0
     return read_move(out)

@@ -10,7 +10,7 @@ from framestep_tools.console.move_requests import MoveWork
 from framestep_tools.errors import ToolError
 from framestep_tools.move.any_file import read_any
 from framestep_tools.move.move_file import read_move
-from host_tests.tools.conftest import ARC, LINEAR, run
+from host_tests.tools.conftest import ARC, LINEAR, named_in_file, run
 from host_tests.tools.move.test_ae_json import KEYED
 from host_tests.tools.move.test_camera_formats import AE, BVH, CHAN, FLAIR
 
@@ -31,8 +31,7 @@ FILES = {
 @pytest.fixture(params=sorted(FILES))
 def file(request, shot):
     text, track, pan, options = FILES[request.param]
-    axes = LINEAR.replace('"track"\n', f'"track"\nin_file = "{track}"\n')
-    (shot / "axes.toml").write_text(axes.replace('"pan"\n', f'"pan"\nin_file = "{pan}"\n'))
+    (shot / "axes.toml").write_text(named_in_file(track, pan))
     path = shot / request.param
     path.write_text(text)
     return path, options
@@ -81,7 +80,7 @@ def test_what_the_page_cannot_have_read(asked, said):
         MoveWork(None).read_move(asked)
 
 
-def test_a_file_in_units_needs_axes_and_one_in_steps_does_not(shot, capsys):
+def test_a_file_in_units_needs_axes_and_one_in_steps_does_not(shot, refusal, capsys):
     (shot / "steps.csv").write_text("frame,a\n1,5\n2,6\n")
     (shot / "units.txt").write_text("0.5 2\n0.6 2\n")
     (shot / "seconds.csv").write_text("seconds,track,pan\n0,0.5,2\n")
@@ -89,8 +88,8 @@ def test_a_file_in_units_needs_axes_and_one_in_steps_does_not(shot, capsys):
     assert read_any(shot / "steps.csv", nothing).positions == {1: [5, 6]}
     with pytest.raises(ToolError, match=r"is in units, and there is no axes.toml.*column 1, col"):
         read_any(shot / "units.txt", nothing)
-    assert run(shot, "check", str(shot / "seconds.csv")) == 1
-    assert "is in seconds: name the frames per second by --fps" in capsys.readouterr().err
+    said = refusal("check", str(shot / "seconds.csv"))
+    assert "is in seconds: name the frames per second by --fps" in said
     assert run(shot, "check", str(shot / "units.txt")) == 0
     assert "column 1 is track, column 2 is pan" in capsys.readouterr().err
 
@@ -98,10 +97,9 @@ def test_a_file_in_units_needs_axes_and_one_in_steps_does_not(shot, capsys):
 def test_the_example_plays_whatever_the_motors_are_called(shot, capsys):
     (shot / "axes.toml").write_text(LINEAR.replace('"track"', '"swing"'))
     assert run(shot, "check", "camera_move.csv", "--json", "--velocity", "20000") in (0, 1)
-    found = [
-        (each["motor"], each["name"]) for each in json.loads(capsys.readouterr().out)["motors"]
-    ]
-    assert found == [(1, "swing"), (2, "pan"), (3, "swing"), (4, "pan")]
+    motors = json.loads(capsys.readouterr().out)["motors"]
+    named = {each["motor"]: each["name"] for each in motors}
+    assert named == {1: "swing", 2: "pan", 3: "swing", 4: "pan"}
 
 
 def test_another_rate_than_the_files_is_said(shot, capsys):
@@ -117,11 +115,11 @@ def test_another_rate_than_the_files_is_said(shot, capsys):
 
 
 @pytest.mark.parametrize("command", ["check", "play", "import", "export"])
-def test_a_scene_that_is_not_read_is_named(command, shot, capsys):
+def test_a_scene_that_is_not_read_is_named(command, shot, refusal):
     (shot / "a.fbx").write_text("; FBX 7.3.0 project file\nFBXHeaderExtension:  {\n}\n")
     output = ["-o", str(shot / "x.csv")] if command in ("import", "export") else []
-    assert run(shot, command, str(shot / "a.fbx"), *output) == 1
-    assert "it is an FBX scene, which framestep does not read: export" in capsys.readouterr().err
+    said = refusal(command, str(shot / "a.fbx"), *output)
+    assert "it is an FBX scene, which framestep does not read: export" in said
 
 
 WHOLE = {

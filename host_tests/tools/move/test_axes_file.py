@@ -7,7 +7,7 @@ from framestep_tools.axes.units import UNITS
 from framestep_tools.building.board_files import ROOT
 from framestep_tools.errors import ToolError
 from framestep_tools.move.move_formats import FORMATS
-from host_tests.tools.conftest import ARC, LINEAR, run
+from host_tests.tools.conftest import ARC, LINEAR
 
 
 @pytest.mark.parametrize(
@@ -40,25 +40,17 @@ from host_tests.tools.conftest import ARC, LINEAR, run
          "axis 2: \"name\": expected a text, found ' '"),
     ],
 )  # fmt: skip
-def test_one_sentence_says_what_is_wrong_with_axes_toml(text, said, shot, capsys):
+def test_one_sentence_says_what_is_wrong_with_axes_toml(text, said, shot, not_imported):
     (shot / "axes.toml").write_text(text)
-    (shot / "source").write_text("0 2\n")
-    assert run(shot, "import", str(shot / "source"), "-o", str(shot / "out")) == 1
-    error = capsys.readouterr().err
-    assert said in error
-    assert len(error.splitlines()) == 1
+    assert said in not_imported("0 2\n")
 
 
-def test_there_is_no_axes_toml(tmp_path, capsys):
-    (tmp_path / "shot.arcm").write_text(ARC)
-    (tmp_path / "raw").write_text("1 2\n")
-    for name, axes in (("shot.arcm", "track in cm, pan in deg"), ("raw", "column 1, column 2")):
-        assert run(tmp_path, "import", str(tmp_path / name), "-o", str(tmp_path / "out")) == 1
-        error = capsys.readouterr().err
-        assert f"({axes}) to motors; docs/use/axes.md shows one" in error
-        assert len(error.splitlines()) == 1
+def test_there_is_no_axes_toml(shot, not_imported):
+    (shot / "axes.toml").unlink()
+    for text, axes in ((ARC, "track in cm, pan in deg"), ("1 2\n", "column 1, column 2")):
+        assert f"({axes}) to motors; docs/use/axes.md shows one" in not_imported(text)
     with pytest.raises(ToolError, match=r"cannot read the axes .*axes.toml: No such file"):
-        read_axes(tmp_path / "axes.toml")
+        read_axes(shot / "axes.toml")
 
 
 def test_the_page_has_every_key_and_unit(tmp_path):

@@ -1,6 +1,7 @@
 """From a camera's pose in a file to the motors of its rig, and back."""
 
 import json
+import re
 from contextlib import suppress
 
 import numpy as np
@@ -16,46 +17,29 @@ from framestep_tools.judge import virtual_reference as reference
 from framestep_tools.move.any_file import any_of
 from framestep_tools.move.camera_rig import rig_of
 from framestep_tools.move.move_conversion import to_move, to_pose_table
-from framestep_tools.move.move_file import Move, read_move
+from framestep_tools.move.move_file import Move
 from framestep_tools.move.move_formats import FORMATS, of_content
 from framestep_tools.text.text_file import Text
-from host_tests.tools.conftest import run
+from host_tests.tools.conftest import imported, run
 
 MM, DEG = 1000, 2000  # steps per unit
-RIGS = {
-    "boom-swing-track": (
-        ("boom", "swing", "track", "pan", "tilt", "roll"),
-        "length = 1200\nextension = 300\nnodal = [120, -80, 60]\n",
-        reference.Rig(
-            1,
-            tuple(reference.Axis(i, s) for i, s in enumerate((DEG, DEG, MM, DEG, DEG, DEG), 1)),
-            1200,
-            300,
-            (120, -80, 60),
-        ),
-    ),
-    "Y-swing-track": (
-        ("y", "swing", "track", "pan", "tilt", "roll"),
-        "length = 1200\nextension = 300\nnodal = [120, -80, 60]\n",
-        reference.Rig(
-            3,
-            tuple(reference.Axis(i, s) for i, s in enumerate((MM, DEG, MM, DEG, DEG, DEG), 1)),
-            1200,
-            300,
-            (120, -80, 60),
-        ),
-    ),
-    "X-Y-Z": (
-        ("x", "y", "z", "pan", "tilt", "roll"),
-        "nodal = [120, -80, 60]\n",
-        reference.Rig(
-            4,
-            tuple(reference.Axis(i, s) for i, s in enumerate((MM, MM, MM, DEG, DEG, DEG), 1)),
-            nodal=(120, -80, 60),
-        ),
-    ),
-}
+NODAL = (120, -80, 60)
 SPANS = {"boom": 80, "swing": 80, "pan": 170, "tilt": 85, "roll": 170}  # degrees
+
+
+def rig_with(kind, joints, **arm):
+    """Return the names of a rig's joints, its lines in axes.toml, and the rig."""
+    names = (*joints, "pan", "tilt", "roll")
+    axes = tuple(reference.Axis(i, DEG if n in SPANS else MM) for i, n in enumerate(names, 1))
+    lengths = "".join(f"{key} = {value}\n" for key, value in arm.items())
+    return names, f"{lengths}nodal = {[*NODAL]}\n", reference.Rig(kind, axes, nodal=NODAL, **arm)
+
+
+RIGS = {
+    "boom-swing-track": rig_with(1, ("boom", "swing", "track"), length=1200, extension=300),
+    "Y-swing-track": rig_with(3, ("y", "swing", "track"), length=1200, extension=300),
+    "X-Y-Z": rig_with(4, ("x", "y", "z")),
+}
 
 
 def axes_toml(kind, more=""):
@@ -314,13 +298,15 @@ x = "slide"
 SHOT = "1 100 1500 20 0 10 0 7\n2 110 1500 20 0 11 0 8\n"
 
 
-def test_a_slider_with_pan_begins_where_the_file_does(shot):
+@pytest.fixture
+def slider(shot):
     (shot / "axes.toml").write_text(SLIDER)
-    (shot / "a.chan").write_text(SHOT)
-    out = shot / "move.csv"
-    options = ["--camera", "origin=first"]
-    assert run(shot, "import", str(shot / "a.chan"), "-o", str(out), *options) == 0
-    assert read_move(out).positions == {1: [0, 800], 2: [-22500, -22725], 3: [7, 8]}
+    return shot
+
+
+def test_a_slider_with_pan_begins_where_the_file_does(slider):
+    move = imported(slider, SHOT, "--camera", "origin=first", name="a.chan")
+    assert move.positions == {1: [0, 800], 2: [-22500, -22725], 3: [7, 8]}
 
 
 def test_a_slider_may_be_called_track():
@@ -348,36 +334,30 @@ def test_every_command_and_the_page_take_poses(shot, capsys):
     assert "left out, no part of the camera's pose: focus\n" in capsys.readouterr().err
 
 
-def test_columns_that_are_named_count_as_framestep_does(shot):
-    (shot / "axes.toml").write_text(SLIDER)
-    (shot / "a.txt").write_text("0.1 0 0 5 7\n0.2 0 0 6 8\n")
-    out = shot / "move.csv"
-    given = ["x=1", "y=2", "z=3", "pan=4", "focus=5"]
-    options = [word for text in given for word in ("--column", text)]
-    options += ["--camera", "file_unit=m"]
-    assert run(shot, "import", str(shot / "a.txt"), "-o", str(out), *options) == 0
-    assert read_move(out).positions[1] == [8000, 16000]
-    assert read_move(out).positions[3] == [7, 8]
+COLUMNS = "0.1 0 0 5 7\n0.2 0 0 6 8\n"
+
+
+def named(columns):
+    return [word for text in columns.split() for word in ("--column", text)]
+
+
+def test_columns_that_are_named_count_as_framestep_does(slider):
+    options = [*named("x=1 y=2 z=3 pan=4 focus=5"), "--camera", "file_unit=m"]
+    move = imported(slider, COLUMNS, *options, name="a.txt")
+    assert move.positions[1] == [8000, 16000]
+    assert move.positions[3] == [7, 8]
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("columns", "said"),
     [
-        (
-            ["x=9", "y=2", "z=3"],
-            "a.txt has no column '9' for x; it has column 1, column 2, column 3",
-        ),
-        (["x=1", "y=2"], "a.txt has no column for z, name it too; it has column 1, column 2, co"),
-        (["x=1", "y=2", "z=3", "roll=rz"], "a.txt has no column 'rz' for roll; it has column 1"),
+        ("x=9 y=2 z=3", "a.txt has no column '9' for x; it has column 1, column 2, column 3"),
+        ("x=1 y=2", "a.txt has no column for z, name it too; it has column 1, column 2, co"),
+        ("x=1 y=2 z=3 roll=rz", "a.txt has no column 'rz' for roll; it has column 1"),
     ],
 )
-def test_columns_that_are_not_there(given, said, shot, capsys):
-    (shot / "axes.toml").write_text(SLIDER)
-    (shot / "a.txt").write_text("0.1 0 0 5 7\n0.2 0 0 6 8\n")
-    options = [word for text in given for word in ("--column", text)]
-    assert run(shot, "import", str(shot / "a.txt"), "-o", str(shot / "o"), *options) == 1
-    (line,) = capsys.readouterr().err.splitlines()
-    assert said in line
+def test_columns_that_are_not_there(columns, said, slider, not_imported):
+    assert said in not_imported(COLUMNS, *named(columns), name="a.txt")
 
 
 @pytest.mark.parametrize(
@@ -392,26 +372,19 @@ def test_columns_that_are_not_there(given, said, shot, capsys):
         ("2 1e14 1e14 1e14 1e14 1e14 1e14", "frame 2"),
     ],
 )  # fmt: skip
-def test_the_first_frame_out_of_reach_is_named(row, said, shot, capsys):
-    (shot / "axes.toml").write_text(
-        axes_toml("boom-swing-track").replace("120, -80, 60", "0, 0, 0")
-    )
-    (shot / "a.chan").write_text(f"1 0 0 0 0 0 0\n{row}\n3{row[1:]}\n")
-    out = shot / "move.csv"
-    assert run(shot, "import", str(shot / "a.chan"), "-o", str(out)) == 1
-    error = capsys.readouterr().err
-    assert said in error
-    assert len(error.splitlines()) == 1
-    assert not out.exists()
+def test_the_first_frame_out_of_reach_is_named(row, said, shot, not_imported):
+    toml = axes_toml("boom-swing-track").replace("120, -80, 60", "0, 0, 0")
+    (shot / "axes.toml").write_text(toml)
+    assert said in not_imported(f"1 0 0 0 0 0 0\n{row}\n3{row[1:]}\n", name="a.chan")
 
 
 def test_an_axis_that_the_rig_does_not_have_is_named(shot):
-    with pytest.raises(ToolError) as error:
-        moved(SHOT, "a.chan", SLIDER)
-    assert str(error.value) == (
+    said = (
         "a.chan, frame 1: y would be at 1500 mm, and the rig has no such axis, allowed: "
         '0 ± 0.01 mm; ignore = ["y"] in [camera] leaves it out'
     )
+    with pytest.raises(ToolError, match=f"^{re.escape(said)}$"):
+        moved(SHOT, "a.chan", SLIDER)
 
 
 @pytest.mark.parametrize(
@@ -437,38 +410,28 @@ def test_an_axis_that_the_rig_does_not_have_is_named(shot):
 def test_mistakes_in_the_camera_table(camera, said):
     axes = SLIDER[: SLIDER.index("[camera]")]
     text = f"{camera}{axes}" if "camera =" in camera else f"{axes}[camera]\n{camera}\n"
-    with pytest.raises(ToolError) as error:
+    with pytest.raises(ToolError, match=f"^axes.toml.*{re.escape(said)}"):
         moved(SHOT, "a.chan", text)
-    assert said in str(error.value)
-    assert str(error.value).startswith("axes.toml")
 
 
-def test_the_pose_is_named_and_has_to_be_there(shot, capsys):
-    (shot / "axes.toml").write_text(SLIDER)
-    (shot / "a.chan").write_text("1 0 0 0 0 0 0 7\n")
-    (shot / "b.csv").write_text("seconds,slide,pan,vfov\n0,1,2,3\n")
-    out = str(shot / "o.csv")
-    assert run(shot, "import", str(shot / "a.chan"), "-o", out) == 0
+def test_the_pose_is_named_and_has_to_be_there(slider, capsys, not_imported):
+    imported(slider, "1 0 0 0 0 0 0 7\n", name="a.chan")
     assert "tx, ty, tz, rz, rx, ry: the camera's pose, by [camera]\n" in capsys.readouterr().err
-    assert run(shot, "import", str(shot / "b.csv"), "-o", out, "--fps", "24") == 0
+    without = "seconds,slide,pan,vfov\n0,1,2,3\n"
+    imported(slider, without, "--fps", "24")
     assert capsys.readouterr().err == ""
-    words = ["import", str(shot / "b.csv"), "-o", out, "--fps", "24", "--camera", "up=z"]
-    assert run(shot, *words) == 1
-    assert "b.csv has no camera's pose: expected columns such as x" in capsys.readouterr().err
+    said = not_imported(without, "--fps", "24", "--camera", "up=z")
+    assert "source has no camera's pose: expected columns such as x" in said
 
 
-POSES = [
-    FORMATS[name].write(
-        to_pose_table(
-            Move(1, {}, {i: [40 * i, 90 * i, 7] for i in range(1, 7)}),
-            rig_axes.of_text(axes_toml("X-Y-Z"), "axes.toml").list,
-            rig_of(rig_axes.of_text(axes_toml("X-Y-Z"), "axes.toml")),
-            FORMATS[name].CAMERA,
-        ),
-        None,
-    )
-    for name in ("chan", "csv", "flair", "ae", "aejson", "bvh", "anim", "gltf")
-]
+def pose_file(name):
+    axes = rig_axes.of_text(axes_toml("X-Y-Z"), "axes.toml")
+    move = Move(1, {}, {i: [40 * i, 90 * i, 7] for i in range(1, 7)})
+    table = to_pose_table(move, axes.list, rig_of(axes), FORMATS[name].CAMERA)
+    return FORMATS[name].write(table, None)
+
+
+POSES = [*map(pose_file, ("chan", "csv", "flair", "ae", "aejson", "bvh", "anim", "gltf"))]
 
 
 @settings(max_examples=300)
@@ -493,21 +456,21 @@ def test_a_spoilt_pose_is_read_or_refused(text, kind, more, at, length, put):
         to_move(recording, axes.list, "a.chan", fps, camera=rig_of(axes))
 
 
-def test_camera_options_that_are_wrong(shot, capsys):
-    (shot / "axes.toml").write_text(SLIDER)
-    (shot / "a.chan").write_text(SHOT)
-    for option, said in [
-        ("up", "--camera: expected KEY=VALUE with one of type, boom"),
-        ("lens=3", "--camera: expected KEY=VALUE with one of type, boom"),
-        ("up=x", "[camera]: \"up\": expected one of y, z, found 'x'"),
-        ("origin=1,2", '"origin": expected three numbers'),
-    ]:
-        args = ["import", str(shot / "a.chan"), "-o", str(shot / "m.csv"), "--camera", option]
-        assert run(shot, *args) != 0
-        error = capsys.readouterr().err
-        assert said in error
-        assert len(error.splitlines()) == 1
+@pytest.mark.parametrize(
+    ("option", "status", "said"),
+    [
+        ("up", 2, "--camera: expected KEY=VALUE with one of type, boom"),
+        ("lens=3", 2, "--camera: expected KEY=VALUE with one of type, boom"),
+        ("up=x", 1, "[camera]: \"up\": expected one of y, z, found 'x'"),
+        ("origin=1,2", 1, '"origin": expected three numbers'),
+    ],
+)
+def test_camera_options_that_are_wrong(option, status, said, slider, not_imported):
+    assert said in not_imported(SHOT, "--camera", option, status=status, name="a.chan")
+
+
+def test_a_pose_needs_the_camera_in_axes_toml(shot, refusal):
     (shot / "axes.toml").write_text(SLIDER[: SLIDER.index("[camera]")])
     (shot / "m.csv").write_text("frame,slide,pan,focus\n1,1,2,3\n")
-    assert run(shot, "export", str(shot / "m.csv"), "--pose", "-o", str(shot / "x.chan")) == 1
-    assert "--pose needs [camera] in" in capsys.readouterr().err
+    said = refusal("export", str(shot / "m.csv"), "--pose", "-o", str(shot / "x.chan"))
+    assert "--pose needs [camera] in" in said

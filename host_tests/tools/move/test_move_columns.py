@@ -1,12 +1,14 @@
 """Which column of a file moves which motor."""
 
+import re
+
 import pytest
 
 from framestep_tools.axes.axes_file import axes_of
 from framestep_tools.axes.rig_axes import Axes
 from framestep_tools.errors import ToolError
 from framestep_tools.move.move_file import read_move, write_move
-from host_tests.tools.conftest import LINEAR, imported, run
+from host_tests.tools.conftest import LINEAR, imported, named_in_file
 
 AXES = Axes(axes_of(LINEAR, "axes.toml"), "axes.toml")  # track is motor 1, pan motor 2
 
@@ -62,9 +64,8 @@ def test_other_headings_count_in_order_and_that_is_said(tmp_path):
     ],
 )
 def test_a_heading_that_contradicts_is_refused(tmp_path, header, said):
-    with pytest.raises(ToolError) as error:
+    with pytest.raises(ToolError, match=re.escape(said)):
         moved(tmp_path, header)
-    assert said in str(error.value)
 
 
 def test_an_axis_with_another_motors_number_is_refused(tmp_path):
@@ -75,19 +76,14 @@ def test_an_axis_with_another_motors_number_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("command", ["check", "upload", "play", "shoot", "export"])
-def test_every_command_goes_by_the_headings(command, shot, capsys):
+def test_every_command_goes_by_the_headings(command, shot, refusal):
     """Each refuses a move whose headings contradict axes.toml, so each reads them."""
     path = shot / "named.csv"
     path.write_text("frame,tilt\n1,0\n2,1\n")
-    options = {
-        "export": ["-o", str(shot / "out.csv")],
-        "check": [],
-    }.get(command, ["--device", "socket://127.0.0.1:9"])
+    options = {"export": ["-o", str(shot / "out.csv")], "check": []}
+    options = options.get(command, ["--device", "socket://127.0.0.1:9"])
     given = ["1", "--move", str(path)] if command == "shoot" else [str(path)]
-    assert run(shot, command, *given, *options) == 1
-    error = capsys.readouterr().err
-    assert "column 'tilt': no axis has this name, and" in error
-    assert len(error.splitlines()) == 1
+    assert "column 'tilt': no axis has this name, and" in refusal(command, *given, *options)
 
 
 # Columns of other programs' files
@@ -110,9 +106,8 @@ def test_other_first_columns_are_positions(text, shot, capsys):
     assert "the frame" not in capsys.readouterr().err
 
 
-def test_columns_are_chosen_by_number(shot, capsys):
-    assert run(shot, "import", str(write(shot, CAMERA)), "-o", str(shot / "move.csv")) == 1
-    error = capsys.readouterr().err
+def test_columns_are_chosen_by_number(shot, not_imported, capsys):
+    error = not_imported(CAMERA)
     assert "has 7 columns without names from column 2 on, there are 2 axes" in error
     assert "choose by --column track=2 and so on" in error
     move = imported(shot, CAMERA, "--column", "track=2", "--column", "pan=column 6")
@@ -124,11 +119,7 @@ def test_columns_are_chosen_by_number(shot, capsys):
         1: [10, 20, 30, 40, 50],
         2: [50] * 5,
     }
-    (shot / "axes.toml").write_text(
-        LINEAR.replace('"track"\n', '"track"\nin_file = 2\n').replace(
-            '"pan"\n', '"pan"\nin_file = "column 6"\n'
-        )
-    )
+    (shot / "axes.toml").write_text(named_in_file("2", "column 6").replace('"2"', "2"))
     assert imported(shot, CAMERA) == move
 
 
@@ -146,18 +137,12 @@ def test_columns_are_chosen_by_heading_and_number_in_any_file(shot):
     [
         (["--column", "track"], 2, "--column: expected AXIS=COLUMN such as pan=ry or pan=5"),
         (["--column", "boom=2"], 1, "--column: there is no axis 'boom', there are track, pan"),
-        (
-            ["--column", "track=9", "--column", "pan=2"],
-            1,
-            "has no column 9 for axis track; its last is 8",
-        ),
+        (["--column", "track=9", "--column", "pan=2"], 1, "has no column 9 for axis track; its l"),
         (["--column", "track=x", "--column", "pan=2"], 1, "has no axis 'x' for motor 1; it has"),
     ],
 )
-def test_a_column_that_is_not_there(options, status, said, shot, capsys):
-    source = str(write(shot, CAMERA))
-    assert run(shot, "import", source, "-o", str(shot / "move.csv"), *options) == status
-    assert said in capsys.readouterr().err
+def test_a_column_that_is_not_there(options, status, said, not_imported):
+    assert said in not_imported(CAMERA, *options, status=status)
 
 
 def test_units_in_headings_and_in_a_row_below_them(shot):
@@ -169,19 +154,11 @@ def test_units_in_headings_and_in_a_row_below_them(shot):
         assert imported(shot, text).positions == {1: [0, 100], 2: [0, -1]}
 
 
-def write(shot, text):
-    path = shot / "source"
-    path.write_text(text)
-    return path
-
-
-def test_a_long_list_of_columns_is_cut(shot, capsys):
+def test_a_long_list_of_columns_is_cut(shot, not_imported, capsys):
     """Of those that are left out, and of those that there are."""
-    (shot / "wide").write_text(f"frame,track,pan{',other' * 2000}\n1,0,2{',1' * 2000}\n")
-    out = str(shot / "move.csv")
-    assert run(shot, "import", str(shot / "wide"), "-o", out) == 0
+    wide = f"frame,track,pan{',other' * 2000}\n1,0,2{',1' * 2000}\n"
+    imported(shot, wide)
     error = capsys.readouterr().err
     assert error.endswith("other, other and 1950 more\n")
     assert len(error) < 1000
-    assert run(shot, "import", str(shot / "wide"), "-o", out, "--column", "pan=none") == 1
-    assert len(capsys.readouterr().err) < 1000
+    assert len(not_imported(wide, "--column", "pan=none")) < 1000

@@ -16,7 +16,7 @@ from framestep_tools.move.move_conversion import to_move, to_table
 from framestep_tools.move.move_file import Move, read_move
 from framestep_tools.move.move_formats import FORMATS, of_content
 from framestep_tools.move.move_formats.curves import Samples, Segment, within
-from host_tests.tools.conftest import ARC, LINEAR, MAYA, MAYA_AXES, imported, run
+from host_tests.tools.conftest import ARC, LINEAR, MAYA, imported, named_in_file, run
 
 NAMED = {"arc", "anim", "csv", "chan", "flair", "ae", "aejson"}  # formats that number their frames
 RATED = {"anim", "ae", "aejson", "bvh"}  # formats that have a rate in any case
@@ -125,6 +125,14 @@ def test_ten_thousand_frames_take_no_time(name):
 
 # What a file means
 
+MAYA_AXES = """
+[[axis]]
+name = "focus"
+motor = 3
+steps_per_unit = 1
+in_file = "camera1.fStop"
+"""
+
 
 @pytest.mark.parametrize(
     "text",
@@ -166,11 +174,8 @@ def test_a_handle_that_reaches_past_its_neighbour_ends_there(shot):
 
 
 def test_curves_of_maya(shot):
-    (shot / "axes.toml").write_text(
-        LINEAR.replace('"track"\n', '"track"\nin_file = "track.translateX"\n')
-        + 'in_file = "camera1.rotateY"\n'
-        + MAYA_AXES.format('"camera1.fStop"')
-    )
+    axes = named_in_file("track.translateX", "camera1.rotateY")
+    (shot / "axes.toml").write_text(axes + MAYA_AXES)
     move = imported(shot, MAYA)
     assert (move.start_frame, move.end_frame) == (1, 7)
     # Linear, in cm; then flat to flat: 3 t^2 - 2 t^3 at its thirds; then constant
@@ -184,19 +189,18 @@ def test_curves_of_maya(shot):
         to_move(of_content(text, "f").read(text, "f"), read_axes(shot / "axes.toml"), "f", 2)
 
 
-def test_the_rate_of_an_exported_curve(shot, capsys):
+def test_the_rate_of_an_exported_curve(shot, refusal):
     (shot / "axes.toml").write_text(LINEAR.replace('"track"', '"a.x"').replace('"pan"', '"a.y"'))
     imported(shot, "0 2\n1. 2\n")
     command = ["export", str(shot / "move.csv"), "-o", str(shot / "out.anim")]
     for options, rate in (([], "film"), (["--fps", "25"], "pal"), (["--fps", "60"], "ntscf")):
         assert run(shot, *command, *options) == 0
         assert f"timeUnit {rate};\n" in (shot / "out.anim").read_text()
-    assert run(shot, *command, "--fps", "23") == 1
-    assert "expected 15, 24, 25, 30, 48, 50, 60 frames per second" in capsys.readouterr().err
+    said = refusal(*command, "--fps", "23")
+    assert "expected 15, 24, 25, 30, 48, 50, 60 frames per second" in said
     (shot / "axes.toml").write_text(LINEAR)
     imported(shot, "0 2\n1. 2\n")
-    assert run(shot, *command) == 1
-    assert "attributes of nodes, like camera1.rotateY; found 'track'" in capsys.readouterr().err
+    assert "attributes of nodes, like camera1.rotateY; found 'track'" in refusal(*command)
 
 
 @pytest.mark.parametrize("x", [0.001, 0.25, 0.5, 0.9, 0.999])
@@ -244,7 +248,7 @@ def test_an_axis_that_the_file_has_not_holds(shot):
 
 
 @pytest.mark.parametrize("in_file", ["Camera Pan", "pan (rad)"])
-def test_an_exported_csv_is_not_taken_for_steps(in_file, shot, capsys):
+def test_an_exported_csv_is_not_taken_for_steps(in_file, shot, refusal):
     """Its units are in its headings; a heading's own unit is kept."""
     (shot / "axes.toml").write_text(LINEAR + f'in_file = "{in_file}"\n')
     move, out, back = shot / "move.csv", shot / "out.csv", shot / "back.csv"
@@ -252,25 +256,23 @@ def test_an_exported_csv_is_not_taken_for_steps(in_file, shot, capsys):
     assert run(shot, "export", str(move), "-o", str(out)) == 0
     heading = "pan (rad)" if in_file == "pan (rad)" else "Camera Pan (deg)"
     assert out.read_text().splitlines()[0] == f"frame,track (mm),{heading}"
-    assert run(shot, "check", str(out)) == 1
+    said = refusal("check", str(out))
     if in_file == "Camera Pan":  # all numbers are whole
-        said = "a move has steps, this is in mm: framestep import converts it"
-        assert said in capsys.readouterr().err
+        assert "a move has steps, this is in mm: framestep import converts it" in said
     assert run(shot, "import", str(out), "-o", str(back)) == 0
     assert read_move(back).positions == read_move(move).positions
 
 
-def test_an_axis_that_moves_is_not_left_out_silently(shot, capsys):
+def test_an_axis_that_moves_is_not_left_out_silently(shot, refusal):
     """The file would lead to other steps."""
     (shot / "axes.toml").write_text(LINEAR + "hold = 3\n")
     move, out = shot / "move.csv", shot / "out.csv"
     for pan, said in (("-100,-150", "2, axis pan: it is at 3.5 deg"), ("0,0", "1, axis pan: it")):
         first, second = pan.split(",")
         move.write_text(f"frame,track,pan\n1,0,{first}\n2,10,{second}\n")
-        assert run(shot, "export", str(move), "-o", str(out)) == 1
-        error = capsys.readouterr().err
+        error = refusal("export", str(move), "-o", str(out))
         assert f"frame {said}" in error
-        assert error.endswith('to stay at 3 deg: take "hold" out of axes.toml\n')
+        assert error.endswith('to stay at 3 deg: take "hold" out of axes.toml')
         assert not out.exists()
 
 

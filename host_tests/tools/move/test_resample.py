@@ -5,7 +5,7 @@ import pytest
 from framestep_tools.axes.axes_file import Axis
 from framestep_tools.move.move_file import Move
 from framestep_tools.move.resample import resampled
-from host_tests.tools.conftest import imported, run
+from host_tests.tools.conftest import imported
 
 LINE = "# fps: 25\nframe,track,pan\n" + "".join(f"{i + 1},{i / 10},2\n" for i in range(51))
 
@@ -57,8 +57,5 @@ def test_the_end_between_two_frames_is_reached():
         (LINE, ["--speed", "0%"], 2, "--speed: expected a share from 0.1% to 1000%, such as 50%"),
     ],
 )
-def test_a_mistake_is_a_sentence(text, options, status, said, shot, capsys):
-    (shot / "source").write_text(text)
-    assert run(shot, "import", str(shot / "source"), "-o", str(shot / "o"), *options) == status
-    assert said in capsys.readouterr().err
-    assert not (shot / "o").exists()
+def test_a_mistake_is_a_sentence(text, options, status, said, not_imported):
+    assert said in not_imported(text, *options, status=status)

@@ -6,7 +6,7 @@ import random
 import pytest
 
 from framestep_tools.move.smoothing import smoothed
-from host_tests.tools.conftest import imported, run
+from host_tests.tools.conftest import imported
 
 
 def text(track, pan=None):
@@ -78,38 +78,26 @@ def test_an_axis_that_holds_says_nothing(shot, capsys):
     assert "pan: smoothed" not in said
 
 
-def test_limits_hold_for_what_comes_out(shot, capsys):
+def test_limits_hold_for_what_comes_out(shot, not_imported):
     """A peak of 105 mm is beyond them, what comes out of it is not; a corner is the other way
     round."""
     flat = [50.0] * 13
     flat[6] = 105
-    assert run(shot, "import", str(source(shot, flat)), "-o", str(shot / "o")) == 1
+    assert "frame 17, axis track: 105 mm" in not_imported(text(flat))
     assert max(imported(shot, text(flat), "--smooth", "5").positions[1]) == 767
     corner = [100.0] * 5 + [0.0] * 5
-    assert run(shot, "import", str(source(shot, corner)), "-o", str(shot / "o"), "--smooth=5") == 1
-    assert "frame 14, axis track: 108.6 mm" in capsys.readouterr().err
-    assert not (shot / "o").exists()
-
-
-def source(shot, track):
-    (shot / "s").write_text(text(track))
-    return shot / "s"
+    assert "frame 14, axis track: 108.6 mm" in not_imported(text(corner), "--smooth=5")
 
 
 @pytest.mark.parametrize(
-    ("frames", "count", "status", "said"),
+    ("frames", "status", "said"),
     [
-        ("4", 9, 2, "--smooth: expected an odd number of frames from 5 to 999, found '4'"),
-        ("3", 9, 2, "--smooth: expected an odd number of frames from 5 to 999, found '3'"),
-        ("x", 9, 2, "--smooth: expected an odd number of frames from 5 to 999, found 'x'"),
-        ("1001", 9, 2, "--smooth: expected an odd number of frames from 5 to 999, found '1001'"),
-        ("11", 9, 1, "--smooth 11 needs at least as many frames, "),
+        *(
+            (found, 2, f"--smooth: expected an odd number of frames from 5 to 999, found '{found}'")
+            for found in ("4", "3", "x", "1001")
+        ),
+        ("11", 1, "--smooth 11 needs at least as many frames, "),
     ],
 )
-def test_a_mistake_is_a_sentence(frames, count, status, said, shot, capsys):
-    file = source(shot, [0.0] * count)
-    words = ["import", str(file), "-o", str(shot / "o"), "--smooth", frames]
-    assert run(shot, *words) == status
-    (line,) = capsys.readouterr().err.splitlines()
-    assert said in line
-    assert not (shot / "o").exists()
+def test_a_mistake_is_a_sentence(frames, status, said, not_imported):
+    assert said in not_imported(text([0.0] * 9), "--smooth", frames, status=status)

@@ -36,6 +36,7 @@ def test_only_an_axis_that_turns_makes_turns():
     assert not said_of(steps, None, 7)
 
 
+PAN = '[[axis]]\nname = "pan"\nmotor = 1\nsteps_per_unit = 100\nunit = "deg"\n'
 WRAPPED = [170, 175, 179, -176, -170, -179, 179, 170]
 GOES_ON = [170, 175, 179, 184, 190, 181, 179, 170]
 
@@ -50,9 +51,7 @@ GOES_ON = [170, 175, 179, 184, 190, 181, 179, 170]
     ],
 )
 def test_rotations_go_on_beyond_a_turn(header, place, value, options, shot, capsys):
-    (shot / "axes.toml").write_text(
-        '[[axis]]\nname = "pan"\nmotor = 1\nsteps_per_unit = 100\nunit = "deg"\n'
-    )
+    (shot / "axes.toml").write_text(PAN)
     text = "".join(f"{place(i)},{value(y)}\n" for i, y in enumerate(WRAPPED))
     move = imported(shot, f"{header}\n{text}", *options)
     every, first = (2, 7) if move.frames > 8 else (1, 4)
@@ -71,9 +70,7 @@ def test_a_turn_between_distant_keyframes_is_meant(shot):
         '<scene><axis name="pan" units="deg"><points x="1" y="0"/><points x="{}" y="350"/>'
         '<controlPoints x="1" y="0"/><controlPoints x="{}" y="350"/></axis></scene>'
     )
-    (shot / "axes.toml").write_text(
-        '[[axis]]\nname = "pan"\nmotor = 1\nsteps_per_unit = 100\nunit = "deg"\n'
-    )
+    (shot / "axes.toml").write_text(PAN)
     assert imported(shot, arc.format(49, 49)).positions[1][-1] == 35000
     assert imported(shot, arc.format(2, 2)).positions[1] == [0, -1000]
 
