@@ -1,7 +1,6 @@
 """A console in a real browser: Chromium without a window, the page's own server, and a simulated or
 emulated device behind it."""
 
-import asyncio
 import contextlib
 import functools
 import http.server
@@ -13,12 +12,9 @@ import pytest
 from playwright.sync_api import sync_playwright
 
 from framestep_tools.client.client import BrokenOff, Client
-from framestep_tools.client.open_port import open_port
-from framestep_tools.console.board_requests import BoardWork
-from framestep_tools.console.device import ConsoleDevice
-from framestep_tools.console.server import ConsoleServer
 from framestep_tools.simulator.boards import SimulatedBoard
 from framestep_tools.simulator.serve import Server
+from host_tests.served import Console
 
 _LOOK_S = 0.02
 _SLICE_NS = 10_000_000  # a board in real time takes a fifth of the time that it takes by 1 ms
@@ -117,38 +113,6 @@ class Device:
     def close(self):
         self._server.stop()
         self._thread.join()
-
-
-class Console:
-    """The page's server in its own thread."""
-
-    def __init__(self, url, work=None):
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
-        self._thread.start()
-        self.server = self.call(self._make(url, work))
-
-    async def _make(self, url, work):
-        device = ConsoleDevice(lambda: open_port(url, 1.0), url, work or BoardWork(None, url))
-        server = ConsoleServer(device)
-        device.silence_s = PATIENCE_MS / 1000  # a busy computer may hold up the browser
-        await server.start()
-        return server
-
-    def call(self, coroutine):
-        return asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(PATIENCE_MS / 1000)
-
-    @property
-    def url(self):
-        return self.server.url
-
-    def close(self):
-        try:
-            self.call(self.server.stop())
-        finally:
-            self._loop.call_soon_threadsafe(self._loop.stop)
-            self._thread.join()
-            self._loop.close()
 
 
 class Stage:

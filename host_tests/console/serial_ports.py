@@ -3,13 +3,13 @@ and the page does not notice."""
 
 import asyncio
 import contextlib
-import threading
 
 from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed
 
 from framestep_tools.console import page_files
 from host_tests.console.conftest import FileServer
+from host_tests.served import LoopThread
 
 # The user chooses these ports one after another
 _PORTS = """addresses => {
@@ -55,14 +55,9 @@ class SavedPage:
         make(folder)
         self._files = FileServer(folder)
         self.url = self._files.url
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
-        self._thread.start()
-        self._wires = self._call(self._serve())
+        self._loop = LoopThread()
+        self._wires = self._loop.call(self._serve())
         self._port = self._wires.sockets[0].getsockname()[1]
-
-    def _call(self, coroutine):
-        return asyncio.run_coroutine_threadsafe(coroutine, self._loop).result()
 
     async def _serve(self):
         return await serve(self._carry, "127.0.0.1", 0, compression=None)
@@ -92,8 +87,6 @@ class SavedPage:
             self._wires.close()
             await self._wires.wait_closed()
 
-        self._call(end())
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join()
+        self._loop.call(end())
         self._loop.close()
         self._files.close()

@@ -4,11 +4,11 @@ stops when a page leaves."""
 import asyncio
 import contextlib
 import errno
+import functools
 import http.client
 import json
 import re
 import socket
-import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
@@ -35,9 +35,9 @@ from framestep_tools.console.port_bridge import Bridge, Jogs
 from framestep_tools.console.server import ConsoleServer, lan_address
 from framestep_tools.errors import ToolError
 from framestep_tools.simulator.boards import SimulatedBoard
-from framestep_tools.simulator.serve import Server
+from host_tests.served import PATIENCE_S, Console
+from host_tests.tools.simulator.test_serve import serving, tcp_url, until
 
-PATIENCE_S = 100
 FAR = 2_000_000_000
 
 
@@ -72,40 +72,16 @@ class SocketPort:
 class Stage:
     """A simulated board, and the console's server for it."""
 
-    def __init__(self, work=None, serial=False):
-        self._board = Server(SimulatedBoard({"jog_timeout_ms": 0}, 2), speed=1.0, tcp="127.0.0.1:0")
-        reported = {len(each.split()): each.split()[-1] for each in self._board.announcements}
-        self.device = reported[1] if serial else f"socket://{reported[2]}"
-        self._loop = asyncio.new_event_loop()
-        self._threads = [
-            threading.Thread(target=self._run_board, daemon=True),
-            threading.Thread(target=self._loop.run_forever, daemon=True),
-        ]
-        for thread in self._threads:
-            thread.start()
-        self.server = self._call(self._start(work))
+    def __init__(self, serial=False):
+        self._open = contextlib.ExitStack()
+        simulated = SimulatedBoard({"jog_timeout_ms": 0}, 2)
+        board = self._open.enter_context(serving(simulated, speed=1.0, tcp="127.0.0.1:0"))
+        self.device = board.announcements[0] if serial else tcp_url(board)
+        console = self._open.enter_context(contextlib.closing(Console(self.device)))
+        self.call, self.server = console.call, console.server
+        self.server.offer_s = PATIENCE_S  # a slow test is no page that has left
         self.parts = urlsplit(self.server.url)
-
-    def _run_board(self):
-        while not self._board.stopping:
-            self._board.step()
-        self._board.close()
-
-    async def _start(self, work):
-        server = ConsoleServer(
-            ConsoleDevice(
-                lambda: open_port(self.device, 1.0),
-                self.device,
-                work or BoardWork(None, self.device),
-            )
-        )
-        server.device.silence_s = PATIENCE_S  # nothing here is silent on purpose
-        server.offer_s = PATIENCE_S  # and a slow test is no page that has left
-        await server.start()
-        return server
-
-    def _call(self, coroutine):
-        return asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(PATIENCE_S)
+        self.close = self._open.close
 
     @property
     def token(self):
@@ -141,22 +117,21 @@ class Stage:
         answer = connection.getresponse()
         return answer.status, dict(answer.getheaders()), answer.read()
 
-    def close(self):
-        try:
-            self._call(self.server.stop())
-        finally:
-            self._board.stop()
-            self._loop.call_soon_threadsafe(self._loop.stop)
-            for thread in self._threads:
-                thread.join()
-            self._loop.close()
+    def let_jog(self, link):
+        """Say that the page holds nothing, after which a jog may begin again."""
+        link.send('{"released": true}')
+        until(lambda: not self.server.device.bridge.stopped)
+
+
+def idle_server():
+    """Return a server, not yet started, of a device that nobody opens."""
+    return ConsoleServer(ConsoleDevice(lambda: None, "x", BoardWork(None, "x")))
 
 
 @pytest.fixture(scope="module")
 def shared():
-    stage = Stage()
-    yield stage
-    stage.close()
+    with contextlib.closing(Stage()) as stage:
+        yield stage
 
 
 def test_the_page_and_nothing_else(shared):
@@ -197,7 +172,7 @@ def test_only_the_page_itself_connects(shared, wrong):
 
 
 def test_each_server_has_a_token_of_its_own(shared):
-    other = ConsoleServer(ConsoleDevice(lambda: None, "x", BoardWork(None, "x")))
+    other = idle_server()
     assert other._token != shared.server._token
     assert len(other._token) >= 32
 
@@ -207,7 +182,7 @@ def test_bytes_go_through_and_the_second_page_is_turned_away(shared):
         assert client.port.hello == {"device": shared.device, "repl": False, "kept": False}
         assert client.request(p.Hi()).motors == 2
         with shared.link() as second:
-            said = json.loads(second.recv(PATIENCE_S))
+            said = text(second)
             assert "another page" in said["ended"]
             with pytest.raises(ConnectionClosed):
                 second.recv(PATIENCE_S)
@@ -222,11 +197,9 @@ def test_a_page_takes_the_device_from_another(shared):
         client.request(p.MotorJog(1, 10_000, FAR))
         wait_far(client, 1, abs(before) + 100)
         with shared.link(token=shared.token + "&take=1") as second:
-            hello = json.loads(second.recv(PATIENCE_S))
+            hello = text(second)
             assert hello["device"] == shared.device
-            while not isinstance(said := client.port.link.recv(PATIENCE_S), str):
-                pass
-            assert "another page has taken the device over" in said
+            assert "another page has taken the device over" in str(text(client.port.link))
             port = SocketPort(second, hello)
             taker = Client(port, PATIENCE_S)
             taker.wait_idle(PATIENCE_S)
@@ -236,15 +209,21 @@ def test_a_page_takes_the_device_from_another(shared):
 def watching(stage, agent="a browser"):
     """Return the link of a page that watches, and what the server says first."""
     link = stage.link(f"{stage.token}&watch=1", headers={"User-Agent": agent})
-    return link, json.loads(link.recv(PATIENCE_S))
+    return link, text(link)
+
+
+def text(link):
+    """Return the next of the server's texts for a page."""
+    while not isinstance(message := link.recv(PATIENCE_S), str):
+        pass
+    return json.loads(message)
 
 
 def told(link, key):
     """Return the next of the server's texts with this key."""
-    while True:
-        message = link.recv(PATIENCE_S)
-        if isinstance(message, str) and key in (said := json.loads(message)):
-            return said[key]
+    while key not in (said := text(link)):
+        pass
+    return said[key]
 
 
 def test_a_page_that_watches_asks_and_moves_nothing(shared):
@@ -329,7 +308,7 @@ def test_an_earlier_wait_offers_nothing(shared, monkeypatch):
             shared.server._offer_later()
         await asyncio.sleep(0.2)
 
-    shared._call(wait_twice())
+    shared.call(wait_twice())
     with pytest.raises(TimeoutError):
         while True:
             assert "ended" not in str(link.recv(0.5))
@@ -340,7 +319,7 @@ def test_in_the_local_network_the_same_rules_hold(shared):
     """Another address of this computer plays another computer."""
     device = ConsoleDevice(lambda: open_port(shared.device, 1.0), "x", BoardWork(None, "x"))
     served = ConsoleServer(device)
-    shared._call(served.start(0, "127.0.0.2"))
+    shared.call(served.start(0, "127.0.0.2"))
     try:
         here, there = urlsplit(served.url), urlsplit(served.lan_url)
         assert (here.hostname, there.hostname) == ("127.0.0.1", "127.0.0.2")
@@ -362,9 +341,9 @@ def test_in_the_local_network_the_same_rules_hold(shared):
         with connect(
             f"ws://{there.netloc}/link?{there.query}", origin=f"http://{there.netloc}", legacy=True
         ) as link:
-            assert json.loads(link.recv(PATIENCE_S))["device"] == "x"
+            assert text(link)["device"] == "x"
     finally:
-        shared._call(served.stop())
+        shared.call(served.stop())
 
 
 def test_the_address_for_a_phone_is_printed_with_a_code(capsys):
@@ -393,24 +372,21 @@ def test_without_lan_nothing_else_reaches_the_server(shared):
         socket.create_connection(("127.0.0.2", shared.parts.port), PATIENCE_S)
 
 
-@pytest.mark.parametrize("text", ["x", "[]", '"x"', '{"do": "stop", "id": 1}', '{"do": "load"}'])
-def test_texts_that_mean_nothing(shared, text):
+@pytest.mark.parametrize("sent", ["x", "[]", '"x"', '{"do": "stop", "id": 1}', '{"do": "load"}'])
+def test_texts_that_mean_nothing(shared, sent):
     with shared.link() as page:
-        page.recv(PATIENCE_S)
-        page.send(text)
-        while not isinstance(said := page.recv(PATIENCE_S), str):
-            pass
-        assert "does not know" in json.loads(said)["error"]
+        text(page)
+        page.send(sent)
+        assert "does not know" in text(page)["error"]
 
 
 def test_what_needs_the_repl_says_that_there_is_none(shared):
     with shared.link() as page:
-        page.recv(PATIENCE_S)
+        text(page)
         page.send('{"do": "read_rig", "id": 7}')
-        while not isinstance(said := page.recv(PATIENCE_S), str):
-            pass
-        assert json.loads(said)["id"] == 7
-        assert "no second port" in json.loads(said)["error"]
+        said = text(page)
+        assert said["id"] == 7
+        assert "no second port" in said["error"]
 
 
 def wait_far(client, motor, steps):
@@ -448,24 +424,28 @@ def test_the_port_is_let_go_when_what_went_on_has_come_to_rest(shared):
         before = client.request(p.MotorGetPosition()).steps[1]
         client.port.link.send('{"keep": true}')
         client.request(p.MotorMove(2, before - 700))
-    while shared.server.device.bridge:
-        threading.Event().wait(0.02)
+    until(lambda: not shared.server.device.bridge)
     with shared.client() as client:
         assert not client.port.hello["kept"]
         assert client.request(p.MotorGetPosition()).steps[1] == before - 700
 
 
-def test_a_device_that_is_not_there_is_reported(shared, monkeypatch):
+@pytest.fixture
+def gone(shared, monkeypatch):
+    """Return the stage with a device that is no longer there."""
     nowhere = "socket://127.0.0.1:1"
     monkeypatch.setattr(shared.server.device, "_open_port", lambda: open_port(nowhere, 1.0))
-    with shared.link() as page:
-        assert "cannot open socket://127.0.0.1:1" in json.loads(page.recv(PATIENCE_S))["ended"]
+    return shared
+
+
+def test_a_device_that_is_not_there_is_reported(gone):
+    with gone.link() as page:
+        assert "cannot open socket://127.0.0.1:1" in text(page)["ended"]
 
 
 def test_a_port_that_is_taken(shared):
-    other = ConsoleServer(ConsoleDevice(lambda: None, "x", BoardWork(None, "x")))
     with pytest.raises(ToolError, match="cannot serve the console on port"):
-        shared._call(other.start(shared.parts.port))
+        shared.call(idle_server().start(shared.parts.port))
 
 
 # ---- another program besides the page
@@ -473,21 +453,8 @@ def test_a_port_that_is_taken(shared):
 
 @pytest.fixture(params=[True, False], ids=["terminal", "socket"])
 def stage(request):
-    stage = Stage(serial=request.param)
-    yield stage
-    stage.close()
-
-
-def texts(page):
-    """Return the server's texts for a page, and the frames that came meanwhile."""
-    said, frames, decoder = [], [], FrameDecoder()
-    while not said:
-        message = page.recv(PATIENCE_S)
-        if isinstance(message, str):
-            said.append(json.loads(message))
-        else:
-            frames += decoder.feed(message)
-    return said, frames
+    with contextlib.closing(Stage(serial=request.param)) as stage:
+        yield stage
 
 
 def test_framestep_stop_stops_what_a_page_jogs(stage, capsys):
@@ -495,14 +462,13 @@ def test_framestep_stop_stops_what_a_page_jogs(stage, capsys):
         page.send(encode(p.MotorJog.TYPE, p.MotorJog(motor, 10_000, FAR).pack(), number))
 
     with stage.link() as page:
-        assert "device" in json.loads(page.recv(PATIENCE_S))
+        assert "device" in text(page)
         jog(1, 1)
         assert cli.app.status(["stop", "--device", stage.device]) == 0
         assert re.fullmatch(
             r"stopped: motor 1 is at -?\d+\n|nothing was moving\n", capsys.readouterr().out
         )
-        said, _ = texts(page)
-        assert said == [{"stopped": "Another program has stopped the motors."}]
+        assert text(page) == {"stopped": "Another program has stopped the motors."}
         jog(2, 2)  # like a page that does not know of it yet
         answers = []
         decoder = FrameDecoder()
@@ -510,9 +476,7 @@ def test_framestep_stop_stops_what_a_page_jogs(stage, capsys):
             data = page.recv(PATIENCE_S)
             answers = [frame for frame in decoder.feed(data) if frame.id == 2]
         assert int.from_bytes(answers[0].payload, "little") == p.Ack.ERR_GENERAL
-        page.send('{"released": true}')
-        while stage.server.device.bridge.stopped:
-            time.sleep(0.01)
+        stage.let_jog(page)
         jog(2, 3)
         with talking(stage.device) as other:  # while it moves, another program gets its own answers
             while 2 not in other.request(p.MotorStatus()).moving:
@@ -525,7 +489,7 @@ def test_framestep_stop_stops_what_a_page_jogs(stage, capsys):
 def stopped_by(stage):
     """Return what the server says to a page that stops without the device."""
     with stage.link(f"{stage.token}&stop=1") as other:
-        return json.loads(other.recv(PATIENCE_S))
+        return text(other)
 
 
 def test_another_page_stops_without_taking_the_device(stage):
@@ -535,14 +499,11 @@ def test_another_page_stops_without_taking_the_device(stage):
         client.request(p.MotorMove(2, 1_000_000))
         page.send('{"keep": true}')
         assert stopped_by(stage) == {"stop": "Stopped: all motors ramp down.", "bad": False}
-        said, _ = texts(page)
-        assert said == [{"stopped": "Another page has stopped the motors."}]
+        assert text(page) == {"stopped": "Another page has stopped the motors."}
         client.wait_idle(PATIENCE_S)  # this page still has the device
         with pytest.raises(RequestRefused, match="ERR_GENERAL"):
             client.request(p.MotorJog(1, 10_000, FAR))  # as if it did not know yet
-        page.send('{"released": true}')
-        while stage.server.device.bridge.stopped:
-            time.sleep(0.01)
+        stage.let_jog(page)
         client.request(p.MotorJog(1, 10_000, FAR))
         assert client.request(p.MotorStatus()).moving == [1]
 
@@ -552,54 +513,44 @@ def test_a_page_stops_what_goes_on_without_a_page(stage):
         client.port.link.send('{"keep": true}')
         client.request(p.MotorMove(2, client.request(p.MotorGetPosition()).steps[1] + 1_000_000))
     assert stopped_by(stage) == {"stop": "Stopped: all motors ramp down.", "bad": False}
-    while stage.server.device.bridge:  # until nothing moves
-        time.sleep(0.01)
+    until(lambda: not stage.server.device.bridge)  # then nothing moves
 
 
 def test_a_page_stops_what_another_program_moves():
-    stage = Stage(serial=True)
-    try:
-        with talking(stage.device) as other:
-            other.request(p.MotorMove(1, 1_000_000))
-            with ThreadPoolExecutor(1) as pool:
-                said = pool.submit(stopped_by, stage)
-                other.wait_idle(PATIENCE_S)
-                assert not said.result(PATIENCE_S)["bad"]
-            assert other.stopped
-    finally:
-        stage.close()
+    with contextlib.closing(Stage(serial=True)) as stage, talking(stage.device) as other:
+        other.request(p.MotorMove(1, 1_000_000))
+        with ThreadPoolExecutor(1) as pool:
+            said = pool.submit(stopped_by, stage)
+            other.wait_idle(PATIENCE_S)
+            assert not said.result(PATIENCE_S)["bad"]
+        assert other.stopped
 
 
-def test_a_stop_that_nothing_acknowledges_says_so(shared, monkeypatch):
-    nowhere = "socket://127.0.0.1:1"
-    monkeypatch.setattr(shared.server.device, "_open_port", lambda: open_port(nowhere, 1.0))
-    found = stopped_by(shared)
+def test_a_stop_that_nothing_acknowledges_says_so(gone):
+    found = stopped_by(gone)
     assert found["bad"]
     assert re.fullmatch(
         r"NOT STOPPED: cannot open socket://127\.0\.0\.1:1: .*\. Press the E-stop, or .*",
         found["stop"],
     )
-    with pytest.raises(InvalidStatus), shared.link("guessed&stop=1"):
+    with pytest.raises(InvalidStatus), gone.link("guessed&stop=1"):
         pass
 
 
 @pytest.mark.parametrize("by", ["the page that has the device", "another page"])
 def test_another_program_knows_of_a_stop(by):
     """It would repeat its jog."""
-    stage = Stage(serial=True)
-    try:
-        with stage.client() as client, talking(stage.device) as other:
-            other.request(p.MotorJog(1, 10_000, FAR))
-            if by == "another page":
-                stopped_by(stage)
-            else:
-                client.request(p.MotorStopAll())
-            end = time.monotonic() + PATIENCE_S
-            while not other.stopped and time.monotonic() < end:
-                other.pump(0.02)
-            assert other.stopped
-    finally:
-        stage.close()
+    with (
+        contextlib.closing(Stage(serial=True)) as stage,
+        stage.client() as client,
+        talking(stage.device) as other,
+    ):
+        other.request(p.MotorJog(1, 10_000, FAR))
+        if by == "another page":
+            stopped_by(stage)
+        else:
+            client.request(p.MotorStopAll())
+        until(lambda: other.pump(0.02) or other.stopped)
 
 
 @pytest.mark.parametrize("request_", [p.MotorJog(1, 10_000, FAR), p.VirtJogOnLine(1, 100)], ids=str)
@@ -610,14 +561,12 @@ def test_a_page_that_hangs_lets_go(shared, monkeypatch, request_):
     with shared.client() as client:
         link = client.port.link
         link.send(encode(request_.TYPE, request_.pack(), 1))
-        said, _ = texts(link)
-        assert said == [{"stopped": "The page was silent, so its jog has been stopped."}]
+        said = {"stopped": "The page was silent, so its jog has been stopped."}
+        assert text(link) == said
         client.wait_idle(PATIENCE_S)
         with pytest.raises(RequestRefused, match="ERR_GENERAL"):
             client.request(p.MotorJog(1, 10_000, FAR))
-        link.send('{"released": true}')
-        while shared.server.device.bridge.stopped:
-            time.sleep(0.01)
+        shared.let_jog(link)
         shared.server.device.silence_s = PATIENCE_S
         client.request(p.MotorJog(2, 10_000, FAR))
         assert client.request(p.MotorStatus()).moving == [2]
@@ -628,10 +577,16 @@ def test_a_page_that_hangs_lets_go(shared, monkeypatch, request_):
 # ---- a page that returns while the server waits for a move to end
 
 
-def in_a_loop(coroutine):
-    """Run it in its own thread: the browser's tests have a loop in this one."""
-    with ThreadPoolExecutor(1) as pool:
-        pool.submit(asyncio.run, coroutine).result(PATIENCE_S)
+def in_a_loop(test):
+    """Run a test in its own thread: the browser's tests have a loop in this one."""
+
+    @functools.wraps(test)
+    def run():
+        with ThreadPoolExecutor(1) as pool:
+            pool.submit(asyncio.run, test()).result(PATIENCE_S)
+
+    del run.__wrapped__  # or pytest would take it for the coroutine
+    return run
 
 
 class SilentPort:
@@ -660,23 +615,22 @@ def answer(number):
     return encode(p.Status.TYPE, p.Status(1, 0).pack(), 0xF000_0000 + number)
 
 
-def test_a_cancellation_together_with_the_answer_is_not_lost():
-    async def play():
-        port = SilentPort()
-        bridge = Bridge(port, "x")
-        asked = asyncio.create_task(bridge.moves())
-        await asyncio.wait_for(port.sent.wait(), PATIENCE_S)
-        await asyncio.sleep(0.05)  # the writer's thread is back, and the bridge waits
-        bridge.on_bytes(answer(1))
-        asked.cancel()
-        await asyncio.wait([asked], timeout=PATIENCE_S)
-        assert asked.cancelled()
-        await bridge.close()
-
-    in_a_loop(play())
+@in_a_loop
+async def test_a_cancellation_together_with_the_answer_is_not_lost():
+    port = SilentPort()
+    bridge = Bridge(port, "x")
+    asked = asyncio.create_task(bridge.moves())
+    await asyncio.wait_for(port.sent.wait(), PATIENCE_S)
+    await asyncio.sleep(0.05)  # the writer's thread is back, and the bridge waits
+    bridge.on_bytes(answer(1))
+    asked.cancel()
+    await asyncio.wait([asked], timeout=PATIENCE_S)
+    assert asked.cancelled()
+    await bridge.close()
 
 
-def test_a_stop_and_the_question_what_moves_do_not_take_each_others_answers():
+@in_a_loop
+async def test_a_stop_and_the_question_what_moves_do_not_take_each_others_answers():
     """Both wait for the port at the same time."""
 
     class Board(SilentPort):
@@ -699,50 +653,42 @@ def test_a_stop_and_the_question_what_moves_do_not_take_each_others_answers():
             data, self.answers = self.answers, b""
             return data or super().read(size)
 
-    async def play():
-        bridge = Bridge(Board(), "x")
-        moves, stopped = await asyncio.gather(bridge.moves(), bridge.stop_all("why"))
-        assert moves
-        assert stopped is None
-        await bridge.close()
-
-    in_a_loop(play())
+    bridge = Bridge(Board(), "x")
+    moves, stopped = await asyncio.gather(bridge.moves(), bridge.stop_all("why"))
+    assert moves
+    assert stopped is None
+    await bridge.close()
 
 
-def test_what_a_page_sends_after_the_port_was_closed_is_dropped():
+@in_a_loop
+async def test_what_a_page_sends_after_the_port_was_closed_is_dropped():
     """It may not know yet that something else needs the port."""
 
-    async def play():
-        port = SilentPort()
-        bridge = Bridge(port, "x")
-        await bridge.close()
-        port.write = gone
-        await bridge.send(encode(p.MotorStatus.TYPE, b"", 1))
-
-    def gone(data):
+    def closed(data):
         raise OSError(errno.EBADF, "Bad file descriptor")
 
-    in_a_loop(play())
+    port = SilentPort()
+    bridge = Bridge(port, "x")
+    await bridge.close()
+    port.write = closed
+    await bridge.send(encode(p.MotorStatus.TYPE, b"", 1))
 
 
-def test_a_page_gets_the_port_however_often_the_watch_has_to_be_reported():
-    async def play():
-        server = ConsoleServer(ConsoleDevice(lambda: None, "x", BoardWork(None, "x")))
+@in_a_loop
+async def test_a_page_gets_the_port_however_often_the_watch_has_to_be_reported():
+    async def deaf(times):
+        while times:
+            try:
+                await asyncio.sleep(PATIENCE_S)
+            except asyncio.CancelledError:
+                times -= 1
 
-        async def deaf(times):
-            while times:
-                try:
-                    await asyncio.sleep(PATIENCE_S)
-                except asyncio.CancelledError:
-                    times -= 1
-
-        server._watch = watch = asyncio.create_task(deaf(2))
-        await asyncio.sleep(0)
-        await asyncio.wait_for(server._back(), PATIENCE_S)
-        assert watch.done()
-        assert server._watch is None
-
-    in_a_loop(play())
+    server = idle_server()
+    server._watch = watch = asyncio.create_task(deaf(2))
+    await asyncio.sleep(0)
+    await asyncio.wait_for(server._back(), PATIENCE_S)
+    assert watch.done()
+    assert server._watch is None
 
 
 # ---- its parts
