@@ -21,14 +21,22 @@ def image(chip=0, begins=0x1000, first=0xE9, table=b"\xaa\x50"):
 
 
 @pytest.fixture
-def ran(monkeypatch):
-    """Return the list of commands that are run instead of esptool; [0] of `status` is what they
-    end with."""
+def ran(monkeypatch, tmp_path):
+    """Return the `commands` that are run instead of esptool, and the `status` with which they end.
+    write(content) writes a file with it onto a board, and returns its path."""
     found = SimpleNamespace(commands=[], status=0, there=True)
+    file = tmp_path / "micropython.bin"
 
     def run(words):
         found.commands.append(words)
         return SimpleNamespace(returncode=found.status)
+
+    def write(content, board="esp32_595"):
+        file.write_bytes(content)
+        esp32_flash.write(board, "/dev/ttyUSB7", file, lambda line: None)
+        return file
+
+    found.write = write
 
     monkeypatch.setattr(subprocess, "run", run)
     monkeypatch.setattr(esp32_flash, "find_spec", lambda name: found if found.there else None)
@@ -42,10 +50,8 @@ def ran(monkeypatch):
         ("esp32_s3_595", image(9, 0), "esp32s3", "0x0"),
     ],
 )
-def test_it_is_written_by_esptool(ran, tmp_path, board, content, chip, at):
-    file = tmp_path / "micropython.bin"
-    file.write_bytes(content)
-    esp32_flash.write(board, "/dev/ttyUSB7", file, lambda line: None)
+def test_it_is_written_by_esptool(ran, board, content, chip, at):
+    file = ran.write(content, board)
     (words,) = ran.commands
     assert words[:3] == [sys.executable, "-m", "esptool"]
     assert words[words.index("--chip") + 1] == chip
@@ -63,29 +69,23 @@ def test_it_is_written_by_esptool(ran, tmp_path, board, content, chip, at):
         ("esp32_595", b"", "not a whole MicroPython"),
     ],
 )
-def test_another_file_is_refused(ran, tmp_path, board, content, why):
-    file = tmp_path / "micropython.bin"
-    file.write_bytes(content)
+def test_another_file_is_refused(ran, board, content, why):
     with pytest.raises(ToolError, match=why):
-        esp32_flash.write(board, "/dev/ttyUSB7", file, lambda line: None)
+        ran.write(content, board)
     assert not ran.commands
 
 
-def test_without_esptool_a_command_installs_it(ran, tmp_path):
-    file = tmp_path / "micropython.bin"
-    file.write_bytes(image())
+def test_without_esptool_a_command_installs_it(ran):
     ran.there = False
     with pytest.raises(ToolError, match=r'-m pip install "esptool>=5,<6" installs it'):
-        esp32_flash.write("esp32_595", "/dev/ttyUSB7", file, lambda line: None)
+        ran.write(image())
     assert not ran.commands
 
 
-def test_esptool_that_fails_says_what_to_press(ran, tmp_path):
-    file = tmp_path / "micropython.bin"
-    file.write_bytes(image())
+def test_esptool_that_fails_says_what_to_press(ran):
     ran.status = 2
     with pytest.raises(ToolError, match="hold the BOOT button"):
-        esp32_flash.write("esp32_595", "/dev/ttyUSB7", file, lambda line: None)
+        ran.write(image())
 
 
 def port(device, vid):

@@ -64,8 +64,12 @@ def test_none_and_several(tmp_path):
         bootsel_drive.wait(lambda line: None, 60, lambda: both)
 
 
-def test_a_drive_that_goes_with_the_last_block_has_taken_everything(tmp_path, monkeypatch):
-    drive = Drive(drive_in(tmp_path / "drive"), "rp2040")
+@pytest.fixture
+def drive(tmp_path):
+    return Drive(drive_in(tmp_path / "drive"), "rp2040")
+
+
+def test_a_drive_that_goes_with_the_last_block_has_taken_everything(drive, monkeypatch):
 
     def gone(descriptor):
         (drive.path / "INFO_UF2.TXT").unlink()
@@ -75,9 +79,7 @@ def test_a_drive_that_goes_with_the_last_block_has_taken_everything(tmp_path, mo
     bootsel_drive.drop(drive, "x.uf2", bytes(1000))
 
 
-def test_a_drive_that_takes_nothing_says_so(tmp_path, monkeypatch):
-    drive = Drive(drive_in(tmp_path / "drive"), "rp2040")
-
+def test_a_drive_that_takes_nothing_says_so(drive, monkeypatch):
     def full(descriptor):
         raise OSError(28, "No space left on device")
 
@@ -121,14 +123,11 @@ def test_it_copies_the_image_and_asks_the_board_who_it_is(board_behind, tmp_path
     folder, port, got = board_behind
     image = tmp_path / "mine.uf2"
     image.write_bytes(uf2_file())
-    assert (
-        cli.app.status(["install", "--drive", str(folder), "--image", str(image), "--device", port])
-        == 0
-    )
+    words = ["install", "--drive", str(folder), "--image", str(image), "--device", port]
+    assert cli.app.status(words) == 0
     said = capsys.readouterr().out
-    assert (
-        f"copying 6 kB for the Raspberry Pi Pico onto {folder}\n  100 %\nthe board starts\n" in said
-    )
+    copying = f"copying 6 kB for the Raspberry Pi Pico onto {folder}\n"
+    assert f"{copying}  100 %\nthe board starts\n" in said
     assert f"framestep on {port}, firmware 0.1.0: 8 motors" in said
     assert got[0].name == "framestep-pico.uf2"
     assert got[0].read_bytes() == image.read_bytes()
@@ -140,21 +139,17 @@ RP2040_BOARDS = [name for name in board_names() if board_data(name)["chip"] == "
 @pytest.mark.parametrize(
     ("args", "complaint"),
     [
-        (
-            ["--board", "pico2"],
-            f"has an RP2040, pico2 an RP2350: --board {' or '.join(RP2040_BOARDS)}",
-        ),
+        (["--board", "pico2"],
+         f"has an RP2040, pico2 an RP2350: --board {' or '.join(RP2040_BOARDS)}"),
         (["--board", "nano"], "no board 'nano'"),
         (["--image", "/not/there.uf2"], "cannot read /not/there.uf2: No such file"),
     ],
-)
-def test_what_does_not_fit_changes_nothing(tmp_path, args, complaint, capsys):
-    folder = drive_in(tmp_path / "drive")
-    assert cli.app.status(["install", "--drive", str(folder), *args]) != 0
-    err = capsys.readouterr().err
-    assert complaint in err
-    assert len(err.splitlines()) == 1
-    assert [path.name for path in folder.iterdir()] == ["INFO_UF2.TXT"]
+)  # fmt: skip
+def test_what_does_not_fit_changes_nothing(drive, args, complaint, capsys):
+    assert cli.app.status(["install", "--drive", str(drive.path), *args]) != 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert complaint in line
+    assert [path.name for path in drive.path.iterdir()] == ["INFO_UF2.TXT"]
 
 
 def test_an_image_for_the_other_chip_is_not_copied(tmp_path):

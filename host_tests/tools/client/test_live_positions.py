@@ -3,15 +3,13 @@
 import signal
 import socket
 import struct
-import subprocess
-import sys
 
 import pytest
 
 from framestep_tools import cli
 from framestep_tools.axes.axes_file import Axis
 from framestep_tools.axes.rig_axes import Axes
-from framestep_tools.client.client import Client, Event
+from framestep_tools.client.client import Event
 from framestep_tools.client.live_positions import (
     FreeD,
     LiveError,
@@ -23,11 +21,12 @@ from framestep_tools.client.live_positions import (
     osc_bundle,
     osc_message,
 )
+from framestep_tools.commands.common import talking
 from framestep_tools.payloads import Positions, VirtConfig, VirtMove, VirtPositions, VirtualAxis
 from framestep_tools.simulator.boards import SimulatedBoard
+from host_tests.tools.client.test_open_port import PATIENCE_S, begun
 from host_tests.tools.simulator.test_serve import serving, tcp_url
 
-PATIENCE_S = 100
 AXES = Axes(
     [
         Axis("pan", 2, 100.0, "deg", invert=True),
@@ -219,13 +218,7 @@ def test_a_move_of_a_second_program_is_followed(board, tmp_path, monkeypatch):
         '[[axis]]\nname = "x"\nmotor = 1\nunit = "mm"\nsteps_per_unit = 100\n'
     )
     lens, camera = Receiver(), Receiver()
-    live = subprocess.Popen(
-        [sys.executable, "-m", "framestep_tools", "stream", board]
-        + ["--osc", lens.address, "--freed", camera.address],
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
+    live = begun("stream", board, "--osc", lens.address, "--freed", camera.address)
     try:
         at_rest = lens.until(lambda packet: True)[0]
         assert parsed(at_rest)["/framestep/axis/x"] == (0.0,)
@@ -237,7 +230,7 @@ def test_a_move_of_a_second_program_is_followed(board, tmp_path, monkeypatch):
         assert places == sorted(places)
         camera.until(lambda packet: decoded(packet)[3] == 20)
         axes = tuple(VirtualAxis(motor, 100_000) for motor in range(1, 7))
-        with through(board) as client:
+        with talking(board) as client:  # through the program that has the port
             client.request(VirtConfig(4, axes, (0, 0, 0)))
             client.request(VirtMove(4, 500_000))
             client.wait_idle()
@@ -249,15 +242,6 @@ def test_a_move_of_a_second_program_is_followed(board, tmp_path, monkeypatch):
         said = live.communicate(timeout=PATIENCE_S)[1]
     assert said == f"sending to {camera.address} and {lens.address}; Ctrl-C ends it\n"
     assert live.returncode == 0
-
-
-def through(board):
-    """Return a client through the program that has the port."""
-    from framestep_tools.client import shared_port
-
-    client = Client(shared_port.enter(shared_port.find(board), PATIENCE_S))
-    client.greet()
-    return client
 
 
 def test_no_pose_is_a_sentence(board, tmp_path, capsys, monkeypatch):

@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import pytest
+import serial
 
 from framestep_tools import cli
 from framestep_tools.client import open_port, shared_port
@@ -77,10 +78,10 @@ def terminal():
     link.close()
 
 
-def begun(*words, stdout=subprocess.PIPE):
+def begun(*words, stdout=subprocess.PIPE, python=("-m", "framestep_tools")):
     """Start a command in its own process, with pipes for its output."""
     return subprocess.Popen(
-        [sys.executable, "-m", "framestep_tools", *words],
+        [sys.executable, *python, *words],
         stdout=stdout,
         stderr=subprocess.PIPE,
         text=True,
@@ -94,12 +95,23 @@ def positions(device, capsys):
     return capsys.readouterr()
 
 
+def moving(*words):
+    """Start a command that moves motors, and wait until it has the port."""
+    command = begun(*words)
+    until(lambda: (found := shared_port.find(words[1])) and str(command.pid) in found.who)
+    return command
+
+
+def until_moving(device, capsys, count=1):
+    """Wait until so many motors move."""
+    until(lambda: positions(device, capsys).out.count(", moving") == count)
+
+
 @pytest.mark.parametrize("way", ["path", "socket"])
 def test_a_second_program_goes_through_the_first(way, ports, capsys):
     device = ports[way == "socket"]
-    first = begun("move", device, "1", "200000")
-    until(lambda: (found := shared_port.find(device)) and str(first.pid) in found.who)
-    until(lambda: ", moving" in positions(device, capsys).out)
+    first = moving("move", device, "1", "200000")
+    until_moving(device, capsys)
     said = positions(device, capsys)
     assert f"through framestep move (process {first.pid}), which has {device}" in said.err
     assert cli.app.status(["stop", device.replace("127.0.0.1", "localhost")]) == 0
@@ -118,26 +130,21 @@ def test_a_stop_ends_what_is_repeated(device, between, capsys):
     port changes nothing."""
     watcher = begun(*between, device, stdout=subprocess.DEVNULL) if between else None
     until(lambda: not watcher or shared_port.find(device))
-    first = begun("buzz", device, "2", "--steps", "10000", "--times", "1000")
+    buzz = ("buzz", device, "2", "--steps", "10000", "--times", "1000")
+    first = begun(*buzz) if watcher else moving(*buzz)
     try:
-        until(
-            lambda: (found := shared_port.find(device)) and (watcher or str(first.pid) in found.who)
-        )
-        until(lambda: ", moving" in positions(device, capsys).out)
+        until_moving(device, capsys)
         assert cli.app.status(["stop", device]) == 0, capsys.readouterr().err
         out, err = first.communicate(timeout=PATIENCE_S)
         assert first.returncode == REFUSED, err
         assert not out
-        assert re.fullmatch(r"motor 2 stopped at -?\d+: another program stopped it", said_last(err))
+        said = err.splitlines()[-1].removeprefix("framestep: ")
+        assert re.fullmatch(r"motor 2 stopped at -?\d+: another program stopped it", said)
         assert ", moving" not in positions(device, capsys).out
     finally:
         for process in filter(None, (first, watcher)):
             process.send_signal(signal.SIGINT)
             process.communicate(timeout=PATIENCE_S)
-
-
-def said_last(err):
-    return err.splitlines()[-1].removeprefix("framestep: ")
 
 
 def test_a_stop_waits_for_the_other_program_to_let_go_of_the_port(device, monkeypatch, capsys):
@@ -177,13 +184,12 @@ def test_a_stop_that_does_not_get_through_says_so(address, capsys):
 
 
 def test_a_stop_of_one_motor_does_not_wait_for_the_others(address, capsys):
-    first = begun("move", address, "4", "2000000")
+    first = moving("move", address, "4", "2000000")
     second = None
     try:
-        until(lambda: (found := shared_port.find(address)) and str(first.pid) in found.who)
-        until(lambda: positions(address, capsys).out.count(", moving") == 1)
+        until_moving(address, capsys)
         second = begun("move", address, "5", "2000000")
-        until(lambda: positions(address, capsys).out.count(", moving") == 2)
+        until_moving(address, capsys, 2)
         assert cli.app.status(["stop", address, "4"]) == 0
         assert re.fullmatch(r"stopped: motor 4 is at \d+\n", capsys.readouterr().out)
         assert "motor 5" in positions(address, capsys).out
@@ -214,9 +220,8 @@ def test_a_stop_without_a_device_says_so(capsys):
 
 
 def test_ctrl_c_stops_the_motors(device, capsys):
-    first = begun("move", device, "1", "-200000")
-    until(lambda: (found := shared_port.find(device)) and str(first.pid) in found.who)
-    until(lambda: ", moving" in positions(device, capsys).out)
+    first = moving("move", device, "1", "-200000")
+    until_moving(device, capsys)
     first.send_signal(signal.SIGINT)
     out, err = first.communicate(timeout=PATIENCE_S)
     assert first.returncode == INTERRUPTED
@@ -230,13 +235,7 @@ def test_ctrl_c_stops_the_motors(device, capsys):
 @pytest.mark.parametrize("after", [0.15, 0.3])
 def test_ctrl_c_while_it_is_loaded(after):
     code = "import framestep_tools.__main__ as m; print('x', flush=True); m.main()"
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, "--help"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
+    process = begun("--help", python=("-c", code))
     assert process.stdout.readline() == "x\n"
     time.sleep(after / 3)
     process.send_signal(signal.SIGINT)
@@ -346,15 +345,11 @@ class Noise:
 
 
 def test_whatever_comes_ends_in_a_sentence():
-    random_bytes = random.Random(5)
+    rng = random.Random(5)
     for seed in range(200):
-        kind = random_bytes.choice([Hi.TYPE, 0x8001, MotorStatus.TYPE, 0x7777])
-        frame = encode(
-            kind,
-            random_bytes.randbytes(random_bytes.randrange(60)),
-            random_bytes.choice([0, GREETING_ID]),
-        )
-        client = Client(Noise([random_bytes.randbytes(seed % 7) + frame]), timeout_s=0.0)
+        kind = rng.choice([Hi.TYPE, 0x8001, MotorStatus.TYPE, 0x7777])
+        frame = encode(kind, rng.randbytes(rng.randrange(60)), rng.choice([0, GREETING_ID]))
+        client = Client(Noise([rng.randbytes(seed % 7) + frame]), timeout_s=0.0)
         try:
             client.greet()
         except ToolError as error:
@@ -363,28 +358,19 @@ def test_whatever_comes_ends_in_a_sentence():
 
 
 @pytest.mark.parametrize(
-    ("text", "kind", "words"),
+    ("why", "kind", "status", "words"),
     [
-        (
-            "could not open port 'COM5': PermissionError(13, 'Access is denied.', None, 5)",
-            PortBusy,
-            "has COM5 open",
-        ),
-        (
-            "could not open port 'COM9': "
-            "FileNotFoundError(2, 'The system cannot find the file specified.', None, 2)",
-            NoPort,
-            "No such file or directory; framestep ports lists",
-        ),
+        ("PermissionError(13, 'Access is denied.', None, 5)", PortBusy, PORT_BUSY, "has COM5 open"),
+        ("FileNotFoundError(2, 'The system cannot find the file specified.', None, 2)",
+         NoPort, NO_PORT, "No such file or directory; framestep ports lists"),
     ],
-)
-def test_what_windows_says(text, kind, words):
-    import serial
-
-    found = open_port._why("COM5", serial.SerialException(text))
+)  # fmt: skip
+def test_what_windows_says(why, kind, status, words):
+    said = serial.SerialException(f"could not open port 'COM5': {why}")
+    found = open_port._why("COM5", said)
     assert type(found) is kind
     assert words in str(found)
-    assert found.status == (PORT_BUSY if kind is PortBusy else NO_PORT)
+    assert found.status == status
 
 
 def test_who_has_a_port_on_a_mac(monkeypatch):

@@ -19,14 +19,7 @@ SERIAL = "E6614C775B5A4B2D"
 
 
 def record(
-    device,
-    location,
-    serial=SERIAL,
-    vid=0x2E8A,
-    pid=0x0005,
-    maker=None,
-    product=None,
-    interface=None,
+    device, location, serial=SERIAL, vid=0x2E8A, pid=5, maker=None, product=None, interface=None
 ):
     hwid = f"USB VID:PID={vid:04X}:{pid:04X} SER={serial} LOCATION={location}" if vid else "n/a"
     return SimpleNamespace(
@@ -55,41 +48,27 @@ def macos(device, location="20-2", serial=SERIAL):
     )  # fmt: skip
 
 
+MAC = "/dev/cu.usbmodem"
+# (the protocol's port, the REPL's): the finder gets them in this order and in the other one
 BOARDS = {
-    "Linux": [
+    "Linux": (
         linux("/dev/ttyACM1", 2, name="framestep DMC"),
         linux("/dev/ttyACM0", 0, name="Board CDC"),
-    ],
-    "Linux, the other way round": [
+    ),
+    "Linux, the other way round": (
         linux("/dev/ttyACM0", 2, name="framestep DMC"),
         linux("/dev/ttyACM1", 0),
-    ],
-    "Linux, without names": [linux("/dev/ttyACM3", 2), linux("/dev/ttyACM9", 0)],
-    "Windows": [windows("COM4", 0), windows("COM5", 2)],
-    "Windows, the other way round": [windows("COM11", 0), windows("COM3", 2)],
-    "Windows, no serial number": [
-        windows("COM11", 0, serial=None),
+    ),
+    "Linux, without names": (linux("/dev/ttyACM3", 2), linux("/dev/ttyACM9", 0)),
+    "Windows": (windows("COM5", 2), windows("COM4", 0)),
+    "Windows, the other way round": (windows("COM3", 2), windows("COM11", 0)),
+    "Windows, no serial number": (
         windows("COM3", 2, serial=None),
-    ],
-    "macOS": [macos("/dev/cu.usbmodem2021"), macos("/dev/cu.usbmodem2023")],
-    "macOS, the other way round": [macos("/dev/cu.usbmodem2023"), macos("/dev/cu.usbmodem2021")],
-    "macOS, by serial number": [
-        macos(f"/dev/cu.usbmodem{SERIAL}3"),
-        macos(f"/dev/cu.usbmodem{SERIAL}1"),
-    ],
-    "nothing told": [record("COM4", None), record("COM5", None)],
-}
-PROTOCOL_PORTS = {
-    "Linux": "/dev/ttyACM1",
-    "Linux, the other way round": "/dev/ttyACM0",
-    "Linux, without names": "/dev/ttyACM3",
-    "Windows": "COM5",
-    "Windows, the other way round": "COM3",
-    "Windows, no serial number": "COM3",
-    "macOS": "/dev/cu.usbmodem2023",
-    "macOS, the other way round": "/dev/cu.usbmodem2023",
-    "macOS, by serial number": f"/dev/cu.usbmodem{SERIAL}3",
-    "nothing told": "COM5",
+        windows("COM11", 0, serial=None),
+    ),
+    "macOS": (macos(f"{MAC}2023"), macos(f"{MAC}2021")),
+    "macOS, by serial number": (macos(f"{MAC}{SERIAL}3"), macos(f"{MAC}{SERIAL}1")),
+    "nothing told": (record("COM5", None), record("COM4", None)),
 }
 OTHERS = [
     record("/dev/ttyS0", None, None, None, None),
@@ -108,11 +87,11 @@ def there(monkeypatch):
     return found
 
 
+@pytest.mark.parametrize("order", [1, -1])
 @pytest.mark.parametrize("system", BOARDS)
-def test_the_only_board(there, system):
-    there += [*OTHERS, *BOARDS[system]]
-    right = PROTOCOL_PORTS[system]
-    wrong = next(r.device for r in BOARDS[system] if r.device != right)
+def test_the_only_board(there, system, order):
+    there += [*OTHERS, *BOARDS[system][::order]]
+    right, wrong = (found.device for found in BOARDS[system])
     assert port_finder.protocol_port() == right
     assert port_finder.repl_port() == wrong
     assert port_finder.protocol_of(wrong) == right

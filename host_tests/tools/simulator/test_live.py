@@ -64,8 +64,8 @@ class Bench:
 @pytest.fixture
 def bench():
     found = Bench(RIG)
-    yield found
-    found.server.close()
+    with contextlib.closing(found.server):
+        yield found
 
 
 def test_positions_and_velocities_are_shown(bench):
@@ -156,11 +156,9 @@ def test_a_damaged_byte_of_the_board_reaches_the_host(bench):
 
 def test_without_an_estop_the_key_says_how_to_have_one():
     bench = Bench({})
-    try:
+    with contextlib.closing(bench.server):
         bench.server.press("e")
         assert "the rig file has no E-stop" in bench.picture()
-    finally:
-        bench.server.close()
 
 
 def test_q_ends_it(bench):

@@ -125,10 +125,12 @@ def until(condition, seconds=PATIENCE_S):
         time.sleep(0.002)
 
 
-def tcp_url(server, name="tcp"):
-    return "socket://" + next(
-        line.split()[1] for line in server.announcements if line.startswith(name + " ")
-    )
+def tcp_address(server):
+    return next(line.split()[1] for line in server.announcements if line.startswith("tcp "))
+
+
+def tcp_url(server):
+    return f"socket://{tcp_address(server)}"
 
 
 def test_client_over_the_pseudo_terminal():
@@ -176,13 +178,13 @@ def test_a_client_that_comes_as_the_one_before_leaves_is_not_turned_away():
     """It may come after the last read of a client, and before the link looks whether that is
     there."""
     link = TcpLink("127.0.0.1:0")
-    host, port = link.address.split(":")
+    place = parse_address(link.address)
     try:
-        first = socket.create_connection((host, int(port)))
+        first = socket.create_connection(place)
         until(lambda: link.is_open(False))
         first.sendall(b"last")
         first.close()
-        second = socket.create_connection((host, int(port)))
+        second = socket.create_connection(place)
         second.sendall(b"first")
         assert link.is_open(False)
         until(lambda: link.read() == b"last")
@@ -197,8 +199,7 @@ def test_a_client_that_comes_as_the_one_before_leaves_is_not_turned_away():
 def test_what_was_sent_before_leaving_arrives():
     board = FakeBoard()
     with serving(board, tcp="127.0.0.1:0") as server:
-        host, port = tcp_url(server).removeprefix("socket://").split(":")
-        with socket.create_connection((host, int(port))) as client:
+        with socket.create_connection(parse_address(tcp_address(server))) as client:
             client.sendall(b"x" * 100_000)
         until(lambda: board.protocol._decoder.skipped == 100_000)
 
@@ -238,8 +239,7 @@ def test_one_client_at_a_time():
         Client.open(tcp_url(server), PATIENCE_S) as first,
     ):
         assert first.request(Hi()) == INFO
-        host, port = tcp_url(server).removeprefix("socket://").split(":")
-        with socket.create_connection((host, int(port))) as second:
+        with socket.create_connection(parse_address(tcp_address(server))) as second:
             second.settimeout(PATIENCE_S)
             assert second.recv(1) == b""  # closed at once
         with Client.open(server.announcements[0], timeout_s=0.2) as third, pytest.raises(NoAnswer):
@@ -251,21 +251,22 @@ def test_one_client_at_a_time():
 def test_a_client_that_sends_too_much_has_to_wait():
     board = FakeBoard()
     board.protocol.hold = True
-    with serving(board, tcp="127.0.0.1:0") as server:
-        host, port = tcp_url(server).removeprefix("socket://").split(":")
-        with socket.create_connection((host, int(port))) as client:
-            client.setblocking(False)
-            sent = 0
-            with contextlib.suppress(BlockingIOError):
-                for _ in range(1000):
-                    sent += client.send(bytes(100_000))
-                    time.sleep(0.001)
-            until(lambda: board.protocol.pending >= 65536)
-            time.sleep(0.05)
-            assert board.protocol.pending < 65536 + 4096
-            assert sent < 50_000_000
-            board.protocol.hold = False
-            until(lambda: board.protocol._decoder.skipped >= sent)
+    with (
+        serving(board, tcp="127.0.0.1:0") as server,
+        socket.create_connection(parse_address(tcp_address(server))) as client,
+    ):
+        client.setblocking(False)
+        sent = 0
+        with contextlib.suppress(BlockingIOError):
+            for _ in range(1000):
+                sent += client.send(bytes(100_000))
+                time.sleep(0.001)
+        until(lambda: board.protocol.pending >= 65536)
+        time.sleep(0.05)
+        assert board.protocol.pending < 65536 + 4096
+        assert sent < 50_000_000
+        board.protocol.hold = False
+        until(lambda: board.protocol._decoder.skipped >= sent)
 
 
 def test_the_repl_has_ports_of_its_own():
@@ -351,22 +352,16 @@ def test_pace_does_not_make_up_for_a_long_pause(monkeypatch):
     [
         (0.5, 0, ""),
         (None, 3 * 10**9, ""),
-        (
-            0.5,
-            3_210_000_000,
-            "this computer did not keep up with --speed 0.5: the board's time lost 3.2 s, "
-            "so clients measured wrong times\n",
-        ),
+        (0.5, 3_210_000_000,
+         "this computer did not keep up with --speed 0.5: the board's time lost 3.2 s, "
+         "so clients measured wrong times\n"),
     ],
-)
+)  # fmt: skip
 def test_time_that_was_lost_is_reported(speed, lost_ns, said, capsys):
-    server = Server(FakeBoard(), speed)
-    try:
+    with contextlib.closing(Server(FakeBoard(), speed)) as server:
         server.pace.lost_ns = lost_ns
         server.report_lost_time()
         assert capsys.readouterr().err == said
-    finally:
-        server.close()
 
 
 @pytest.mark.parametrize(
@@ -378,28 +373,23 @@ def test_addresses_that_are_none(text):
 
 
 def test_an_address_in_use_is_said():
-    taken = TcpLink("127.0.0.1:0")
-    try:
-        with pytest.raises(ToolError, match="cannot listen on"):
-            TcpLink(taken.address)
-    finally:
-        taken.close()
-
-
-@pytest.mark.parametrize("text", ["", "fast", "0", "-1", "inf", "nan"])
-def test_speeds_that_are_none(text):
-    with pytest.raises(ToolError, match="expected max or a positive number"):
-        parse_speed(text)
+    with (
+        contextlib.closing(TcpLink("127.0.0.1:0")) as taken,
+        pytest.raises(ToolError, match="cannot listen on"),
+    ):
+        TcpLink(taken.address)
 
 
 def test_speeds():
     assert parse_speed("max") is None
     assert parse_speed("0.5") == 0.5
+    for text in ("", "fast", "0", "-1", "inf", "nan"):
+        with pytest.raises(ToolError, match="expected max or a positive number"):
+            parse_speed(text)
 
 
 def test_pseudo_terminal_knows_whether_it_is_open():
-    link = PtyLink()
-    try:
+    with contextlib.closing(PtyLink()) as link:
         assert not link.is_open(False)
         fd = os.open(link.path, os.O_RDWR | os.O_NOCTTY)
         assert link.is_open(False)
@@ -408,8 +398,6 @@ def test_pseudo_terminal_knows_whether_it_is_open():
         assert not link.is_open(False)
         assert link.read() == b"last words"
         assert link.read() == b""
-    finally:
-        link.close()
 
 
 # ---- the port in lockstep

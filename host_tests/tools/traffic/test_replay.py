@@ -31,6 +31,7 @@ from framestep_tools.traffic.log import (
     read,
 )
 from framestep_tools.traffic.sniffer import Relay, describe, describe_entry
+from host_tests.tools.client.test_client import FakeDevice
 from host_tests.tools.simulator.test_serve import serving, tcp_url
 
 DAMAGED = encode(p.Hi.TYPE, b"", 77)[:-1] + b"\x55"
@@ -89,27 +90,26 @@ def log():
         return session(board)
 
 
-def played(log, board, **options):
-    with board:
+def played(log, rig=None, motors=2, **options):
+    with SimulatedBoard(rig or {}, motors) as board:
         return replay.Replay(log, lambda: LockstepPort(board), **options).play()
 
 
-def with_answer(log, number, payload):
-    """Return the log with another payload in the answer to the request of that index."""
-    asked = [entry.frame for entry in log if entry.who == HOST and entry.frame][number]
-    answers = [(asked.id, asked.type), (asked.id, asked.type | MSG_FLAG_ACK)]
+def asked(log, kind, nth=0):
+    """Return the frame of the nth request of a kind."""
+    frames = [entry.frame for entry in log if entry.who == HOST and entry.frame]
+    return [frame for frame in frames if frame.type == kind.TYPE][nth]
+
+
+def with_answer(log, request, payload):
+    """Return the log with another payload in the answer to a request."""
+    answers = [(request.id, request.type), (request.id, request.type | MSG_FLAG_ACK)]
     return [
         Entry(e.time_s, e.who, encode(e.frame.type, payload, e.frame.id))
         if e.who == DEVICE and e.frame and e.frame[:2] in answers
         else e
         for e in log
     ]
-
-
-def index_of(log, kind, nth=0):
-    """Return the index of a request among all requests."""
-    frames = [entry.frame for entry in log if entry.who == HOST and entry.frame]
-    return [i for i, frame in enumerate(frames) if frame.type == kind.TYPE][nth]
 
 
 # ---- the file
@@ -200,52 +200,44 @@ def test_what_is_left_of_a_frame_is_in_the_log():
 
 
 @pytest.mark.parametrize(
-    ("said", "words"),
+    ("said", "by_host", "words"),
     [
-        (p.HardStop(1, 2), "reason=1  motor=2  (stopped by an upper limit switch)"),
-        (p.Status(5, 1), "(motor 1, motor 3, lights under way)"),
-        (p.Status(0, 0), "(nothing moves)"),
-        (p.Moving(0), "(it is there)"),
-        (p.Positions(12500, (1,)), "(at frame 12.5)"),
-        (p.Condition(2, (p.PositionTrust(2, 1),)), "positions=[2/1]  ("),
+        (p.HardStop(1, 2), False, "reason=1  motor=2  (stopped by an upper limit switch)"),
+        (p.Status(5, 1), False, "(motor 1, motor 3, lights under way)"),
+        (p.Status(0, 0), False, "(nothing moves)"),
+        (p.Moving(0), False, "(it is there)"),
+        (p.Positions(12500, (1,)), False, "(at frame 12.5)"),
+        (p.Condition(2, (p.PositionTrust(2, 1),)), False, "positions=[2/1]  ("),
+        (p.RtRunMove(24000, 1, 9, flags=3), True, "(24 frames/s; ping-pong, loop)"),
+        (p.RtUploadMoveAxis(1, p.LAST_SECTION | 5, (1,)), True,
+         "(from frame 5 of the move, the last of"),
+        (p.MotorJog(1, 500, 9), True, "(5 % of its speed)"),
+        (p.MotorConfigure(1, 0x11), True, "(on, coupled)"),
     ],
-)
-def test_what_a_device_says_is_reported_in_words(said, words):
-    assert words in describe(Frame(0, said.TYPE, said.pack()), False)
-
-
-@pytest.mark.parametrize(
-    ("said", "words"),
-    [
-        (p.RtRunMove(24000, 1, 9, flags=3), "(24 frames/s; ping-pong, loop)"),
-        (p.RtUploadMoveAxis(1, p.LAST_SECTION | 5, (1,)), "(from frame 5 of the move, the last of"),
-        (p.MotorJog(1, 500, 9), "(5 % of its speed)"),
-        (p.MotorConfigure(1, 0x11), "(on, coupled)"),
-    ],
-)
-def test_what_a_host_asks_is_reported_in_words(said, words):
-    assert words in describe(Frame(1, said.TYPE, said.pack()), True)
+)  # fmt: skip
+def test_messages_are_reported_in_words(said, by_host, words):
+    assert words in describe(Frame(1, said.TYPE, said.pack()), by_host)
 
 
 # ---- played again
 
 
 def test_the_same_board_answers_the_same(log):
-    now = played(log, SimulatedBoard({}, 2))
+    now = played(log)
     assert list(differences(log, now, Rules())) == []
     sent = [e.data for e in log if e.who == HOST]
     assert [e.data for e in now if e.who == HOST] == sent  # including the damaged frame
-    assert list(differences(log, played(now, SimulatedBoard({}, 2)), Rules())) == []
+    assert list(differences(log, played(now), Rules())) == []
 
 
 def test_in_the_same_virtual_time_all_is_exactly_the_same(log):
-    now = played(log, SimulatedBoard({}, 2))
+    now = played(log)
     found = list(differences(log, now, Rules(exact=True, ignored=names_known(["motor_status"]))))
     assert len(found) <= 1, found  # at most the position under way
 
 
 def test_another_board_is_recognised(log):
-    now = played(log, SimulatedBoard({"dialect": "dmc-lite"}, 3))
+    now = played(log, {"dialect": "dmc-lite"}, 3)
     found = list(differences(log, now, Rules()))
     assert any("HI" in text and "motors=3" in text for text in found)
     assert not any("MOTOR_MOVE" in text for text in found)  # the dialects are alike there
@@ -280,7 +272,7 @@ def test_a_board_whose_limit_is_nearer_is_reported(log):
     ],
 )
 def test_an_answer_that_differs_is_reported(log, kind, nth, payload, reported):
-    changed = with_answer(log, index_of(log, kind, nth), payload)
+    changed = with_answer(log, asked(log, kind, nth), payload)
     found = list(differences(changed, log, Rules()))
     assert len(found) == 1, found
     assert reported in found[0]
@@ -290,14 +282,14 @@ def test_an_answer_that_differs_is_reported(log, kind, nth, payload, reported):
 
 
 def test_a_position_at_rest_may_differ_by_as_much_as_is_asked_for(log):
-    number = index_of(log, p.MotorGetPosition, 1)
-    changed = with_answer(log, number, p.Positions(0, (2998, 0)).pack())
+    request = asked(log, p.MotorGetPosition, 1)
+    changed = with_answer(log, request, p.Positions(0, (2998, 0)).pack())
     assert list(differences(changed, log, Rules(steps=1)))
     assert not list(differences(changed, log, Rules(steps=2)))
 
 
 def test_a_position_under_way_is_compared_by_kind(log):
-    changed = with_answer(log, index_of(log, p.MotorGetPosition), p.Positions(0, (5, 0)).pack())
+    changed = with_answer(log, asked(log, p.MotorGetPosition), p.Positions(0, (5, 0)).pack())
     assert not list(differences(changed, log, Rules()))
     assert list(differences(changed, log, Rules(exact=True)))
 
@@ -315,41 +307,22 @@ def test_what_is_reported_unasked_is_compared(log):
 
 
 def test_an_answer_that_is_missing_is_reported(log):
-    number = index_of(log, p.MotorSetSpeed)
-    asked = [e.frame for e in log if e.who == HOST and e.frame][number]
-    without = [e for e in log if not (e.who == DEVICE and e.frame and e.frame.id == asked.id)]
-    assert any(
-        "no answer instead of an answer" in text for text in differences(log, without, Rules())
-    )
+    number = asked(log, p.MotorSetSpeed).id
+    without = [e for e in log if not (e.who == DEVICE and e.frame and e.frame.id == number)]
+    found = differences(log, without, Rules())
+    assert any("no answer instead of an answer" in text for text in found)
 
 
 def test_a_log_played_faster_waits_for_the_motors(log):
     """The replay waits for what the log's host waited for, at any speed."""
-    now = played(log, SimulatedBoard({}, 2), speed=50)
+    now = played(log, speed=50)
     assert list(differences(log, now, Rules())) == []
     assert now[-1].time_s < log[-1].time_s
 
 
 def test_a_device_that_says_nothing_is_given_up_soon(log):
-    class Silent:
-        timeout = 0.0
-        now = 0.0
-
-        def clock(self):
-            return self.now
-
-        def read(self, size):
-            self.now += self.timeout
-            return b""
-
-        def write(self, data):
-            pass
-
-        def close(self):
-            pass
-
     with pytest.raises(NoAnswer, match="first request"):
-        replay.Replay(log, Silent).play()
+        replay.Replay(log, lambda: FakeDevice(lambda frame, request: [])).play()
 
 
 def test_names_that_are_no_messages():
@@ -416,11 +389,10 @@ def test_the_command_plays_a_log_against_a_device(log, tmp_path, capsys):
             info = client.request(p.Hi())
         for motors, status in ((2, 0), (3, 1)):
             reported = encode(p.DeviceInfo.TYPE, replaced(info, motors=motors).pack(), 5)
-            lines = ["# framestep sniff 1", "0 open"]
-            lines += [line_of(Entry(0.0, HOST, greeting)), line_of(Entry(0.0, DEVICE, reported))]
-            lines += [line_of(Entry(0.0, HOST, question)), "0 close"]
+            said = ((HOST, greeting), (DEVICE, reported), (HOST, question))
+            lines = [line_of(Entry(0.0, who, data)) for who, data in said]
             path = tmp_path / "log"
-            path.write_text("\n".join(lines))
+            path.write_text("\n".join(["# framestep sniff 1", "0 open", *lines, "0 close"]))
             record = tmp_path / "record"
             args = ["lab", "replay", str(path), url, "--log", str(record)]
             args += ["--ignore", "motor_get_position"]
