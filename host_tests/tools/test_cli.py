@@ -17,79 +17,75 @@ from framestep_tools.move.move_file import CAMERA_MOVE, MoveFileError, or_exampl
 from framestep_tools.payloads import Hi, MotorMove, RtUploadMoveAxis
 from framestep_tools.traffic.sniffer import capture_bytes
 
+APPS = {"framestep": cli.app, "demo": demo.app, "emu": emu.app}
+
 
 @pytest.mark.parametrize(
-    ("app", "args", "status", "text"),
+    ("typed", "status", "text"),
     [
-        (cli.app, ["status", "127.0.0.1:7000"], 2, "no device: write socket://127.0.0.1:7000"),
-        (cli.app, ["jog", "/dev/x", "1", "5", "--speed", "x"], 2,
+        ("framestep status 127.0.0.1:7000", 2, "no device: write socket://127.0.0.1:7000"),
+        ("framestep jog /dev/x 1 5 --speed x", 2,
          "--speed: expected a part of the motor's velocity from 0.01% to 100%, such as 5%"),
-        (cli.app, ["shoot", "1", "--exposure", "x"], 2, "--exposure: expected a number"),
-        (cli.app, ["virtual", "x"], 2, "axis: 'x' is not one of 'track'"),
-        (cli.app, ["lab", "prove"], 3, "no board with framestep is on USB"),
-        (cli.app, ["lab", "conform"], 3, "no board with framestep is on USB"),
-        (cli.app, ["vcd", "x.csv"], 2,
-         "vcd is one of the lab: framestep lab vcd; framestep --help"),
-        (cli.app, ["fly"], 2, "No such command 'fly'"),
-        (cli.app, ["status"], 3, "without a board, framestep console --demo shows a simulated rig"),
-        (cli.app, ["status", "/dev/not-there"], 3,
+        ("framestep shoot 1 --exposure x", 2, "--exposure: expected a number"),
+        ("framestep virtual x", 2, "axis: 'x' is not one of 'track'"),
+        ("framestep lab prove", 3, "no board with framestep is on USB"),
+        ("framestep lab conform", 3, "no board with framestep is on USB"),
+        ("framestep vcd x.csv", 2, "vcd is one of the lab: framestep lab vcd; framestep --help"),
+        ("framestep fly", 2, "No such command 'fly'"),
+        ("framestep status", 3, "without a board, framestep console --demo shows a simulated rig"),
+        ("framestep status /dev/not-there", 3,
          "cannot open /dev/not-there: No such file or directory; "),
-        (cli.app, ["status", "--device", "/dev/null"], 3, "cannot open /dev/null"),
-        (cli.app, ["status", "socket://127.0.0.1:1"], 3,
+        ("framestep status --device /dev/null", 3, "cannot open /dev/null"),
+        ("framestep status socket://127.0.0.1:1", 3,
          "cannot open socket://127.0.0.1:1: Connection refused"),
-        (cli.app, ["status", "socket://nowhere"], 3, "expected socket://HOST:PORT"),
-        (cli.app, ["status", "serial://x"], 3, "cannot open serial://x"),
-        (cli.app, ["status", "x"], 2, "more than expected: x; framestep status"),
-        (cli.app, ["move", "/dev/x", "one", "5"], 2,
-         "there is no axis 'one': no axes.toml is here"),
-        (cli.app, ["move", "/dev/x", "0", "5"], 2, "expected a motor from 1 to 32, found 0"),
-        (cli.app, ["move", "/dev/x", "1", str(2**31)], 2,
+        ("framestep status socket://nowhere", 3, "expected socket://HOST:PORT"),
+        ("framestep status serial://x", 3, "cannot open serial://x"),
+        ("framestep status x", 2, "more than expected: x; framestep status"),
+        ("framestep move /dev/x one 5", 2, "there is no axis 'one': no axes.toml is here"),
+        ("framestep move /dev/x 0 5", 2, "expected a motor from 1 to 32, found 0"),
+        ("framestep move /dev/x 1 2147483648", 2,
          "positions have to fit 32 bits signed, found '2147483648'"),
-        (cli.app, ["move", "/dev/x", "1", "5", "--velocity", "3"], 2,
-         "--velocity and --acceleration go together"),
-        (cli.app, ["jog", "/dev/x", "1", "5", "--speed", "10001"], 2, "such as 5%, found '10001'"),
-        (cli.app, ["stop", "/dev/x", "1", "--hard"], 2, "--hard stops all motors"),
-        (cli.app, ["virtual", "/dev/x", "pan"], 2, "an axis needs a position as well"),
-        (cli.app, ["virtual", "/dev/x", "up", "5"], 2, "'up' is not one of"),
-        (cli.app, ["upload", "/dev/x", "/not/there.csv"], 1, "cannot read the move /not/there.csv"),
-        (cli.app, ["play", "/dev/x", "move.csv", "--fps", "0"], 2,
+        ("framestep move /dev/x 1 5 --velocity 3", 2, "--velocity and --acceleration go together"),
+        ("framestep jog /dev/x 1 5 --speed 10001", 2, "such as 5%, found '10001'"),
+        ("framestep stop /dev/x 1 --hard", 2, "--hard stops all motors"),
+        ("framestep virtual /dev/x pan", 2, "an axis needs a position as well"),
+        ("framestep virtual /dev/x up 5", 2, "'up' is not one of"),
+        ("framestep upload /dev/x /not/there.csv", 1, "cannot read the move /not/there.csv"),
+        ("framestep play /dev/x move.csv --fps 0", 2,
          "--fps: expected frames per second from 0.001 to 1000"),
-        (cli.app, ["play", "/dev/x", "a.csv", "--velocity", "5"], 2, "go together"),
-        (cli.app, ["play", "/dev/x", "a.csv", "--loop", "--ping-pong"], 2, "do not go together"),
-        (cli.app, ["play", "/dev/x", "a.csv", "--shutter-angle", "90"], 2, "needs --camera stills"),
-        (cli.app, ["play", "/dev/x", "camera_move.csv", "--to", "241"], 1,
+        ("framestep play /dev/x a.csv --velocity 5", 2, "go together"),
+        ("framestep play /dev/x a.csv --loop --ping-pong", 2, "do not go together"),
+        ("framestep play /dev/x a.csv --shutter-angle 90", 2, "needs --camera stills"),
+        ("framestep play /dev/x camera_move.csv --to 241", 1,
          "the move has frames 1 to 240, not 241"),
-        (cli.app, ["play", "/dev/x", "camera_move.csv", "--dmx", "/not/there.csv"], 1,
+        ("framestep play /dev/x camera_move.csv --dmx /not/there.csv", 1,
          "cannot read the lights /not/there.csv"),
-        (cli.app, ["lab", "sniff"], 2, "either a capture file or a --device"),
-        (cli.app, ["lab", "sniff", "/not/there.hex"], 1, "cannot read the capture /not/there.hex"),
-        (cli.app, ["console", "--port", "99999"], 2, "--port: expected at most 65535"),
-        (cli.app, ["sim", "--trace", "/not/there.csv"], 1, "cannot write the trace /not/there.csv"),
-        (demo.app, ["--host", "--out", "/proc/there"], 1, "cannot write /proc/there"),
-        (cli.app, ["sim", "--speed", "fast"], 1, "expected max or a positive number"),
-        (cli.app, ["sim", "--board", "nano"], 1,
-         "no board 'nano': there are esp32_595, esp32_s3_595"),
-        (cli.app, ["sim", "--motors", "0"], 2, "--motors: expected at least 1"),
-        (cli.app, ["sim", "--rig", "/not/there.json"], 1,
-         "cannot read the rig file /not/there.json"),
-        (emu.app, ["--single-port", "--repl"], 2, "with a single port"),
-        (emu.app, ["--nonsense"], 2, "No such option: --nonsense"),
-        (demo.app, ["--board", "toaster"], 1, "no board 'toaster'"),
-        (demo.app, ["--board", "esp32_595"], 1,
-         "is not emulated, as its chip is esp32: add --host"),
-        (demo.app, ["--host", "--move", "/not/there.csv"], 1,
-         "cannot read the move /not/there.csv"),
+        ("framestep lab sniff", 2, "either a capture file or a --device"),
+        ("framestep lab sniff /not/there.hex", 1, "cannot read the capture /not/there.hex"),
+        ("framestep console --port 99999", 2, "--port: expected at most 65535"),
+        ("framestep sim --trace /not/there.csv", 1, "cannot write the trace /not/there.csv"),
+        ("demo --host --out /proc/there", 1, "cannot write /proc/there"),
+        ("framestep sim --speed fast", 1, "expected max or a positive number"),
+        ("framestep sim --board nano", 1, "no board 'nano': there are esp32_595, esp32_s3_595"),
+        ("framestep sim --motors 0", 2, "--motors: expected at least 1"),
+        ("framestep sim --rig /not/there.json", 1, "cannot read the rig file /not/there.json"),
+        ("emu --single-port --repl", 2, "with a single port"),
+        ("emu --nonsense", 2, "No such option: --nonsense"),
+        ("demo --board toaster", 1, "no board 'toaster'"),
+        ("demo --board esp32_595", 1, "is not emulated, as its chip is esp32: add --host"),
+        ("demo --host --move /not/there.csv", 1, "cannot read the move /not/there.csv"),
     ],
 )  # fmt: skip
-def test_one_sentence_says_what_is_wrong(app, args, status, text, capsys):
-    assert app.status(args) == status
+def test_one_sentence_says_what_is_wrong(typed, status, text, capsys):
+    program, *args = typed.split()
+    assert APPS[program].status(args) == status
     out, err = capsys.readouterr()
     assert out == ""
     assert text in err
     assert len(err.splitlines()) == 1
 
 
-@pytest.mark.parametrize("app", [cli.app, emu.app, demo.app])
+@pytest.mark.parametrize("app", APPS.values(), ids=APPS)
 @pytest.mark.parametrize("option", ["--help", "-h"])
 def test_help(app, option, capsys):
     assert app.status([option]) == 0

@@ -186,10 +186,8 @@ def test_trace_from_records():
         level[pin] ^= 1
         rows.append((t, pin, level[pin]))
     records = np.array(rows, [("t", "u8"), ("pin", "u1"), ("level", "u1")])
-    fast, slow = (
-        Trace.from_records(records, board),
-        Trace.from_edges(PinDecoder(board).feed(records)),
-    )
+    fast = Trace.from_records(records, board)
+    slow = Trace.from_edges(PinDecoder(board).feed(records))
     assert fast.signals.keys() == slow.signals.keys()
     for signal, (times, values) in slow.signals.items():
         assert np.array_equal(fast.signals[signal][0], times)

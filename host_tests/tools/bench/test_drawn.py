@@ -1,6 +1,7 @@
 """Drawn moves: they are within what is promised of them, and a wrong one ends the run."""
 
 import re
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
@@ -69,18 +70,8 @@ def test_the_first_wrong_move_ends_it(
                 ),
             )
 
-    class Board:
-        def __init__(self, rig, board):
-            pass
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
-            pass
-
     monkeypatch.setattr(drawn, "Session", Wrong)
-    monkeypatch.setattr(drawn, "EmulatedBoard", Board)
+    monkeypatch.setattr(drawn, "EmulatedBoard", lambda rig, board: nullcontext())
     with pytest.raises(ToolError, match=f"move 6 of seed 3 .*{re.escape(said)}"):
         drawn.main(board="pico2", minutes=60, seed=3, first=5)
     assert len(played) == 2

@@ -121,8 +121,10 @@ def test_a_board_with_little_memory_gets_smaller_pieces(monkeypatch):
     pieces = [script for script in scripts if script.startswith("w(")]
     assert len(pieces) == 10
     assert max(map(len, pieces)) < 300
-    monkeypatch.setattr(
-        Device, "run", lambda device, script: (_ for _ in ()).throw(DeviceError("OSError: 28"))
-    )
+
+    def full(device, script):
+        raise DeviceError("OSError: 28")
+
+    monkeypatch.setattr(Device, "run", full)
     with pytest.raises(DeviceError, match=r"cannot write x\.bin to the board: OSError: 28"):
         silent.write("x.bin", b"")

@@ -40,12 +40,15 @@ _SETTINGS = (
 )  # fmt: skip
 
 
-def code(text: str) -> Iterator[str]:
-    """Yield what is in backticks, and lines of examples."""
-    yield from re.findall(r"`([^`\n]+)`", text)
-    for line in text.splitlines():
-        if line.startswith("    "):
-            yield line.strip()
+def code() -> Iterator[tuple[str, str]]:
+    """Yield (document, text) of what is in backticks, and of lines of examples."""
+    for document in DOCUMENTS:
+        name, text = str(document.relative_to(ROOT)), document.read_text()
+        for part in re.findall(r"`([^`\n]+)`", text):
+            yield name, part
+        for line in text.splitlines():
+            if line.startswith("    "):
+                yield name, line.strip()
 
 
 def exists(document: Path, path: str) -> bool:
@@ -97,44 +100,38 @@ def test_links_lead_somewhere(document):
 def test_make_targets_are_there():
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
     count = 0
-    for document in DOCUMENTS:
-        for part in code(document.read_text()):
-            if found := re.match(r"make ([a-z-]+)", part):
-                count += 1
-                assert found[1] in targets, (
-                    f"{document.relative_to(ROOT)}: the Makefile has no target {found[1]}"
-                )
+    for document, part in code():
+        if found := re.match(r"make ([a-z-]+)", part):
+            count += 1
+            assert found[1] in targets, f"{document}: the Makefile has no target {found[1]}"
     assert count > 30, "the search has found next to nothing"
 
 
 def test_commands_and_their_options_are_there():
     top = typer.main.get_command(app)
     count = 0
-    for document in DOCUMENTS:
-        for part in code(document.read_text()):
-            words = part.removeprefix(".cache/venv/bin/").split("#")[0].split()
-            if not words or words[0] != "framestep" or len(words) < 2:
-                continue
-            where = f"{document.relative_to(ROOT)}: {part}"
-            command, options = top, {"--help"}
-            for word in words[1:]:
-                inner = getattr(command, "commands", None)
-                options |= {o for p in command.params for o in (*p.opts, *p.secondary_opts)}
-                if word.startswith("--"):
-                    assert word.split("=")[0] in options, f"{where}: no option {word}"
-                elif inner is not None and re.fullmatch("[a-z0-9-]+", word):
-                    assert word in inner, f"{where}: no command {word}"
-                    command = inner[word]
-                    options |= {o for p in command.params for o in (*p.opts, *p.secondary_opts)}
-                    count += 1
+    for document, part in code():
+        words = part.removeprefix(".cache/venv/bin/").split("#")[0].split()
+        if not words or words[0] != "framestep" or len(words) < 2:
+            continue
+        where = f"{document}: {part}"
+        command, options = top, {"--help"}
+        for word in words[1:]:
+            inner = getattr(command, "commands", None)
+            options |= {o for p in command.params for o in (*p.opts, *p.secondary_opts)}
+            if word.startswith("--"):
+                assert word.split("=")[0] in options, f"{where}: no option {word}"
+            elif inner is not None and re.fullmatch("[a-z0-9-]+", word):
+                assert word in inner, f"{where}: no command {word}"
+                command = inner[word]
+                count += 1
     assert count > 20, "the search has found next to nothing"
 
 
 def test_modules_are_there():
-    for document in DOCUMENTS:
-        for part in code(document.read_text()):
-            for name in re.findall(r"python -m ((?:framestep|host_tests)[\w.]*)", part):
-                assert importlib.util.find_spec(name), f"{document.relative_to(ROOT)}: no {name}"
+    for document, part in code():
+        for name in re.findall(r"python -m ((?:framestep|host_tests)[\w.]*)", part):
+            assert importlib.util.find_spec(name), f"{document}: no {name}"
 
 
 def test_settings_are_there():

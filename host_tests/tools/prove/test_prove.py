@@ -53,10 +53,9 @@ HZ = 125_000_000
     ],
 )  # fmt: skip
 def test_verdicts(better, measured, verdict):
-    assert Figure("figure", "µs", better, 2, 0.1, "").verdict(measured, 100) == verdict
-    assert Figure("figure", "µs", better, 2, 0.1, "").verdict(measured, None) == (
-        NOT_COMPARED if measured else NOT_MEASURED
-    )
+    figure = Figure("figure", "µs", better, 2, 0.1, "")
+    assert figure.verdict(measured, 100) == verdict
+    assert figure.verdict(measured, None) == (NOT_COMPARED if measured else NOT_MEASURED)
 
 
 def test_the_slack_holds_where_the_share_is_less():
@@ -199,10 +198,8 @@ def test_figures_of_a_new_version_and_of_the_boards_that_there_are(figures, monk
     assert list(report.emulated_boards()) == ["pico"]
 
 
-def test_figures_of_another_version_are_not_compared(tmp_path, monkeypatch):
-    other = tmp_path / "emulated.json"
-    other.write_text('{"framestep": "0.0.1", "boards": {}}')
-    monkeypatch.setattr(report, "EMULATED", other)
+def test_figures_of_another_version_are_not_compared(figures):
+    figures.write_text('{"framestep": "0.0.1", "boards": {}}')
     with pytest.raises(report.ToolError, match=r"of framestep 0\.0\.1"):
         report.emulated_boards()
 
@@ -215,6 +212,18 @@ def test_it_asks_before_pins_move(monkeypatch, capsys):
     assert app.status(["lab", "prove", "/dev/none", "--with-drivers"]) == 130
     assert "enable pins" in asked[0]
     assert "motors turn" in asked[1]
+
+
+def prove_by(measure, monkeypatch, folder):
+    """Return the status of the command with another measurement, of a board that is not there."""
+    board = SimpleNamespace(
+        client=None, run=lambda code: "MicroPython v1.26.1", rig={}, folder="pico", where="here",
+        clock_hz=HZ, layout=layout(PICO, {}, set(), [0, 1]), overlay=0, drivers_off=nullcontext,
+        settings=lambda motor: {},
+    )  # fmt: skip
+    monkeypatch.setattr("framestep_tools.prove.board.real", lambda *_: nullcontext(board))
+    monkeypatch.setattr(Measuring, "everything", measure)
+    return app.status(["lab", "prove", "/dev/none", "--yes", "--out", str(folder)])
 
 
 @pytest.mark.parametrize(
@@ -234,19 +243,8 @@ def test_what_was_measured_before_it_broke_off_is_kept(
         self.figures["upload_frames"] = 10_000
         raise error
 
-    board = SimpleNamespace(
-        client=None, run=lambda code: "MicroPython v1.26.1", rig={}, folder="pico", where="here",
-        clock_hz=HZ, layout=layout(PICO, {}, set(), [0, 1]), overlay=0, drivers_off=nullcontext,
-        settings=lambda motor: {},
-    )  # fmt: skip
-    monkeypatch.setattr("framestep_tools.prove.board.real", lambda *_: nullcontext(board))
-    monkeypatch.setattr(Measuring, "everything", measure)
-    arguments = ["lab", "prove", "/dev/none", "--yes", "--out", str(tmp_path)]
-    if status is None:
-        with pytest.raises(type(error)):
-            app.status(arguments)
-    else:
-        assert app.status(arguments) == status
+    with pytest.raises(type(error)) if status is None else nullcontext():
+        assert prove_by(measure, monkeypatch, tmp_path) == status
     data, page = sorted(tmp_path.iterdir())
     printed = capsys.readouterr().err.splitlines()[-1]
     assert "the measurement broke off: " in printed
@@ -261,10 +259,7 @@ def test_nothing_is_written_if_nothing_was_measured(monkeypatch, tmp_path):
     def interrupted(self):
         raise KeyboardInterrupt
 
-    board = SimpleNamespace(client=None, run=lambda code: "", drivers_off=nullcontext)
-    monkeypatch.setattr("framestep_tools.prove.board.real", lambda *_: nullcontext(board))
-    monkeypatch.setattr(Measuring, "everything", interrupted)
-    assert app.status(["lab", "prove", "/dev/none", "--yes", "--out", str(tmp_path)]) == INTERRUPTED
+    assert prove_by(interrupted, monkeypatch, tmp_path) == INTERRUPTED
     assert not list(tmp_path.iterdir())
 
 
@@ -334,16 +329,11 @@ def test_a_board_with_one_port_is_refused_before_a_ctrl_c(monkeypatch):
 
 
 def test_the_flash_of_what_the_board_says():
-    """A page's time, without the time of the call, from rounds that nothing disturbed."""
+    """A page's time, without the time of the call, from rounds that nothing disturbed. The sector
+    of the file may not be found, or there is no room for it."""
     found = flash.measure(lambda code: "[121000, 46000, 1000, 4700, 45000, 1500, 4200]\r\n")
     assert found == pytest.approx((121.0, 45.5, 0.4))
-
-
-def test_a_file_whose_sector_is_not_found():
     assert flash.measure(lambda code: "[121000]") == (121.0, None, None)
-
-
-def test_a_file_system_without_room():
     with pytest.raises(report.ToolError, match=r"cannot write a file of 4 kB .*delete files"):
         flash.measure(lambda code: "'OSError(28,)'")
 
@@ -493,8 +483,5 @@ def test_what_would_be_refused_is_reported_before_anything_moves(rig, requests, 
         for request in requests:
             client.request(request)
         stand = client.request(p.MotorGetPosition()).steps
-        if text:
-            with pytest.raises(report.ToolError, match=text):
-                check(client, [1, 2, 3], stand)
-        else:
+        with pytest.raises(report.ToolError, match=text) if text else nullcontext():
             check(client, [1, 2, 3], stand)

@@ -322,7 +322,7 @@ def test_a_log_played_faster_waits_for_the_motors(log):
 
 def test_a_device_that_says_nothing_is_given_up_soon(log):
     with pytest.raises(NoAnswer, match="first request"):
-        replay.Replay(log, lambda: FakeDevice(lambda frame, request: [])).play()
+        replay.Replay(log, FakeDevice).play()
 
 
 def test_names_that_are_no_messages():
