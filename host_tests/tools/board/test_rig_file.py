@@ -149,19 +149,18 @@ def test_a_setting_that_was_changed_in_a_comment_is_reported(tmp_path):
         asked.append(mistake)
         return True
 
-    found = rig_file.edit_until_right(path, board_data("pico"), editor, again, b"{}")
-    assert json.loads(found) == {"estop": "nc"}
+    def edited(editor, again):
+        return rig_file.edit_until_right(path, board_data("pico"), editor, again, b"{}")
+
+    assert json.loads(edited(editor, again)) == {"estop": "nc"}
     assert len(asked) == 1
     assert re.match(r'line \d+ has changed, but it is a comment: "estop": "nc"', asked[0])
     # without another try nothing changes, and changes of other comments do not matter
     path.write_text(rig_file.commented("{}"))
     asked.clear()
-    assert (
-        rig_file.edit_until_right(path, board_data("pico"), editor, lambda _: False, b"{}") is None
-    )
+    assert edited(editor, lambda _: False) is None
     path.write_text("// mine\n{}")
-    other = lambda file: file.write_text("// another\n{}")  # noqa: E731
-    assert rig_file.edit_until_right(path, board_data("pico"), other, again, b"{}") is None
+    assert edited(lambda file: file.write_text("// another\n{}"), again) is None
 
 
 def test_the_editor(tmp_path, monkeypatch):

@@ -10,12 +10,7 @@ from flash_images.littlefs_image import make_image, read_image
 FILES_AT, FILES_SIZE = 0x100A0000, 1408 * 1024  # a Raspberry Pi Pico's
 
 
-def firmware(
-    name=b"MicroPython",
-    board=b"Raspberry Pi Pico",
-    at=FILES_AT,
-    size=FILES_SIZE,
-):
+def firmware(name=b"MicroPython", board=b"Raspberry Pi Pico", at=FILES_AT, size=FILES_SIZE):
     """Return the flash of a firmware with pico-sdk's binary info, which has a block device."""
     flash = bytearray(3000)
     struct.pack_into("<5I", flash, 0x100, 0x7188EBF2, 0x10000200, 0x10000208, 0, 0xE71AA390)
@@ -53,14 +48,8 @@ def test_a_file_for_an_rp2350_begins_with_the_block_of_its_erratum():
     file = uf2_file(family=uf2.RP2350)
     assert len(file) == 512 * 13
     words = struct.unpack("<8I", file[:32])
-    assert [hex(word) for word in words[2:]] == [
-        "0xa000",  # with a family and an extension
-        "0x10ffff00",
-        "0x100",
-        "0x0",
-        "0x2",
-        "0xe48bff57",
-    ]
+    with_family_and_extension = 0xA000
+    assert words[2:] == (with_family_and_extension, 0x10FFFF00, 0x100, 0, 2, 0xE48BFF57)
     assert file[32 : 32 + 256] == b"\xef" * 256
     assert file[32 + 256 : 32 + 260] == struct.pack("<I", 0x9957E304)
     image = uf2.parse(file, "x.uf2")

@@ -21,15 +21,13 @@ def folded_one(text: str, **options) -> str:
 
 
 def test_names_of_a_module_and_imported_names_become_numbers():
+    """An import that is not needed any more goes."""
     user = folded_one(
         "from a import codes as c\n"
         "from a.codes import LOWEST as low\n"
         "x = [c.OK, low, c.known(c.LOWEST)]\n"
     )
     assert user == "from a import codes as c\npass\nx = [16, (-4), c.known((-4))]\n"
-
-
-def test_an_import_that_is_not_needed_any_more_goes():
     assert folded_one("from a import codes\nx = codes.OK\n") == "pass\nx = 16\n"
 
 
@@ -61,17 +59,9 @@ def test_constants_made_of_those_of_others():
 
 
 def test_what_is_given_is_folded_for_others():
-    a = (
-        "try:\n"
-        "    import micropython\n"
-        "    CPYTHON = False\n"
-        "except ImportError:\n"
-        "    CPYTHON = True\n"
-    )
-    texts = fold(
-        {"a.py": a, "b.py": "from a import CPYTHON\nif CPYTHON:\n    pass\n"},
-        given={"a": {"CPYTHON": 0}},
-    )
+    a = "try:\n    import micropython\n    CPYTHON = False\nexcept ImportError:\n    CPYTHON = 1\n"
+    b = "from a import CPYTHON\nif CPYTHON:\n    pass\n"
+    texts = fold({"a.py": a, "b.py": b}, given={"a": {"CPYTHON": 0}})
     assert texts == {"a.py": a, "b.py": "pass\nif 0:\n    pass\n"}
 
 
@@ -91,27 +81,23 @@ def test_a_name_with_two_meanings_is_refused(text):
 
 
 @pytest.mark.parametrize(
-    ("text", "what"),
+    ("texts", "what"),
     [
-        ("N = const('x')\n", "not a whole number"),
-        ("N = const(1)\nN = const(2)\n", "constant already"),
+        (["N = const('x')\n"], "not a whole number"),
+        (["N = const(1)\nN = const(2)\n"], "constant already"),
+        (["from b import N\nM = const(N)\n", "from a import M\nN = const(M)\n"],
+         "need one another"),
     ],
-)
-def test_odd_constants_are_refused(text, what):
+)  # fmt: skip
+def test_odd_constants_are_refused(texts, what):
     with pytest.raises(FoldError, match=what):
-        folded_one(text)
-
-
-def test_constants_in_a_circle_are_refused():
-    with pytest.raises(FoldError, match="need one another"):
-        fold({"a.py": "from b import N\nM = const(N)\n", "b.py": "from a import M\nN = const(M)\n"})
+        fold(dict(zip(("a.py", "b.py"), texts, strict=False)))
 
 
 def test_the_core_folds_line_by_line():
     for name, text in folded({}, hide=True).items():
-        assert len(text.decode().splitlines()) == len(sources()[name].read_text().splitlines()), (
-            name
-        )
+        source = sources()[name].read_text()
+        assert len(text.decode().splitlines()) == len(source.splitlines()), name
 
 
 def test_bytes_of_numbers_become_a_literal():

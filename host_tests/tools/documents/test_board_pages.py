@@ -92,9 +92,8 @@ FOUR_MOTORS = {
     ],
 )  # fmt: skip
 def test_a_mistake_is_found(data, complaint):
-    assert any(complaint in text for text in board_pages.complaints(data)), board_pages.complaints(
-        data
-    )
+    found = board_pages.complaints(data)
+    assert any(complaint in text for text in found), found
 
 
 def test_all_that_is_made_from_the_boards_is_up_to_date():
@@ -111,9 +110,8 @@ def test_drawing_shows_every_pin_inside_its_frame(name):
     shown = {text.text for text in texts}
     off_the_header = {"led"} if "header" in board.get("page", {}) else set()
     for use in board_pages.uses(fitted(board)):
-        assert f"{use.what}: {use.wire}" in shown or use.pin in {
-            board.get(key) for key in off_the_header
-        }
+        off = use.pin in {board.get(key) for key in off_the_header}
+        assert off or f"{use.what}: {use.wire}" in shown
     for text in texts:
         # letters of this size are on average 6.6 units wide
         room = {"start": width - float(text.attrib["x"]), "end": float(text.attrib["x"])}
@@ -275,12 +273,15 @@ def test_a_mistake_in_the_three_files_changes_nothing(copy_with_a_board, capsys,
         path.write_text(path.read_text().replace(text, text.replace("drivers", "printed")))
     else:
         path.write_text(text)
-    before = {path: path.read_text() for path in copy_with_a_board.rglob("*") if path.is_file()}
+
+    def texts():
+        return {path: path.read_text() for path in copy_with_a_board.rglob("*") if path.is_file()}
+
+    before = texts()
     assert board_pages.app.status([]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line
-    after = {path: path.read_text() for path in copy_with_a_board.rglob("*") if path.is_file()}
-    assert after == before
+    assert texts() == before
 
 
 @pytest.mark.parametrize(

@@ -12,11 +12,14 @@ from framestep_tools.judge.reference import Reference
 from framestep_tools.judge.trace import Trace
 from framestep_tools.move.move_file import read_move
 
-judge = partial(judging.judge, smooth=False)
-
+FPS_MILLI = 24_000
 ORIGIN_NS = 3_123_456_789
 ROLL_S = 1.0
 GRID_S = 20e-6
+
+
+def judge(trace, move, fps_milli=FPS_MILLI, **options):
+    return judging.judge(trace, move, fps_milli, **{"smooth": False, **options})
 
 
 def slopes(positions, seconds):
@@ -32,7 +35,7 @@ class Path:
     """The path of an ideal device: a cubic per frame with continuous velocity, run-up and
     run-out."""
 
-    def __init__(self, positions, fps_milli, kind="cubic"):
+    def __init__(self, positions, fps_milli=FPS_MILLI, kind="cubic"):
         self.p = np.asarray(positions, float)
         self.t = frame_times_ns(len(positions), fps_milli) * 1e-9
         self.m = slopes(self.p, self.t[1] - self.t[0])
@@ -98,7 +101,7 @@ def crossings(path, begin, end):
     )
 
 
-def trace_of(move, fps_milli, kind="cubic", start=0, jitter_ns=0, seed=1):
+def trace_of(move, fps_milli=FPS_MILLI, kind="cubic", start=0, jitter_ns=0, seed=1):
     """Return the edges of all motors, in a positioning move to the pre-roll and in the run."""
     rng = np.random.default_rng(seed)
     signals = {}
@@ -153,10 +156,8 @@ def test_a_good_run_is_good(fps_milli):
 
 def test_the_demos_move_is_good():
     move = read_move()
-    trace = trace_of(move.positions, 24_000)
-    verdict = judge(
-        trace, move.positions, 24_000, path=lambda m, s: Path(move.positions[m], 24_000)(s)
-    )
+    trace = trace_of(move.positions)
+    verdict = judge(trace, move.positions, path=lambda m, s: Path(move.positions[m])(s))
     assert verdict.complaints == []
     assert max(np.nanmax(np.abs(m.edge_error_us)) for m in verdict.motors) < 2
     assert sum(len(m.edge_times_s) for m in verdict.motors) > 50_000
@@ -164,7 +165,7 @@ def test_the_demos_move_is_good():
 
 def test_a_backward_run_and_another_start():
     move = {motor: steps[::-1] for motor, steps in curves().items()}
-    verdict = judge(trace_of(move, 24_000, start=77), move, 24_000, start=dict.fromkeys(move, 77))
+    verdict = judge(trace_of(move, start=77), move, start=dict.fromkeys(move, 77))
     assert verdict.complaints == []
 
 
@@ -175,8 +176,8 @@ def edited(trace, motor, edit):
     return Trace(signals)
 
 
-def around_frame(times, frame, fps_milli=24_000):
-    at = ORIGIN_NS + frame_times_ns(100, fps_milli)
+def around_frame(times, frame):
+    at = ORIGIN_NS + frame_times_ns(100, FPS_MILLI)
     return (times > (at[frame] + at[frame - 1]) // 2) & (times <= (at[frame] + at[frame + 1]) // 2)
 
 
@@ -225,9 +226,9 @@ FAULTS = {
 def test_a_fault_is_found(name, kind):
     motor, edit, complaint = FAULTS[name]
     move = curves()
-    good = trace_of(move, 24_000, kind)
+    good = trace_of(move, kind=kind)
     end = {m: int(good.position_at(m, [10**12])[0]) for m in move}
-    judged = partial(judge, fps_milli=24_000, end=end)
+    judged = partial(judge, end=end)
     if kind == "smooth":
         path = Reference(move, 24_000, 1000 * ROLL_S, 1000 * ROLL_S)
         judged = partial(judged, path=path, smooth=True)
@@ -262,7 +263,7 @@ def test_a_good_smooth_run_is_good(fps_milli):
 def test_a_smooth_run_without_its_path():
     """A motor may arrive before the frame's time and leave after it."""
     move = curves()
-    good = trace_of(move, 24_000, "smooth")
+    good = trace_of(move, kind="smooth")
     times, _ = good.steps(5)
     at = ORIGIN_NS + frame_times_ns(21, 24_000)[-1]
     arrives, leaves = times[np.searchsorted(times, at) - 1 :][:2]
@@ -272,21 +273,15 @@ def test_a_smooth_run_without_its_path():
         (at - arrives + 30_000, False),
         (at - leaves - 30_000, False),
     ):
-        verdict = judge(
-            edited(good, 5, shifted(20, ns)), move, 24_000, limits=Limits(velocity_share=1),
-            smooth=True,
-        )  # fmt: skip
+        trace = edited(good, 5, shifted(20, ns))
+        verdict = judge(trace, move, limits=Limits(velocity_share=1), smooth=True)
         assert verdict.good == ok, (ns, verdict.complaints)
 
 
 def test_errors_within_the_limits_are_reported_and_pass():
     move = curves()
-    verdict = judge(
-        edited(trace_of(move, 24_000), 5, shifted(20, 15_000)),
-        move,
-        24_000,
-        limits=Limits(velocity_share=1),
-    )
+    late = edited(trace_of(move), 5, shifted(20, 15_000))
+    verdict = judge(late, move, limits=Limits(velocity_share=1))
     assert verdict.good
     assert verdict.worst_time_us == pytest.approx(15, abs=1)
 
@@ -294,17 +289,15 @@ def test_errors_within_the_limits_are_reported_and_pass():
 def test_the_limit_may_be_a_part_of_a_step():
     """60 µs late is much at 2000 steps/s, and very little at 60 steps/s."""
     move = {1: np.arange(30) * 2, 2: np.arange(30) * 90}
-    late = edited(edited(trace_of(move, 24_000), 1, shifted(20, 60_000)), 2, shifted(10, 60_000))
-    assert len(judge(late, move, 24_000).complaints) == 4  # each: its position, its time
-    complaints = judge(
-        late, move, 24_000, limits=Limits(time_steps=0.01, velocity_share=1)
-    ).complaints
+    late = edited(edited(trace_of(move), 1, shifted(20, 60_000)), 2, shifted(10, 60_000))
+    assert len(judge(late, move).complaints) == 4  # each: its position, its time
+    complaints = judge(late, move, limits=Limits(time_steps=0.01, velocity_share=1)).complaints
     assert [complaint[:20] for complaint in complaints] == ["motor 2: 1 frames of"] * 2
 
 
 def test_linear_interpolation_jumps():
     move = {1: np.rint(3000 * np.sin(np.arange(60) / 9.7)).astype(int), 2: np.arange(60) * 100}
-    verdict = judge(trace_of(move, 24_000, kind="linear"), move, 24_000)
+    verdict = judge(trace_of(move, kind="linear"), move)
     assert any("motor 1: velocity jumps" in c for c in verdict.complaints)
     assert not any(c.startswith("motor 2") for c in verdict.complaints)
     assert verdict.worst_time_us < 1  # the frames themselves are right
@@ -315,13 +308,13 @@ def test_a_turn_between_frames():
     goes on is not."""
     steps = np.array([0, 300, 600, 900, 1000, 960, 700, 400, 100, -200, -500])
     move = {1: steps, 2: np.arange(11) * 100}
-    good = trace_of(move, 24_000)
-    assert judge(good, move, 24_000).complaints == []
+    good = trace_of(move)
+    assert judge(good, move).complaints == []
     # 4/27 of (960 - 900) / 2 is 4.4
     for pulses, fine in ((5, True), (6, False)):
         trace = edited(good, 1, inserted(4, 0.02, [1] * pulses + [-1] * pulses, 20_000))
         made = trace.positions(1)[1].max() - 1000
-        verdict = judge(trace, move, 24_000, limits=Limits(velocity_share=1, velocity_steps_s=1e5))
+        verdict = judge(trace, move, limits=Limits(velocity_share=1, velocity_steps_s=1e5))
         assert made >= pulses, (made, verdict.complaints)
         assert ("against" not in str(verdict.complaints)) == fine, (made, verdict.complaints)
 
@@ -331,12 +324,12 @@ def test_with_the_path_given_a_turn_between_frames_is_judged_by_it():
     turns at once."""
     steps = np.array([0, 300, 600, 900, 1000, 960, 700, 400, 100, -200, -500])
     move = {1: steps, 2: np.arange(11) * 100}
-    turning = {motor: Path(p, 24_000) for motor, p in move.items()}
+    turning = {motor: Path(p) for motor, p in move.items()}
     turning[1].m[4] = 24 * 120  # steps/s
     assert turning[1](turning[1].t[4] + 0.01) > 1010
-    flat = {motor: Path(p, 24_000) for motor, p in move.items()}
+    flat = {motor: Path(p) for motor, p in move.items()}
     edges, signs = crossings(turning[1], -ROLL_S, turning[1].t[-1] + ROLL_S)
-    good = trace_of(move, 24_000)
+    good = trace_of(move)
     run = good.steps(1)[0] < ORIGIN_NS - 10**9
     before = tuple(part[run] for part in good.signals["m1"])
     after = np.rint(edges * 1e9).astype(np.int64) + ORIGIN_NS, signs
@@ -346,9 +339,9 @@ def test_with_the_path_given_a_turn_between_frames_is_judged_by_it():
             "m1": tuple(np.concatenate(parts) for parts in zip(before, after, strict=True)),
         }
     )
-    verdict = judge(trace, move, 24_000, path=lambda m, s: turning[m](s), limits=Limits(path_us=5))
+    verdict = judge(trace, move, path=lambda m, s: turning[m](s), limits=Limits(path_us=5))
     assert verdict.complaints == []
-    complaints = judge(trace, move, 24_000, path=lambda m, s: flat[m](s)).complaints
+    complaints = judge(trace, move, path=lambda m, s: flat[m](s)).complaints
     assert any("against the motion of the path" in c for c in complaints)
     assert any("velocity is wrong" in c for c in complaints)
 
@@ -356,17 +349,17 @@ def test_with_the_path_given_a_turn_between_frames_is_judged_by_it():
 def test_a_steady_fault_of_velocity_is_found_with_the_path():
     """Linear interpolation of even steps, while the path bends: no jump would reveal it."""
     move = curves()
-    good = trace_of(move, 24_000)
-    ideal = {motor: Path(steps, 24_000) for motor, steps in move.items()}
+    good = trace_of(move)
+    ideal = {motor: Path(steps) for motor, steps in move.items()}
     ideal[5].m = ideal[5].m + 300
-    complaints = judge(good, move, 24_000, path=lambda m, s: ideal[m](s)).complaints
+    complaints = judge(good, move, path=lambda m, s: ideal[m](s)).complaints
     assert complaints
     assert all(c.startswith("motor 5: velocity is wrong at ") for c in complaints)
 
 
 def test_an_edge_off_the_path_is_found_between_frames():
     move = curves()
-    ideal = {motor: Path(steps, 24_000) for motor, steps in move.items()}
+    ideal = {motor: Path(steps) for motor, steps in move.items()}
 
     def shove(times, values):
         frame = ORIGIN_NS + frame_times_ns(60, 24_000)
@@ -375,12 +368,10 @@ def test_an_edge_off_the_path_is_found_between_frames():
         return times, values
 
     limits = Limits(path_us=5)
-    good = judge(trace_of(move, 24_000), move, 24_000, path=lambda m, s: ideal[m](s), limits=limits)
+    good = judge(trace_of(move), move, path=lambda m, s: ideal[m](s), limits=limits)
     assert good.complaints == []
-    bad = judge(
-        edited(trace_of(move, 24_000), 5, shove), move, 24_000, path=lambda m, s: ideal[m](s),
-        limits=limits,
-    )  # fmt: skip
+    off = edited(trace_of(move), 5, shove)
+    bad = judge(off, move, path=lambda m, s: ideal[m](s), limits=limits)
     assert any("µs off the path" in c for c in bad.complaints)
 
 
@@ -388,7 +379,7 @@ def test_an_edge_off_the_path_is_found_between_frames():
 def test_another_frame_rate_is_no_such_run(played):
     move = curves()
     try:
-        verdict = judge(trace_of(move, played), move, 24_000)
+        verdict = judge(trace_of(move, played), move)
     except NoRun:
         return
     assert not verdict.good
@@ -397,30 +388,28 @@ def test_another_frame_rate_is_no_such_run(played):
 def test_other_positions_are_no_such_run():
     move = curves()
     other = {motor: steps + 5 for motor, steps in move.items()}
-    assert not judge(trace_of(move, 24_000), other, 24_000).good
+    assert not judge(trace_of(move), other).good
 
 
 def test_a_motor_that_has_no_business_in_the_run():
     move = curves()
-    trace = Trace(
-        {**trace_of(move, 24_000).signals, "m8": (np.array([ORIGIN_NS + 10**9]), np.array([1]))}
-    )
-    assert judge(trace, move, 24_000).complaints == [
+    trace = Trace({**trace_of(move).signals, "m8": (np.array([ORIGIN_NS + 10**9]), np.array([1]))})
+    assert judge(trace, move).complaints == [
         "motor 8: moved during the run without being in the upload"
     ]
 
 
 def test_an_empty_trace_has_no_run():
     with pytest.raises(NoRun, match="no run of this move"):
-        judge(Trace({}), curves(), 24_000)
+        judge(Trace({}), curves())
     with pytest.raises(NoRun):
         # no motor passes through a frame
-        judge(trace_of(curves(), 24_000), {1: np.zeros(20, int)}, 24_000)
+        judge(trace_of(curves()), {1: np.zeros(20, int)})
 
 
 def test_the_first_full_pass_after_a_time():
     move = {1: np.arange(60) * 100}
-    times, values = trace_of(move, 24_000).steps(1)
+    times, values = trace_of(move).steps(1)
     run = times > 2 * 10**9
     made = int(values[run].sum())
     back = np.linspace(times[-1] + 10**8, times[-1] + 10**9, made).astype(np.int64)
@@ -434,6 +423,6 @@ def test_the_first_full_pass_after_a_time():
         }
     )
     for after, origin in ((0, ORIGIN_NS), (back[0], ORIGIN_NS + later)):
-        verdict = judge(twice, move, 24_000, after_ns=int(after))
+        verdict = judge(twice, move, after_ns=int(after))
         assert verdict.complaints == []
         assert verdict.origin_ns == pytest.approx(origin, abs=2000)

@@ -61,20 +61,9 @@ def test_an_unknown_board_is_named():
 
 def test_steps_count_by_the_direction_pin():
     decoder = PinDecoder(load_board("pico"))
-    edges = decoder.feed(
-        records(
-            (0, 2, 0),
-            (0, 3, 1),
-            (0, 20, 0),  # levels at the start
-            (100, 2, 1),
-            (150, 2, 0),
-            (200, 3, 0),
-            (300, 2, 1),
-            (350, 2, 0),
-            (400, 2, 1),
-            (410, 20, 1),
-        )
-    )
+    start = (0, 2, 0), (0, 3, 1), (0, 20, 0)
+    forward, back = ((100, 2, 1), (150, 2, 0)), ((300, 2, 1), (350, 2, 0), (400, 2, 1))
+    edges = decoder.feed(records(*start, *forward, (200, 3, 0), *back, (410, 20, 1)))
     assert edges == [
         (0, "dir1", 1), (0, "shutter", 0), (100, "m1", 1), (200, "dir1", 0), (300, "m1", -1),
         (400, "m1", -1), (410, "shutter", 1),
@@ -86,10 +75,8 @@ def test_state_is_kept_between_chunks_and_a_high_start_is_no_step():
     assert decoder.feed(records((0, 4, 1), (0, 5, 1))) == [(0, "dir2", 1)]
     assert decoder.feed(records((10, 4, 0))) == []
     assert decoder.feed(records((20, 4, 1), (20, 4, 1))) == [(20, "m2", -1)]
-    assert decoder.feed(records((30, 5, 0), (40, 4, 0), (50, 4, 1))) == [
-        (30, "dir2", 0),
-        (50, "m2", 1),
-    ]
+    turned = decoder.feed(records((30, 5, 0), (40, 4, 0), (50, 4, 1)))
+    assert turned == [(30, "dir2", 0), (50, "m2", 1)]
 
 
 def test_both_edges_are_steps_if_the_rig_file_says_so():

@@ -98,10 +98,8 @@ def test_the_command_writes_beside_the_trace(trace, capsys):
     assert cli.app.status(["lab", "vcd", str(trace)]) == 0
     assert capsys.readouterr().out == f"{trace.with_suffix('.vcd')}: 16 changes of 4 signals\n"
     assert changes(trace.with_suffix(".vcd").read_text())["position1"][-1] == (60_000, 1)
-    assert (
-        cli.app.status(["lab", "vcd", str(trace), "--pulse-us", "0.1", "-o", str(trace) + ".v"])
-        == 0
-    )
+    words = ["lab", "vcd", str(trace), "--pulse-us", "0.1", "-o", f"{trace}.v"]
+    assert cli.app.status(words) == 0
     assert (10_100, "0") in changes((trace.parent / "edges.csv.v").read_text())["step1"]
 
 
