@@ -2,8 +2,6 @@
 emulated device behind it."""
 
 import contextlib
-import functools
-import http.server
 import shutil
 import threading
 import time
@@ -12,13 +10,17 @@ import pytest
 from playwright.sync_api import sync_playwright
 
 from framestep_tools.client.client import BrokenOff, Client
+from framestep_tools.console import page_files
+from framestep_tools.console.axes_text import AxesText
 from framestep_tools.simulator.boards import SimulatedBoard
 from framestep_tools.simulator.serve import Server
-from host_tests.served import Console
+from host_tests.console import looking
+from host_tests.console.serial_ports import SavedPage
+from host_tests.served import PATIENCE_S, Console, FileServer
 
 _LOOK_S = 0.02
 _SLICE_NS = 10_000_000  # a board in real time takes a fifth of the time that it takes by 1 ms
-PATIENCE_MS = 100_000  # the answer comes at once, but a busy computer may need time
+PATIENCE_MS = PATIENCE_S * 1000
 _BROWSERS = (
     "chromium-headless-shell",  # takes half of the time of the others
     "chromium",
@@ -79,7 +81,7 @@ class Device:
     def at_board(self, call):
         done = threading.Event()
         self._calls.append((call, done))
-        assert done.wait(PATIENCE_MS / 1000)
+        assert done.wait(PATIENCE_S)
 
     @contextlib.contextmanager
     def held(self):
@@ -99,10 +101,10 @@ class Device:
     @contextlib.contextmanager
     def client(self):
         """Yield a client as soon as no other program has the port."""
-        end = time.monotonic() + PATIENCE_MS / 1000
+        end = time.monotonic() + PATIENCE_S
         while True:
             try:
-                with Client.open(self.url, PATIENCE_MS / 1000) as client:
+                with Client.open(self.url, PATIENCE_S) as client:
                     client.greet()
                     yield client
                 return
@@ -122,9 +124,12 @@ class Stage:
         self._browser = browser
         self._started = contextlib.ExitStack()
 
-    def simulated(self, rig=None, motors=None, speed=1.0, board="pico", known=False):
-        """Start a simulated board. known: its motors' positions are."""
-        made = SimulatedBoard(rig, motors, board)
+    def simulated(self, rig=None, motors=None, speed=1.0, known=False, wired=False):
+        """Start a simulated board. known: its motors' positions are; wired: it has the rig file's
+        switches."""
+        made = SimulatedBoard(rig, motors)
+        if wired:
+            made.wire_switches()
         if known:
             positions = made.host_board.controller.axes.positions
             for motor in range(positions.count):
@@ -133,11 +138,36 @@ class Stage:
         self._started.callback(device.close)
         return device
 
-    def console(self, url, work=None):
-        """Start the page's server for a device."""
+    def console(self, url, work=None, axes=None):
+        """Start the page's server for a device. axes: the path of its axes.toml."""
         served = Console(url, work)
         self._started.callback(served.close)
+        if axes:
+            served.server.device.axes = AxesText(axes)
         return served
+
+    def opened(self, rig=None, motors=None, speed=1.0, known=False):
+        """Return the connected page of a simulated board, and the board."""
+        device = self.simulated(rig, motors, speed, known=known)
+        return self.connected(self.console(device.url).url), device
+
+    def connected(self, url, **options):
+        """Open a page as page() does, and wait until its device has answered."""
+        page = self.page(url, **options)
+        looking.wait_connected(page)
+        return page
+
+    def files(self, folder):
+        """Serve a folder; return its address."""
+        server = FileServer(folder)
+        self._started.callback(server.close)
+        return server.url
+
+    def saved(self, folder, make=page_files.save):
+        """Serve the page as `framestep console --save` writes it, or as `make` does."""
+        saved = SavedPage(folder, make)
+        self._started.callback(saved.close)
+        return saved
 
     def closing(self, close):
         """Call this when everything is closed."""
@@ -155,16 +185,9 @@ class Stage:
         page = context.new_page()
         page.errors, page.asked, page.sent = [], [], []
         sent = page.sent
-
-        def watch(link):
-            link.on("framesent", lambda data: sent.append(data))
-
-        page.on("websocket", watch)
+        page.on("websocket", lambda link: link.on("framesent", lambda data: sent.append(data)))
         page.on("pageerror", lambda error: page.errors.append(str(error)))
-        page.on(
-            "console",
-            lambda said: page.errors.append(said.text) if said.type == "error" else None,
-        )
+        page.on("console", lambda said: said.type == "error" and page.errors.append(said.text))
         page.on("request", lambda request: page.asked.append(request.url))
         page.goto(url)
         return page
@@ -188,22 +211,17 @@ def shared_stage(browser):
     started.close()
 
 
-class _Quiet(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, *_):
-        pass
+@pytest.fixture
+def page(opened):
+    """Yield the page that a file's tests share, `opened`; each leaves everything at rest."""
+    opened.sent.clear()
+    yield opened
+    looking.wait_rest(opened)
+    assert opened.errors == []
 
 
-class FileServer:
-    """Serves a folder and nothing more; `url` is its address."""
-
-    def __init__(self, folder):
-        handler = functools.partial(_Quiet, directory=folder)
-        self._server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
-        self.url = f"http://127.0.0.1:{self._server.server_port}/"
-        self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
-        self._thread.start()
-
-    def close(self):
-        self._server.shutdown()
-        self._thread.join()
-        self._server.server_close()
+@pytest.fixture(scope="module")
+def modules(shared_stage):
+    """Return a page of the server without a device: only its modules matter."""
+    served = shared_stage.console("socket://127.0.0.1:1")
+    return shared_stage.page(served.url.replace("/?", "/icon.svg?"))

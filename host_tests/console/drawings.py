@@ -16,7 +16,6 @@ from framestep_tools.building.board_files import ROOT
 from framestep_tools.site import install_page
 from host_tests.console.conftest import FLAGS, Stage, browser_program
 from host_tests.console.looking import go_to, wait_rest
-from host_tests.console.serial_ports import SavedPage
 
 FOLDER = ROOT / "docs/start"
 _SVG = "http://www.w3.org/2000/svg"
@@ -137,12 +136,10 @@ def _card(page: Page, name: str) -> Locator:
 
 def drawings(stage: Stage, folder: Path) -> Iterator[tuple[str, str]]:
     """Yield (name, SVG) of each step. The device is a simulated Pico with one motor."""
-    device = stage.simulated(_RIG, 1)
-    device.at_board(lambda board: board.wire_switches())
+    device = stage.simulated(_RIG, 1, wired=True)
     image = folder / "image"
     image.write_bytes(bytes(256))
-    saved = SavedPage(folder / "page", lambda to: install_page.make(to, {"pico": image}, {}))
-    stage.closing(saved.close)
+    saved = stage.saved(folder / "page", lambda to: install_page.make(to, {"pico": image}, {}))
     page = stage.page(saved.url, viewport={"width": _WIDTH, "height": 900})
     page.evaluate("window.showDirectoryPicker = async () => {}")
     saved.give_ports(page, device.tcp, device.tcp)

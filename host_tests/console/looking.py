@@ -1,11 +1,12 @@
 """What tests of the console look at on the page."""
 
+import contextlib
 import re
 
 from playwright.sync_api import expect
 
 from framestep_tools.building.board_files import ROOT
-from host_tests.console.conftest import PATIENCE_MS
+from host_tests.served import PATIENCE_S
 
 LOOK_MS = 20
 AXE = ROOT / "tools/framestep_emulator/board/node_modules/axe-core/axe.min.js"
@@ -24,7 +25,7 @@ HIDE = """hidden => {
 # What a key or an answer has changed is drawn with the next picture
 DRAWN = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
-expect.set_options(timeout=PATIENCE_MS)
+expect.set_options(timeout=PATIENCE_S * 1000)
 
 
 def _position_label(motor):
@@ -120,6 +121,33 @@ def settings(page, title):
     found = page.get_by_role("article", name=f"Settings of {name}", exact=True)
     expect(found).to_have_attribute("aria-busy", "false")
     return found
+
+
+def card(page, name):
+    return page.get_by_role("article", name=name, exact=True)
+
+
+def move_to(card, position, label="Move to step"):
+    """Move a motor, or a virtual axis, by the fields of its part of the page."""
+    card.get_by_label(label).fill(str(position))
+    card.get_by_role("button", name="Move", exact=True).click()
+
+
+@contextlib.contextmanager
+def held(page, button):
+    """Hold a button meanwhile."""
+    page.get_by_role("button", name=button, exact=True).hover()
+    page.mouse.down()
+    yield
+    page.mouse.up()
+
+
+def open_move(page, name, content):
+    """Give the page a file with a move."""
+    data = content if isinstance(content, bytes) else content.encode()
+    page.get_by_label("Open a move").set_input_files(
+        {"name": name, "mimeType": "application/octet-stream", "buffer": data}
+    )
 
 
 def newest(page):

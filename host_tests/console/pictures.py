@@ -117,8 +117,7 @@ class Names:
 
 def crane(stage, speed=1.0):
     """Start a console for the rig of the pictures."""
-    device = stage.simulated(RIG, MOTORS, speed)
-    device.at_board(lambda board: board.wire_switches())
+    device = stage.simulated(RIG, MOTORS, speed, wired=True)
     served = stage.console(device.url)
     served.server.device.name = DEVICE
     served.server.device.axes = Names()
@@ -127,8 +126,6 @@ def crane(stage, speed=1.0):
 
 def take_states(browser):
     """Take a picture of each state in each size and theme. Return their number."""
-    from host_tests.console.pictures import SIZES, begun, states
-
     folder = FOLDER / "states"
     folder.mkdir(parents=True, exist_ok=True)
     taken = 0

@@ -7,9 +7,7 @@ import contextlib
 from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed
 
-from framestep_tools.console import page_files
-from host_tests.console.conftest import FileServer
-from host_tests.served import LoopThread
+from host_tests.served import FileServer, LoopThread
 
 # The user chooses these ports one after another
 _PORTS = """addresses => {
@@ -51,7 +49,7 @@ class SavedPage:
     only serves files; `url` is its address. `give_ports` leads a page's ports to TCP addresses,
     HOST:PORT."""
 
-    def __init__(self, folder, make=page_files.save):
+    def __init__(self, folder, make):
         make(folder)
         self._files = FileServer(folder)
         self.url = self._files.url

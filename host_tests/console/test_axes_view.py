@@ -7,11 +7,9 @@ from playwright.sync_api import expect
 
 from framestep_tools.axes.axes_file import axes_of, camera_of
 from framestep_tools.axes.rig_axes import Axes
-from framestep_tools.console.axes_text import AxesText
 from framestep_tools.errors import ToolError
 from framestep_tools.payloads import GetExceeded, MotorGetPosition, MotorSetLimits, MotorSetSpeed
 from host_tests.console import looking as ui
-from host_tests.console.serial_ports import SavedPage
 from host_tests.tools.move.test_scenes import glb, gltf
 
 RIG = """# the rig
@@ -48,9 +46,7 @@ def opened(stage, rig):
     device = stage.simulated({"jog_timeout_ms": 0}, motors=3, known=True)
     with device.client() as client:
         client.request(MotorSetSpeed(2, 4000, 20_000))
-    served = stage.console(device.url)
-    served.server.device.axes = AxesText(rig)
-    page = stage.page(served.url)
+    page = stage.page(stage.console(device.url, axes=rig).url)
     expect(page.get_by_label("Position of pan in deg")).to_have_text("-90.000°")
     return page, device
 
@@ -60,8 +56,7 @@ def test_positions_and_moves_in_units(opened):
     expect(ui.motor(page, "track")).to_contain_text("1 track")
     expect(ui.position(page, 3)).to_have_text("0")
     pan = ui.motor(page, "pan")
-    pan.get_by_label("Move to, deg").fill("-88.5")
-    pan.get_by_role("button", name="Move", exact=True).click()
+    ui.move_to(pan, -88.5, "Move to, deg")
     expect(page.get_by_label("Position of pan in deg")).to_have_text("-88.500°")
     expect(ui.position(page, 2)).to_have_text("-300")
     for by, at in (("+1°", "-500"), ("+0.1°", "-520"), ("−1°", "-320")):
@@ -69,8 +64,7 @@ def test_positions_and_moves_in_units(opened):
         expect(ui.position(page, 2)).to_have_text(at)
     ui.wait_rest(page)
     track = ui.motor(page, "track")
-    track.get_by_label("Move to, mm").fill("1450.5")
-    track.get_by_role("button", name="Move", exact=True).click()
+    ui.move_to(track, 1450.5, "Move to, mm")
     expect(ui.log(page)).to_contain_text(
         "track: 1450.5 mm is beyond its limits of 0 to 1450 mm (axes.toml)."
     )
@@ -95,11 +89,9 @@ def test_a_phone_shows_one_motors_names_and_units(stage, opened):
 
 def test_up_is_where_the_position_rises(opened):
     page, _ = opened
-    page.get_by_role("button", name="Jog pan up", exact=True).hover()
-    page.mouse.down()
-    expect(page.locator("#moving")).to_contain_text("pan moves")
-    expect(ui.position(page, 2)).not_to_have_text("0")
-    page.mouse.up()
+    with ui.held(page, "Jog pan up"):
+        expect(page.locator("#moving")).to_contain_text("pan moves")
+        expect(ui.position(page, 2)).not_to_have_text("0")
     ui.wait_rest(page)
     assert ui.steps(page, 2) < 0
     page.keyboard.press("1")
@@ -127,8 +119,7 @@ def test_settings_in_units_reach_the_device(opened):
     pan.get_by_role("button", name="Set limits").click()
     expect(ui.row(page, "pan").locator(".ends")).to_have_text("-60°-30°")
     pan = ui.motor(page, "pan")
-    pan.get_by_label("Move to, deg").fill("-20")
-    pan.get_by_role("button", name="Move", exact=True).click()
+    ui.move_to(pan, -20, "Move to, deg")
     expect(ui.log(page)).to_contain_text(
         "Refused: -20° (-14000) is past the lower soft limit of pan, -30° (-12000)"
     )
@@ -145,8 +136,7 @@ def test_the_bar_shows_the_position_between_its_limits(opened, stage):
     expect(ui.row(page, "track").locator(".ends")).to_have_text("0 mm1450 mm")
     mark = ui.row(page, "track").locator(".now")
     expect(mark).to_have_attribute("style", "left: 0%;")
-    track.get_by_label("Move to, mm").fill("14.5")
-    track.get_by_role("button", name="Move", exact=True).click()
+    ui.move_to(track, 14.5, "Move to, mm")
     expect(mark).to_have_attribute("style", "left: 1%;")
     expect(ui.row(page, "Motor 3").locator(".bar")).to_be_hidden()
     page.close()
@@ -185,8 +175,7 @@ def test_names_are_edited_and_saved(opened, rig):
 def test_a_file_with_a_mistake_is_reported_and_kept(stage, rig):
     rig.write_text("[[axis]]\nname = 5\n")
     device = stage.simulated(motors=1)
-    served = stage.console(device.url)
-    served.server.device.axes = AxesText(rig)
+    served = stage.console(device.url, axes=rig)
     page = stage.page(served.url)
     expect(ui.log(page)).to_contain_text('"name": expected a text, found 5; the page shows steps.')
     expect(ui.position(page)).to_have_text("0")
@@ -197,8 +186,7 @@ def test_a_file_with_a_mistake_is_reported_and_kept(stage, rig):
 
 
 def test_without_a_server_the_browser_keeps_them(stage, tmp_path, rig):
-    saved = SavedPage(tmp_path / "page")
-    stage.closing(saved.close)
+    saved = stage.saved(tmp_path / "page")
     page = stage.page(saved.url)
     ui.go_to(page, "Names and units")
     camera = '[camera]  # the page keeps it\ntype = "X-Y-Z"\norigin = [\n  1, 2,\n  3]\n'
@@ -223,8 +211,7 @@ def test_without_a_server_the_browser_keeps_them(stage, tmp_path, rig):
 
 
 def test_the_page_reads_and_writes_the_file_as_the_commands_do(stage, tmp_path):
-    saved = SavedPage(tmp_path / "page")
-    stage.closing(saved.close)
+    saved = stage.saved(tmp_path / "page")
     page = stage.page(saved.url)
     good = [
         RIG,
@@ -266,9 +253,7 @@ def test_another_programs_move(opened):
     page, _ = opened
     ui.go_to(page, "Move")
     text = "# 25 fps\nAxes = Camera Pan, Track\n-90,5 10\n-91,0 20\n"
-    page.get_by_label("Open a move").set_input_files(
-        {"name": "shot.kup", "mimeType": "text/plain", "buffer": text.encode()}
-    )
+    ui.open_move(page, "shot.kup", text)
     expect(page.locator("main")).to_contain_text(
         "shot.kup: frames 1 to 2 at 25 frames/s for 2 motors"
     )
@@ -289,30 +274,23 @@ def test_poses_and_files_that_are_no_text(opened, rig):
         RIG.replace("limits = [0, 1450]", "") + '[camera]\ntype = "X-Y-Z"\nx = "track"\n'
     )
     ui.go_to(page, "Move")
-    scene, data = gltf([(0, "translation", "LINEAR", [[0, 0, 0], [0.01, 0, 0], [0.03, 0, 0]])])
-    binary, data = gltf(
-        [(0, "translation", "LINEAR", [[0, 0, 0], [0.01, 0, 0], [0.03, 0, 0]])], uri=""
-    )
+    tracks = [(0, "translation", "LINEAR", [[0, 0, 0], [0.01, 0, 0], [0.03, 0, 0]])]
+    scene, _ = gltf(tracks)
+    binary = glb(*gltf(tracks, uri=""))
     page.get_by_label("Frames per second").first.fill("25")
     page.get_by_label("Frames per second").first.press("Tab")
     files = [
         ("shot.gltf", json.dumps(scene).encode(), "frames 1 to 3"),
-        ("shot.glb", glb(binary, data), "frames 1 to 3"),
         (
             "shot.kup",
             "# S\u00fcd\nAxes = Camera Pan, Track\n-90 10\n".encode("latin-1"),
             "frames 1",
         ),
+        ("shot.glb", binary, "frames 1 to 3"),
     ]
     for name, content, said in files:
-        page.get_by_label("Open a move").set_input_files(
-            {"name": name, "mimeType": "application/octet-stream", "buffer": content}
-        )
+        ui.open_move(page, name, content)
         expect(page.locator("main")).to_contain_text(f"{name}: {said}")
-    page.get_by_label("Open a move").set_input_files(
-        {"name": "shot.glb", "mimeType": "application/octet-stream", "buffer": files[1][1]}
-    )
-    expect(page.locator("main")).to_contain_text("shot.glb: frames 1 to 3")
     page.get_by_label("Export the move as").select_option("chan")
     page.get_by_label("The camera's pose, not the axes").check()
     with page.expect_download() as download:

@@ -13,13 +13,14 @@ from framestep_tools.errors import ToolError
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.console import looking as ui
 from host_tests.console.conftest import Device
-from host_tests.console.serial_ports import SavedPage
 
 # The page's check of a rig file on a board that has no memory for it
 SCARCE = """async () => {
     (await import('/protocol.js')).SCRIPTS.check = 'print("\\\\x02"); print(\\'[null, ""]\\')';
 }"""
-LIVE = re.compile(r"Interrupts: [1-9]\d* µs of(.|\n)*Segments that wait, of 16: motor 1 \d")
+LIVE = re.compile(
+    r"Interrupts: [1-9]\d* µs of each 1000(.|\n)*Segments that wait, of 16: motor 1 \d"
+)
 
 
 @pytest.fixture(scope="module")
@@ -27,6 +28,13 @@ def device(shared_stage):
     found = Device(EmulatedBoard({"name": "before"}, trace=False), 1.0, repl=True)
     shared_stage.closing(found.close)
     return found
+
+
+def put(rig, text, said):
+    """Put a rig file onto the board, and wait until that is reported."""
+    rig.get_by_label("Rig file").fill(text)
+    rig.get_by_role("button", name="Put onto the board").click()
+    expect(rig.get_by_role("status")).to_contain_text(said)
 
 
 def load_of(page):
@@ -38,17 +46,12 @@ def watch_the_load_of_a_move(page):
     ui.go_to(page, "Motors")
     target = ui.steps(page) + 30_000  # six seconds
     card = ui.motor(page, "Motor 1")
-    card.get_by_label("Move to step").fill(str(target))
-    card.get_by_role("button", name="Move", exact=True).click()
+    ui.move_to(card, target)
     ui.wait_moving(page)
     ui.go_to(page, "Rig file, load, terminal")
     load = load_of(page)
     load.get_by_label("Live").check()
-    expect(load.get_by_role("status")).to_contain_text(
-        re.compile(
-            r"Interrupts: [1-9]\d* µs of each 1000(.|\n)*Segments that wait, of 16: motor 1 \d"
-        )
-    )
+    expect(load.get_by_role("status")).to_contain_text(LIVE)
     late, limit = map(
         int, re.search(r"motion: (\d+) µs, the limit is (\d+)", load.text_content()).groups()
     )
@@ -104,8 +107,7 @@ def use_the_terminal(page):
 
 
 def test_the_terminal(stage, device):
-    page = stage.page(stage.console(device.url, BoardWork(device.repl, device.url)).url)
-    ui.wait_connected(page)
+    page = stage.connected(stage.console(device.url, BoardWork(device.repl, device.url)).url)
     use_the_terminal(page)
     page.get_by_role("button", name="Open a terminal").click()
     repl = page.get_by_role("article", name="REPL")
@@ -120,8 +122,7 @@ def test_the_terminal(stage, device):
 
 
 def test_a_jog_the_load_and_a_new_rig_file(stage, device):
-    page = stage.page(stage.console(device.url, BoardWork(device.repl, device.url)).url)
-    ui.wait_connected(page)
+    page = stage.connected(stage.console(device.url, BoardWork(device.repl, device.url)).url)
 
     page.keyboard.down("ArrowLeft")
     ui.wait_moving(page)
@@ -139,9 +140,7 @@ def test_a_jog_the_load_and_a_new_rig_file(stage, device):
     expect(rig.get_by_role("status")).to_have_text("As it is on the board.")
     text = rig.get_by_label("Rig file")
     assert json.loads(text.input_value()) == {"name": "before"}
-    text.fill('{"name": "after", "motor_count": 99}')
-    rig.get_by_role("button", name="Put onto the board").click()
-    expect(rig.get_by_role("status")).to_contain_text("motor_count")
+    put(rig, '{"name": "after", "motor_count": 99}', "motor_count")
     text.fill('{"name": "after", // a comment\n "motor_count": 3}')
     rig.get_by_role("button", name="Check").click()
     expect(rig.get_by_role("status")).to_contain_text("valid for Raspberry Pi Pico: 'after'")
@@ -170,8 +169,7 @@ def test_a_rig_file_that_only_the_board_refuses(device, monkeypatch):
 @pytest.mark.repeats
 def test_rig_file_and_load_without_a_server(stage, device, tmp_path):
     """Over two ports of Web Serial; the board itself judges the rig file."""
-    saved = SavedPage(tmp_path)
-    stage.closing(saved.close)
+    saved = stage.saved(tmp_path)
     page = stage.page(saved.url)
     saved.give_ports(page, device.tcp, device.repl_tcp)
     page.get_by_role("button", name="Connect…").click()
@@ -193,12 +191,9 @@ def test_rig_file_and_load_without_a_server(stage, device, tmp_path):
         ('{"motor_count": 99}', "rig.json: motor_count: found 99, allowed is 0 to 24"),
         ('{"motor_count": 9}', "rig.json: motor_count: found 9, this board has 8 motors"),
     ):
-        text.fill(wrong)
-        rig.get_by_role("button", name="Put onto the board").click()
-        expect(rig.get_by_role("status")).to_contain_text(said)
-    text.fill('// a comment\n{"name": "Übung // 2", "motor_count": 2}')
-    rig.get_by_role("button", name="Put onto the board").click()
-    expect(rig.get_by_role("status")).to_have_text("Übung // 2 has restarted with it.")
+        put(rig, wrong, said)
+    said = "Übung // 2 has restarted with it."
+    put(rig, '// a comment\n{"name": "Übung // 2", "motor_count": 2}', said)
     expect(page.locator("#who")).to_contain_text("Übung // 2, firmware")
     ui.go_to(page, "Motors")
     expect(page.locator("#rows li")).to_have_count(2)
@@ -206,9 +201,8 @@ def test_rig_file_and_load_without_a_server(stage, device, tmp_path):
     # a board without the memory judges it when it restarts
     page.evaluate(SCARCE)
     ui.go_to(page, "Rig file, load, terminal")
-    text.fill('{"name": "wrong", "motor_count": 9}')
-    rig.get_by_role("button", name="Put onto the board").click()
-    expect(rig.get_by_role("status")).to_contain_text("it has restarted with the previous file")
+    said = "it has restarted with the previous file"
+    put(rig, '{"name": "wrong", "motor_count": 9}', said)
     expect(page.locator("#who")).to_contain_text("Übung // 2, firmware")
     assert page.locator("#conditions li").count() == 0
     assert page.errors == []

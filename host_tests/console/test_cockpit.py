@@ -19,10 +19,8 @@ RIG = {
 @pytest.fixture(scope="module")
 def opened(shared_stage):
     """Return a page for all tests, which leave everything at rest, and its device."""
-    device = shared_stage.simulated(RIG, motors=2)
-    device.at_board(lambda board: board.wire_switches())
-    page = shared_stage.page(shared_stage.console(device.url).url)
-    ui.wait_connected(page)
+    device = shared_stage.simulated(RIG, motors=2, wired=True)
+    page = shared_stage.connected(shared_stage.console(device.url).url)
     return page, device
 
 
@@ -89,9 +87,7 @@ def test_step_buttons_add_up_while_the_motor_moves(opened):
 
 
 def test_a_move_is_shown_with_what_it_needs_and_what_is_set(stage):
-    device = stage.simulated(motors=4)
-    page = stage.page(stage.console(device.url).url)
-    ui.wait_connected(page)
+    page, _ = stage.opened(motors=4)
     ui.go_to(page, "Move")
     page.get_by_label("Open a move").set_input_files(CAMERA_MOVE)
     first = page.get_by_role("row", name=re.compile("^Motor 1"))
@@ -136,10 +132,8 @@ def test_the_cross_is_beside_the_drawing(stage):
     drawing = page.get_by_role("img", name="The rig from above").bounding_box()
     assert drawing["x"] + drawing["width"] < places["left"]["x"]
     assert drawing["y"] < places["down"]["y"]
-    page.get_by_role("button", name="Camera up", exact=True).hover()
-    page.mouse.down()
-    expect(banner(page)).to_have_class("moves")
-    page.mouse.up()
+    with ui.held(page, "Camera up"):
+        expect(banner(page)).to_have_class("moves")
     ui.wait_rest(page)
 
 

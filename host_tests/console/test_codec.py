@@ -42,16 +42,9 @@ VECTORS = [  # docs/internals/protocol-notes.md, 10
 ]
 
 
-@pytest.fixture(scope="module")
-def page(shared_stage):
-    """Return a page of the server without a device: only its modules matter."""
-    served = shared_stage.console("socket://127.0.0.1:1")
-    return shared_stage.page(served.url.replace("/?", "/icon.svg?"))
-
-
-def in_page(page, body, argument):
+def in_page(modules, body, argument):
     """Return the result of a function's body for an argument, with the codec as `codec`."""
-    return page.evaluate(
+    return modules.evaluate(
         f"async (given) => {{ const codec = await import('/codec.js'); {body} }}", argument
     )
 
@@ -65,17 +58,17 @@ def plain(value):
     return value
 
 
-def test_requests_are_packed_as_the_tools_pack_them(page):
+def test_requests_are_packed_as_the_tools_pack_them(modules):
     given = [[type(each).__name__, plain(each)] for each in REQUESTS]
-    packed = in_page(page, "return given.map((one) => [...codec.pack(...one)]);", given)
+    packed = in_page(modules, "return given.map((one) => [...codec.pack(...one)]);", given)
     for request, found in zip(REQUESTS, packed, strict=True):
         assert bytes(found) == request.pack(), request
 
 
-def test_reports_are_read_as_the_tools_read_them(page):
+def test_reports_are_read_as_the_tools_read_them(modules):
     given = [[each.TYPE, list(each.pack())] for each in REPORTS]
     read = in_page(
-        page, "return given.map(([type, b]) => codec.unpack(type, Uint8Array.from(b)));", given
+        modules, "return given.map(([type, b]) => codec.unpack(type, Uint8Array.from(b)));", given
     )
     for report, found in zip(REPORTS, read, strict=True):
         assert found == {"kind": type(report).__name__, **plain(report)}
@@ -90,9 +83,9 @@ def test_reports_are_read_as_the_tools_read_them(page):
         ("RtUploadMoveAxis", {"motor": 1, "start_index": 0, "positions": [-(2**31) - 1]}, "found"),
     ],
 )
-def test_what_does_not_fit_is_refused(page, request_name, values, said):
+def test_what_does_not_fit_is_refused(modules, request_name, values, said):
     found = in_page(
-        page,
+        modules,
         "try { codec.pack(...given); return ''; } catch (error) { return String(error); }",
         [request_name, values],
     )
@@ -100,15 +93,17 @@ def test_what_does_not_fit_is_refused(page, request_name, values, said):
     assert said in found
 
 
-def test_a_report_that_is_cut_short_is_none(page):
-    found = in_page(page, "return codec.unpack(given[0], Uint8Array.from(given[1]));", [0x34, [1]])
+def test_a_report_that_is_cut_short_is_none(modules):
+    found = in_page(
+        modules, "return codec.unpack(given[0], Uint8Array.from(given[1]));", [0x34, [1]]
+    )
     assert found is None
 
 
-def test_frames_are_those_of_the_tools(page):
+def test_frames_are_those_of_the_tools(modules):
     given = [[messages.MSG_HI, [], 1], [0x31, [1, 12, 254, 255, 255], 0xFFFF_FFFF]]
     found = in_page(
-        page,
+        modules,
         "return given.map(([type, b, id]) => [...codec.encode(type, Uint8Array.from(b), id)]);",
         given,
     )
@@ -117,7 +112,7 @@ def test_frames_are_those_of_the_tools(page):
     ]
 
 
-def test_frames_are_found_however_the_stream_is_cut(page):
+def test_frames_are_found_however_the_stream_is_cut(modules):
     good = [bytes.fromhex(each) for each in VECTORS]
     damaged = bytearray(good[2])
     damaged[12] ^= 1
@@ -129,7 +124,7 @@ def test_frames_are_found_however_the_stream_is_cut(page):
     ]
     assert len(expected) == 4
     found = in_page(
-        page,
+        modules,
         """return [1, 2, 7, 1000].map((size) => {
             const decoder = new codec.Decoder();
             const frames = [];

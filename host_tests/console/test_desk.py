@@ -7,7 +7,6 @@ import pytest
 from playwright.sync_api import expect
 
 from framestep_tools.client.wire import FrameDecoder
-from framestep_tools.console.axes_text import AxesText
 from framestep_tools.console.demo import axes_toml
 from framestep_tools.console.demo_board import DemoBoard
 from framestep_tools.demo import ROLL_MS
@@ -51,8 +50,7 @@ def opened(stage, motors=8, rig=None, **options):
     """Return a page whose motors have positions, and its device."""
     board = {"estop": "no", "name": "desk", **(rig or {})}
     device = stage.simulated(board, motors, SPEED, known=True)
-    page = stage.page(stage.console(device.url).url, **options)
-    ui.wait_connected(page)
+    page = stage.connected(stage.console(device.url).url, **options)
     return page, device
 
 
@@ -186,8 +184,7 @@ def test_the_link_is_lost_in_a_run(stage, keep):
     """The page does not know how it ends, and says so; STOP is sent once the link is back."""
     device = stage.simulated({"estop": "no"}, 2, known=True)
     console = stage.console(device.url)
-    page = stage.page(console.url)
-    ui.wait_connected(page)
+    page = stage.connected(console.url)
     two_keys(page)
     if keep:
         ui.go_to(page, "Options")
@@ -324,9 +321,8 @@ def demo(stage, tmp_path):
     stage.closing(board.close)
     axes = tmp_path / "axes.toml"
     axes.write_text(axes_toml())
-    served = stage.console(board.url)
+    served = stage.console(board.url, axes=axes)
     served.server.device.simulate(board)
-    served.server.device.axes = AxesText(axes)
     page = stage.page(served.url, viewport={"width": 1280, "height": 800})
     ui.wait_connected(page, "Position of track in mm")
     return page
@@ -344,11 +340,8 @@ def test_the_demo_is_a_crane_with_a_tour(demo):
     def done(step):
         expect(tour.locator("li").nth(step)).to_have_class("done")
 
-    up = page.get_by_role("button", name="Jog track up")
-    up.hover()
-    page.mouse.down()
-    page.wait_for_timeout(300)
-    page.mouse.up()
+    with ui.held(page, "Jog track up"):
+        page.wait_for_timeout(300)
     done(0)
     page.get_by_role("button", name="Zero here").locator("visible=true").click()
     done(1)

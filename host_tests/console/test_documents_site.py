@@ -5,7 +5,7 @@ import pytest
 from playwright.sync_api import expect
 
 from framestep_tools.site import documents
-from host_tests.console.conftest import PATIENCE_MS, FileServer
+from host_tests.console.conftest import PATIENCE_MS
 
 
 @pytest.fixture
@@ -15,9 +15,7 @@ def url(tmp_path, stage):
         (tmp_path / "pages" / name).mkdir()
         (tmp_path / "pages" / name / "index.html").write_text(f"<title>{name}</title>")
     documents.build(tmp_path / "pages", tmp_path / "site")
-    server = FileServer(tmp_path / "site")
-    stage.closing(server.close)
-    return server.url
+    return stage.files(tmp_path / "site")
 
 
 def test_pages_load_from_their_own_host_and_the_search_finds(stage, url):

@@ -51,19 +51,8 @@ class Pad:
 
 @pytest.fixture(scope="module")
 def opened(shared_stage):
-    device = shared_stage.simulated({"jog_timeout_ms": 0}, motors=2)
-    page = shared_stage.page(shared_stage.console(device.url).url)
-    ui.wait_connected(page)
+    page, _ = shared_stage.opened({"jog_timeout_ms": 0}, motors=2)
     return page
-
-
-@pytest.fixture
-def page(opened):
-    """Yield the page, with everything at rest; each test leaves it so."""
-    opened.sent.clear()
-    yield opened
-    ui.wait_rest(opened)
-    assert opened.errors == []
 
 
 ENDS = {

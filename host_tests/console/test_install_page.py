@@ -13,10 +13,9 @@ from framestep_tools.simulator.boards import EmulatedBoard
 from framestep_tools.simulator.esp32_board import BOARD as ESP32
 from framestep_tools.simulator.esp32_board import PROCESSOR, Esp32Board, installed, modules
 from framestep_tools.site import install_page
-from host_tests.console.conftest import Device, FileServer
-from host_tests.console.looking import AXE, FINDINGS, LOOK_MS, go_to, wait_rest
+from host_tests.console.conftest import Device
+from host_tests.console.looking import AXE, FINDINGS, LOOK_MS, card, go_to, wait_rest
 from host_tests.console.pictures import LOOKS
-from host_tests.console.serial_ports import SavedPage
 from host_tests.selection import sweep
 
 PACKAGES = ["atob-lite", "esptool-js", "pako"]  # what the page is made of
@@ -67,9 +66,7 @@ def url(tmp_path_factory, shared_stage):
     image = folder / "image"
     image.write_bytes(IMAGE)
     install_page.make(folder / "page", dict.fromkeys(WITH_IMAGE, image), {})
-    server = FileServer(folder / "page")
-    shared_stage.closing(server.close)
-    return server.url
+    return shared_stage.files(folder / "page")
 
 
 def image_card(page):
@@ -193,20 +190,13 @@ def esp_site(tmp_path_factory, shared_stage):
         ESP32: Package(ESP32, modules(), main_py(), "ESP32", PROCESSOR),
         "esp32_s3_595": Package("esp32_s3_595", {}, main_py(), "ESP32-S3", PROCESSOR),
     }
-    saved = SavedPage(
-        tmp_path_factory.mktemp("esp"), lambda folder: install_page.make(folder, {}, packages)
-    )
-    shared_stage.closing(saved.close)
-    return saved
+    folder = tmp_path_factory.mktemp("esp")
+    return shared_stage.saved(folder, lambda folder: install_page.make(folder, {}, packages))
 
 
 @pytest.fixture(scope="module")
 def esp_url(esp_site):
     return esp_site.url
-
-
-def card(page, name):
-    return page.get_by_role("article", name=name, exact=True)
 
 
 def press(page, name):
@@ -311,8 +301,7 @@ def try_motor(page):
 
 
 def test_from_the_ports_to_the_first_move(stage, board, tmp_path):
-    saved = SavedPage(tmp_path, lambda folder: install_page.make(folder, {}, {}))
-    stage.closing(saved.close)
+    saved = stage.saved(tmp_path, lambda folder: install_page.make(folder, {}, {}))
     page = stage.page(saved.url)
     saved.give_ports(page, board.tcp, board.repl_tcp)
     page.evaluate(AXE.read_text())

@@ -9,22 +9,13 @@ from playwright.sync_api import expect
 
 from framestep.motors.rates import DEFAULT_VELOCITY
 from framestep_tools.axes.axes_file import read_axes
-from framestep_tools.console.axes_text import AxesText
 from framestep_tools.console.move_requests import MoveWork
 from framestep_tools.errors import ToolError
 from framestep_tools.move.move_conversion import to_table
 from framestep_tools.move.move_file import read_move
 from framestep_tools.move.move_formats import FORMATS, WITH_RATE
 from framestep_tools.payloads import MotorResetPosition
-from host_tests.console.looking import (
-    close_drawer,
-    go_to,
-    log,
-    newest,
-    wait_connected,
-    wait_drawn,
-    wait_rest,
-)
+from host_tests.console import looking as ui
 from host_tests.console.test_moves_view import send, stand
 
 AXES = """[[axis]]
@@ -64,17 +55,11 @@ def opened(stage, tmp_path):
     device = stage.simulated(motors=2, speed=3.0, known=True)
     with device.client() as client:
         client.request(MotorResetPosition(1, 50))
-    served = stage.console(device.url)
-    served.server.device.axes = AxesText(path)
-    page = stage.page(served.url)
+    page = stage.page(stage.console(device.url, axes=path).url)
     expect(page.get_by_label("Position of track in mm")).to_have_text("5.0 mm")
-    go_to(page, "Move")
+    ui.go_to(page, "Move")
     yield page, device
     assert page.errors == []
-
-
-def card(page, name):
-    return page.get_by_role("article", name=name, exact=True)
 
 
 def fill(page, label, value):
@@ -89,9 +74,9 @@ def keyframes(page):
 
 
 def keep(page, frame):
-    card(page, "Keyframe").get_by_label("Frame", exact=True).fill(str(frame))
-    card(page, "Keyframe").get_by_role("button", name="Keyframe here").click()
-    expect(newest(page)).to_have_text(f"Frame {frame} is a keyframe.")
+    ui.card(page, "Keyframe").get_by_label("Frame", exact=True).fill(str(frame))
+    ui.card(page, "Keyframe").get_by_role("button", name="Keyframe here").click()
+    expect(ui.newest(page)).to_have_text(f"Frame {frame} is a keyframe.")
 
 
 def two(page):
@@ -113,20 +98,20 @@ def test_a_move_from_poses_to_the_rig(opened):
     fill(page, "pan, frame 25", 4.8)
     assert keyframes(page)[1]["steps"] == [240, -480]
     page.get_by_label("To the next, frame 1").select_option("linear")
-    preview = card(page, "Needs")
+    preview = ui.card(page, "Needs")
     preview.get_by_role("button", name="Check as the board would").click()
     expect(preview.get_by_label("Verdict")).to_contain_text("motor 1, track: fits")
     expect(preview.get_by_label("Verdict")).to_contain_text("24 mm/s (240 steps/s)")
-    close_drawer(page)
+    ui.close_drawer(page)
     send(page, 13)
-    expect(log(page)).to_contain_text("Frames 1 to 25 for 2 motors are uploaded.")
+    expect(ui.log(page)).to_contain_text("Frames 1 to 25 for 2 motors are uploaded.")
     expect(page.get_by_label("Position of motor 1 in steps")).to_have_text("120")
     expect(page.get_by_label("Position of motor 2 in steps")).to_have_text("-240")
-    go_to(page, "Move")
+    ui.go_to(page, "Move")
     page.get_by_label("Go to the pose, frame 25").click()
     expect(page.get_by_label("Position of motor 2 in steps")).to_have_text("-480")
     page.reload()
-    wait_connected(page)
+    ui.wait_connected(page)
     assert len(keyframes(page)) == 2
 
 
@@ -134,7 +119,7 @@ def test_a_move_that_is_too_fast_says_so_as_the_command_does(opened):
     page, _ = opened
     two(page)
     fill(page, "track, frame 25", 2400)
-    preview = card(page, "Needs")
+    preview = ui.card(page, "Needs")
     expect(preview.get_by_role("row", name="track")).to_contain_text("too little")
     preview.get_by_role("button", name="Check as the board would").click()
     expect(preview.get_by_label("Verdict")).to_contain_text("motor 1, track: refused:")
@@ -145,7 +130,7 @@ def test_a_move_that_is_too_fast_says_so_as_the_command_does(opened):
 
 def drag(page, mark, down):
     """Drag a mark down by that many pixels."""
-    wait_drawn(page)
+    ui.wait_drawn(page)
     mark.hover()
     place = mark.bounding_box()
     x, y = place["x"] + place["width"] / 2, place["y"] + place["height"] / 2
@@ -182,7 +167,7 @@ def test_the_table_moves_and_removes_keyframes(opened):
     two(page)
     keep(page, 40)
     fill(page, "Frame, frame 40", 25)
-    expect(newest(page)).to_have_text("Frame 25 has a keyframe already.")
+    expect(ui.newest(page)).to_have_text("Frame 25 has a keyframe already.")
     expect(page.get_by_label("Frame, frame 40", exact=True)).to_have_value("40")
     fill(page, "Frame, frame 40", 12)
     assert [key["frame"] for key in keyframes(page)] == [1, 12, 25]
@@ -253,10 +238,8 @@ def test_a_file_without_keyframes_changes_nothing(opened):
     page, _ = opened
     keep(page, 7)
     for content, said in BAD_FILES:
-        page.get_by_label("Open a move").set_input_files(
-            {"name": "bad.json", "mimeType": "application/json", "buffer": content.encode()}
-        )
-        expect(newest(page)).to_contain_text(f"bad.json: {said}")
+        ui.open_move(page, "bad.json", content)
+        expect(ui.newest(page)).to_contain_text(f"bad.json: {said}")
         assert [each["frame"] for each in keyframes(page)] == [7]
 
 
@@ -267,7 +250,7 @@ def test_files_go_out_and_come_back(opened, tmp_path):
     rate.fill("30")
     rate.press("Tab")
     fill(page, "Slope of track, frame 1", 0.5)
-    files = card(page, "Files")
+    files = ui.card(page, "Files")
     with page.expect_download() as saved:
         files.get_by_role("button", name="Save the keyframes").click()
     kept = keyframes(page)
@@ -276,7 +259,7 @@ def test_files_go_out_and_come_back(opened, tmp_path):
         files.get_by_label("Export the move as").select_option(name)
         if name in ("ae", "aejson", "bvh", "chan", "gltf", "usd"):  # they have no such axes
             files.get_by_role("button", name="Export").click()
-            expect(newest(page)).to_contain_text("found 'camera1.translateX': name one")
+            expect(ui.newest(page)).to_contain_text("found 'camera1.translateX': name one")
             continue
         with page.expect_download() as download:
             files.get_by_role("button", name="Export").click()
@@ -334,9 +317,9 @@ def test_an_export_that_cannot_be(more, said):
 
 def upload(page):
     two(page)
-    close_drawer(page)
+    ui.close_drawer(page)
     send(page, 1)
-    expect(newest(page)).to_contain_text("are uploaded")
+    expect(ui.newest(page)).to_contain_text("are uploaded")
     page.get_by_role("button", name="Frames", exact=True).click()
     page.get_by_label("Exposure, ms").fill("100")
     page.get_by_role("button", name="Time-lapse").click()
@@ -353,9 +336,9 @@ def test_a_timelapse(opened):
     page, _ = opened
     upload(page)
     timelapse(page, From_frame=5, To_frame=3, Seconds_from_picture_to_picture=1).click()
-    expect(newest(page)).to_have_text("All 3 frames are shot.")
-    wait_rest(page)
-    said = log(page).locator("p span").all_text_contents()[:4]
+    expect(ui.newest(page)).to_have_text("All 3 frames are shot.")
+    ui.wait_rest(page)
+    said = ui.log(page).locator("p span").all_text_contents()[:4]
     assert said[1:] == [f"The shot of frame {frame} is over." for frame in (3, 4, 5)]
     assert math.isclose(stand(page)[0], 10 * keyframe_at(page, 3), abs_tol=1)
 
@@ -370,10 +353,10 @@ def test_stop_ends_a_timelapse(opened):
     upload(page)
     shoot = timelapse(page, From_frame=1, To_frame=9, Seconds_from_picture_to_picture=60)
     shoot.click()
-    expect(log(page)).to_contain_text("The shot of frame 1 is over.")
+    expect(ui.log(page)).to_contain_text("The shot of frame 1 is over.")
     expect(shoot).to_be_disabled()
     page.keyboard.press("Escape")
-    expect(newest(page)).to_have_text("Frames 1 to 1 are shot; 8 are not, from frame 2 on.")
+    expect(ui.newest(page)).to_have_text("Frames 1 to 1 are shot; 8 are not, from frame 2 on.")
     expect(shoot).to_be_enabled()
 
 
@@ -381,4 +364,4 @@ def test_a_timelapse_that_is_too_quick_says_so(opened):
     page, _ = opened
     upload(page)
     timelapse(page, From_frame=1, To_frame=3, Seconds_from_picture_to_picture=0).click()
-    expect(newest(page)).to_contain_text("All 3 frames are shot. 2 of them later than")
+    expect(ui.newest(page)).to_contain_text("All 3 frames are shot. 2 of them later than")

@@ -15,18 +15,8 @@ ENDLESS_JOGS = {"jog_timeout_ms": 0}
 
 @pytest.fixture(scope="module")
 def opened(shared_stage):
-    device = shared_stage.simulated(ENDLESS_JOGS, motors=2)
-    page = shared_stage.page(shared_stage.console(device.url).url)
-    ui.wait_connected(page)
+    page, _ = shared_stage.opened(ENDLESS_JOGS, motors=2)
     return page
-
-
-@pytest.fixture
-def page(opened):
-    """Yield the page, with everything at rest; each test leaves it so."""
-    yield opened
-    ui.wait_rest(opened)
-    assert opened.errors == []
 
 
 def card_of(page, number):
@@ -40,19 +30,16 @@ def settings_of(page, number):
 def test_a_move_and_its_position(page):
     before = ui.steps(page, 1)
     card = card_of(page, 2)
-    card.get_by_label("Move to step").fill("-700")
-    card.get_by_role("button", name="Move", exact=True).click()
+    ui.move_to(card, -700)
     expect(ui.position(page, 2)).to_have_text("-700")
     assert ui.steps(page, 1) == before
 
 
 def test_a_jog_lasts_as_long_as_its_button_is_held(page):
     before = ui.steps(page)
-    page.get_by_role("button", name="Jog motor 1 up").hover()
-    page.mouse.down()
-    ui.wait_moving(page)
-    ui.wait_far(page, 1, before, 300)
-    page.mouse.up()
+    with ui.held(page, "Jog motor 1 up"):
+        ui.wait_moving(page)
+        ui.wait_far(page, 1, before, 300)
     ui.wait_rest(page)
     assert ui.steps(page) > before + 300
 
@@ -100,8 +87,7 @@ def test_a_refusal_is_reported_and_changes_nothing(page):
     card.get_by_role("button", name="Set limits").click()
     expect(ui.log(page)).to_contain_text("Motor 1: limits are set.")
     card = card_of(page, 1)
-    card.get_by_label("Move to step").fill(str(before + 1))
-    card.get_by_role("button", name="Move", exact=True).click()
+    ui.move_to(card, before + 1)
     expect(ui.log(page)).to_contain_text(
         f"Refused: {before + 1} is past the upper soft limit of motor 1, {before}"
     )
@@ -111,8 +97,7 @@ def test_a_refusal_is_reported_and_changes_nothing(page):
 def test_what_does_not_fit_is_not_sent(page):
     before = ui.steps(page, 2)
     card = card_of(page, 2)
-    card.get_by_label("Move to step").fill("2147483648")
-    card.get_by_role("button", name="Move", exact=True).click()
+    ui.move_to(card, 2147483648)
     assert card.get_by_label("Move to step").evaluate("field => !field.validity.valid")
     assert ui.steps(page, 2) == before
 
@@ -143,9 +128,7 @@ def test_settings_come_from_the_device_and_reach_it(stage):
 
 
 def test_the_page_that_leaves_stops_its_jog(stage):
-    device = stage.simulated(ENDLESS_JOGS, motors=1)
-    page = stage.page(stage.console(device.url).url)
-    ui.wait_connected(page)
+    page, _ = stage.opened(ENDLESS_JOGS, motors=1)
     page.keyboard.down("ArrowRight")
     ui.wait_far(page, 1, 0, 200)
     page.reload()
@@ -157,8 +140,7 @@ def test_the_page_that_leaves_stops_its_jog(stage):
 def test_framestep_stop_in_another_window_ends_a_jog(stage):
     """It comes through the server that has the port; the held key does not start another jog."""
     device = stage.simulated(ENDLESS_JOGS, motors=1)
-    page = stage.page(stage.console(device.path).url)
-    ui.wait_connected(page)
+    page = stage.connected(stage.console(device.path).url)
     page.keyboard.down("ArrowRight")
     ui.wait_far(page, 1, 0, 200)
     assert cli.app.status(["stop", "--device", device.path]) == 0
@@ -177,10 +159,8 @@ def test_framestep_stop_in_another_window_ends_a_jog(stage):
 def test_homing_is_offered_where_the_rig_file_sets_it_up(page, stage):
     expect(page.get_by_role("button", name=re.compile("Home"))).to_have_count(0)
     rig = {"limits": [{"low": 26}], "motors": [{"home": {"limit": 1, "travel": 1_000_000}}]}
-    device = stage.simulated(rig, motors=2)
-    device.at_board(lambda board: board.wire_switches())
-    other = stage.page(stage.console(device.url).url)
-    ui.wait_connected(other)
+    device = stage.simulated(rig, motors=2, wired=True)
+    other = stage.connected(stage.console(device.url).url)
     ui.motor(other, "Motor 2").get_by_role("button", name="Home motor 2").click()
     expect(ui.log(other)).to_contain_text("HOME was refused with ERR_RANGE")
     ui.motor(other, "Motor 1").get_by_role("button", name="Home motor 1").click()

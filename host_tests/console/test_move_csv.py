@@ -9,7 +9,6 @@ from framestep_tools.axes.rig_axes import Axes
 from framestep_tools.errors import ToolError
 from framestep_tools.move.move_file import move_of
 from framestep_tools.text.text_file import decoded
-from host_tests.console.looking import wait_connected
 from host_tests.tools.conftest import LINEAR
 
 READ = """async ([bytes, list]) => {
@@ -34,8 +33,7 @@ AXES = [
 
 @pytest.fixture(scope="module")
 def page(shared_stage):
-    found = shared_stage.page(shared_stage.console(shared_stage.simulated(motors=2).url).url)
-    wait_connected(found)
+    found = shared_stage.connected(shared_stage.console(shared_stage.simulated(motors=2).url).url)
     return found
 
 

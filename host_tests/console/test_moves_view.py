@@ -31,23 +31,13 @@ def device(shared_stage):
 
 @pytest.fixture(scope="module")
 def opened(shared_stage, device):
-    page = shared_stage.page(shared_stage.console(device.url).url)
-    ui.wait_connected(page)
+    page = shared_stage.connected(shared_stage.console(device.url).url)
     return page
-
-
-@pytest.fixture
-def page(opened):
-    yield opened
-    ui.wait_rest(opened)
-    assert opened.errors == []
 
 
 def choose(page, text, name="move.csv"):
     ui.go_to(page, "Move")
-    page.get_by_label("Open a move").set_input_files(
-        {"name": name, "mimeType": "text/csv", "buffer": text.encode()}
-    )
+    ui.open_move(page, name, text)
     ui.close_drawer(page)
 
 
@@ -74,10 +64,6 @@ def send(page, frame):
 def value(page, label):
     """Return the field of the transport with this name, of the mode that is shown."""
     return page.locator(f'#fields [aria-label="{label}"]:visible')
-
-
-def card(page, name):
-    return page.get_by_role("article", name=name, exact=True)
 
 
 def stand(page):
@@ -222,11 +208,8 @@ def test_camera_and_bloop_go_with_a_run(page, device):
     get_ready(page, From_frame=1, To_frame=FRAMES, Frames_per_second=50)
     reported = runs_asked(page)
     assert (reported.flags, reported.open_angle, reported.close_angle) == (RUN_STILLS, 45, 270)
-    assert (reported.bloop_outputs, reported.bloop_channel, reported.bloop_ms) == (
-        2,
-        7,
-        LONG_BLOOP_MS,
-    )
+    bloop = reported.bloop_outputs, reported.bloop_channel, reported.bloop_ms
+    assert bloop == (2, 7, LONG_BLOOP_MS)
     go(page)
     wait_on_board(page, device, lambda hal: hal._levels >> 26 & 1 and hal.dmx.shown[7] == 255)
     expect(ui.newest(page)).to_have_text(f"Run 1 to {FRAMES} is over.")
@@ -359,10 +342,8 @@ def test_a_jog_along_the_move_lasts_as_long_as_it_is_held(page):
     upload(page)
     send(page, 2)
     value(page, "Frames per second").fill("2")
-    page.get_by_role("button", name="Jog the rig along the move, forward").hover()
-    page.mouse.down()
-    expect(page.locator("#moving")).to_contain_text(re.compile(r"Play head ([3-9]|[1-5]\d)\."))
-    page.mouse.up()
+    with ui.held(page, "Jog the rig along the move, forward"):
+        expect(page.locator("#moving")).to_contain_text(re.compile(r"Play head ([3-9]|[1-5]\d)\."))
     at_rest = re.compile(r"Nothing moves\. Play head (\d+)\.000")
     expect(page.locator("#moving")).to_contain_text(at_rest)
     at = int(at_rest.search(page.locator("#moving").text_content())[1])
@@ -407,16 +388,16 @@ def wait_on_board(page, device, look):
 
 def test_inputs_outputs_and_lights(page, device):
     ui.go_to(page, "Lights")
-    reported = card(page, "Inputs").get_by_role("status")
+    reported = ui.card(page, "Inputs").get_by_role("status")
     expect(reported.nth(1)).to_have_text(re.compile("^(on|off)$"))
     before = reported.nth(1).text_content()
     device.set_pin(28, int(on_board(device, lambda hal: not hal._levels >> 28 & 1)))
     expect(reported.nth(1)).to_have_text("off" if before == "on" else "on")
-    card(page, "Outputs").get_by_role("switch", name="Output 2").check()
+    ui.card(page, "Outputs").get_by_role("switch", name="Output 2").check()
     wait_on_board(page, device, lambda hal: hal._levels >> 26 & 1 and not hal._levels >> 22 & 1)
-    card(page, "Camera").get_by_role("switch", name="Shutter").check()
+    ui.card(page, "Camera").get_by_role("switch", name="Shutter").check()
     wait_on_board(page, device, lambda hal: hal._levels >> hal.board["shutter"] & 1)
-    lights = card(page, "Lights")
+    lights = ui.card(page, "Lights")
     lights.get_by_label("From channel").fill("511")
     lights.get_by_label("From channel").press("Enter")
     expect(lights.get_by_role("slider")).to_have_count(2)
@@ -430,8 +411,7 @@ def test_a_run_goes_on_without_the_page_only_where_the_user_says_so(stage):
     served = stage.console(device.url)
     ends = []
     for keep in (True, False):
-        page = stage.page(served.url)
-        ui.wait_connected(page)
+        page = stage.connected(served.url)
         choose(page, MOVE)
         fps = 60 if keep else ENDLESS_FPS
         get_ready(page, From_frame=1, To_frame=FRAMES, Frames_per_second=fps)
@@ -463,12 +443,10 @@ def test_a_hidden_page_lets_a_run_go_on_only_where_the_user_says_so(page):
     wait_stand(page, 10 * FRAMES, -7 * FRAMES)
 
     ui.close_drawer(page)
-    page.get_by_role("button", name="Jog motor 1 up").hover()
-    page.mouse.down()
-    ui.wait_moving(page)
-    page.evaluate(ui.HIDE, True)
-    ui.wait_rest(page)
-    page.mouse.up()
+    with ui.held(page, "Jog motor 1 up"):
+        ui.wait_moving(page)
+        page.evaluate(ui.HIDE, True)
+        ui.wait_rest(page)
     page.evaluate(ui.HIDE, False)
 
     ui.go_to(page, "Options")
@@ -484,9 +462,7 @@ def test_a_hidden_page_lets_a_run_go_on_only_where_the_user_says_so(page):
 
 
 def test_a_page_that_is_loaded_again_stops_its_run(stage):
-    device = stage.simulated(motors=2, speed=SPEED, known=True)
-    page = stage.page(stage.console(device.url).url)
-    ui.wait_connected(page)
+    page, _ = stage.opened(motors=2, speed=SPEED, known=True)
     choose(page, MOVE)
     get_ready(page, From_frame=1, To_frame=FRAMES, Frames_per_second=ENDLESS_FPS)
     go(page)
@@ -499,9 +475,7 @@ def test_a_page_that_is_loaded_again_stops_its_run(stage):
 
 def test_nothing_of_a_page_is_left_in_the_device(stage):
     """A run that waits for GO ends with its page."""
-    device = stage.simulated(motors=2, speed=SPEED, known=True)
-    page = stage.page(stage.console(device.url).url)
-    ui.wait_connected(page)
+    page, device = stage.opened(motors=2, speed=SPEED, known=True)
     choose(page, MOVE)
     get_ready(page, From_frame=1, To_frame=FRAMES)
     page.close()
@@ -513,9 +487,7 @@ def test_nothing_of_a_page_is_left_in_the_device(stage):
 
 
 def test_moves_used_before_are_at_hand(stage):
-    device = stage.simulated(motors=2, speed=SPEED, known=True)
-    page = stage.page(stage.console(device.url).url)
-    ui.wait_connected(page)
+    page, _ = stage.opened(motors=2, speed=SPEED, known=True)
     ui.go_to(page, "Move")
     before = page.get_by_label("Used before")
     expect(before).to_be_hidden()

@@ -17,7 +17,6 @@ from host_tests.console.pictures import (
     crane,
     prepare,
 )
-from host_tests.console.serial_ports import SavedPage
 from host_tests.selection import sweep
 
 # Elements without a name for a screen reader: fields without a label, buttons and pictures without
@@ -71,8 +70,7 @@ def test_every_view_fits_and_everything_in_it_has_a_name(request, served, stage,
 
 
 def test_by_keyboard_alone(served, stage):
-    page = stage.page(served.url)
-    ui.wait_connected(page)
+    page = stage.connected(served.url)
     before = ui.steps(page)
     page.get_by_role("button", name="Jog track up").focus()
     page.keyboard.down(" ")
@@ -86,8 +84,7 @@ def test_by_keyboard_alone(served, stage):
 
 
 def test_the_stop_key_works_while_one_types(served, stage):
-    page = stage.page(served.url)
-    ui.wait_connected(page)
+    page = stage.connected(served.url)
     card = ui.motor(page, "track")
     before = ui.steps(page)
     card.get_by_label("Move to, mm").fill("990")
@@ -99,9 +96,7 @@ def test_the_stop_key_works_while_one_types(served, stage):
 
 
 def test_nothing_is_claimed_of_a_device_that_has_gone(stage):
-    device = stage.simulated(motors=1)
-    page = stage.page(stage.console(device.url).url)
-    ui.wait_connected(page)
+    page, device = stage.opened(motors=1)
     ui.wait_rest(page)
     line = ui.row(page, "Motor 1")
     expect(line).to_contain_text("lost")
@@ -120,9 +115,7 @@ def test_nothing_is_claimed_of_a_device_that_has_gone(stage):
 
 
 def test_nothing_is_claimed_of_a_device_that_does_not_answer(stage):
-    device = stage.simulated(motors=1)
-    page = stage.page(stage.console(device.url).url)
-    ui.wait_connected(page)
+    page, device = stage.opened(motors=1)
     ui.wait_rest(page)
     line = ui.row(page, "Motor 1")
     with device.held():
@@ -138,8 +131,7 @@ def test_two_pages(stage):
     """STOP works from both, and what each says is true."""
     device = stage.simulated(motors=1)
     console = stage.console(device.url)
-    first = stage.page(console.url)
-    ui.wait_connected(first)
+    first = stage.connected(console.url)
     first.get_by_label("Move to step").fill("1000000")
     first.get_by_label("Move to step").press("Enter")
     ui.wait_moving(first)
@@ -192,10 +184,8 @@ def test_stop_reaches_what_another_program_moves(stage):
 def test_taking_over_what_moves_takes_two_presses_and_handing_over(stage):
     device = stage.simulated(motors=1)
     console = stage.console(device.url)
-    first = stage.page(console.url)
-    ui.wait_connected(first)
-    second = stage.page(console.url, **LOOKS["phone"], user_agent="a browser, Mobile")
-    ui.wait_connected(second)
+    first = stage.connected(console.url)
+    second = stage.connected(console.url, **LOOKS["phone"], user_agent="a browser, Mobile")
     before = ui.steps(first)
     first.keyboard.down("ArrowRight")
     ui.wait_far(first, 1, before, 50)
@@ -219,8 +209,7 @@ def test_taking_over_what_moves_takes_two_presses_and_handing_over(stage):
 
 def test_without_a_server_over_web_serial(stage, tmp_path):
     device = stage.simulated({"jog_timeout_ms": 0}, motors=1)
-    saved = SavedPage(tmp_path)
-    stage.closing(saved.close)
+    saved = stage.saved(tmp_path)
     page = stage.page(saved.url)
     saved.give_ports(page, device.tcp)
     page.get_by_role("button", name="Connect…").click()

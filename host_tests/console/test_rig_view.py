@@ -7,7 +7,7 @@ from playwright.sync_api import expect
 
 from framestep_tools.board import rig_file
 from framestep_tools.building.board_files import ROOT
-from host_tests.console.looking import go_to, wait_connected
+from host_tests.console.looking import go_to
 
 EXAMPLES = sorted(ROOT.glob("boards/*/rig.json"))
 COMMENTED = [
@@ -42,13 +42,6 @@ BARE = """async (text) => {
     const {bareRig} = await import('/rig_text.js');
     try { return bareRig(text); } catch (error) { return error.message; }
 }"""
-
-
-@pytest.fixture(scope="module")
-def modules(shared_stage):
-    """A page of the server without a device: only its modules matter."""
-    served = shared_stage.console("socket://127.0.0.1:1")
-    return shared_stage.page(served.url.replace("/?", "/icon.svg?"))
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.parent.name)
@@ -89,8 +82,7 @@ def test_what_is_no_rig_file(modules, text):
 
 def test_the_schema_helps(stage):
     """It shows every setting with its meaning, what is allowed, and its default."""
-    page = stage.page(stage.console(stage.simulated(motors=1).url).url)
-    wait_connected(page)
+    page = stage.connected(stage.console(stage.simulated(motors=1).url).url)
     go_to(page, "Rig file, load, terminal")
     page.locator("summary", has_text="All settings").click()
     rows = page.get_by_role("row")

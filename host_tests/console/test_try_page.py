@@ -25,7 +25,6 @@ from framestep_tools.move.move_file import CAMERA_MOVE, read_move
 from framestep_tools.simulator.boards import EmulatedBoard, LockstepPort
 from framestep_tools.site import try_page
 from host_tests.console import looking as ui
-from host_tests.console.conftest import FileServer
 
 FPS_MILLI = 24_000
 CLOCK_NS = 1000  # a motor that starts reads the chip's microsecond clock
@@ -66,9 +65,7 @@ def make_site(tmp_path_factory, shared_stage):
     def make(rig):
         folder = tmp_path_factory.mktemp("try")
         try_page.make(folder, rig)
-        server = FileServer(folder)
-        shared_stage.closing(server.close)
-        return server.url
+        return shared_stage.files(folder)
 
     return make
 
@@ -88,18 +85,14 @@ def page(stage, url):
     assert opened.errors == []
 
 
-def card(page, name):
-    return page.get_by_role("article", name=name, exact=True)
-
-
 def type_on_repl(page, text):
-    card(page, "REPL").locator("textarea").focus()
+    ui.card(page, "REPL").locator("textarea").focus()
     page.keyboard.type(text)
     page.keyboard.press("Enter")
 
 
 def expect_on_repl(page, text):
-    expect(card(page, "REPL").locator(".xterm-rows")).to_contain_text(text)
+    expect(ui.card(page, "REPL").locator(".xterm-rows")).to_contain_text(text)
 
 
 @contextlib.contextmanager
@@ -115,7 +108,7 @@ def jog_up(page, distance):
 
 
 def edge_columns(page, row):
-    return card(page, "Pins").locator("canvas").evaluate(EDGE_COLUMNS, row)
+    return ui.card(page, "Pins").locator("canvas").evaluate(EDGE_COLUMNS, row)
 
 
 def use_console_and_repl(page, url):
@@ -151,7 +144,7 @@ def make_it_narrow(page):
 
 def show_board(page):
     """The drawer with scope and REPL."""
-    if not card(page, "Pins").is_visible():
+    if not ui.card(page, "Pins").is_visible():
         page.locator('[data-drawer="board"]:visible').click()
 
 
@@ -168,8 +161,8 @@ def put_a_new_rig_file(page):
     """The page itself uses the REPL's port, then returns it to the terminal."""
     ui.go_to(page, "Rig file, load, terminal")
     page.get_by_role("button", name="Measure").click()
-    expect(card(page, "Load of the board").get_by_role("status")).to_contain_text("on average")
-    rig = card(page, "Rig file of the board")
+    expect(ui.card(page, "Load of the board").get_by_role("status")).to_contain_text("on average")
+    rig = ui.card(page, "Rig file of the board")
     rig.get_by_label("Rig file").fill('{"name": "two motors", "motor_count": 2}')
     rig.get_by_role("button", name="Put onto the board").click()
     expect(rig.get_by_role("status")).to_have_text("two motors has restarted with it.")
@@ -190,11 +183,12 @@ def test_console_repl_pins_power_and_a_new_rig_file(page, url):
 
 
 def done(page, step):
-    expect(card(page, "Tour").get_by_role("listitem").nth(step)).to_have_class("done")
+    expect(ui.card(page, "Tour").get_by_role("listitem").nth(step)).to_have_class("done")
 
 
 def show(page):
-    card(page, "Tour").get_by_role("button", name="Show me where").locator("visible=true").click()
+    where = ui.card(page, "Tour").get_by_role("button", name="Show me where")
+    where.locator("visible=true").click()
 
 
 def open_move(page, table):
@@ -271,7 +265,7 @@ def test_the_tour_and_the_edges_of_its_run(page, tmp_path):
     done(page, 1)
     ui.close_drawer(page)
     show(page)
-    card(page, "Tour").get_by_role("button", name="Take the example").click()
+    ui.card(page, "Tour").get_by_role("button", name="Take the example").click()
     done(page, 2)
     show(page)
     prepare_run(page)
@@ -296,10 +290,10 @@ def test_the_tour_and_the_edges_of_its_run(page, tmp_path):
     ui.wait_rest(page)
     estop.click()
     done(page, 4)
-    card(page, "Tour").get_by_role("button", name="Type it for me").click()
+    ui.card(page, "Tour").get_by_role("button", name="Type it for me").click()
     expect_on_repl(page, re.compile("E-stop|motor"))
     done(page, 5)
-    expect(card(page, "Tour").get_by_role("status")).to_contain_text("That was the tour")
+    expect(ui.card(page, "Tour").get_by_role("status")).to_contain_text("That was the tour")
 
 
 def of_the_other_chip(route):
@@ -370,8 +364,7 @@ def test_eight_motors_at_24_frames_take_half_of_the_start(stage, make_site, tmp_
     does it in less than two seconds shows eight motors in real time."""
     while worker_seconds():  # from the test before
         time.sleep(ui.LOOK_MS / 1000)
-    page = stage.page(make_site({**try_page.RIG, "motor_count": 8}))
-    ui.wait_connected(page)
+    page = stage.connected(make_site({**try_page.RIG, "motor_count": 8}))
     with jog_up(page, 10):
         started = worker_seconds()
     move = read_move(CAMERA_MOVE)

@@ -39,13 +39,6 @@ def of_page(rig):
     }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def modules(shared_stage):
-    """A page of the server without a device: only its modules matter."""
-    served = shared_stage.console("socket://127.0.0.1:1")
-    return shared_stage.page(served.url.replace("/?", "/icon.svg?"))
-
-
 @pytest.mark.parametrize("rig", RIGS, ids=NAMES)
 def test_the_configuration_is_packed_as_the_tools_pack_it(modules, rig):
     found = modules.evaluate(
@@ -113,9 +106,7 @@ def wait_pose(page, axis, least):
 
 
 def test_a_boom_by_its_table(stage):
-    device = stage.simulated(motors=6, speed=4.0, known=True)
-    page = stage.page(stage.console(device.url).url)
-    ui.wait_connected(page)
+    page, _ = stage.opened(motors=6, speed=4.0, known=True)
     ui.go_to(page, "Virtual axes")
     page.get_by_label("Arm").fill("1000")
     page.locator("summary", has_text="Boom table").click()
@@ -127,8 +118,7 @@ def test_a_boom_by_its_table(stage):
     page.get_by_role("button", name="Configure").click()
     expect(ui.log(page)).to_contain_text("Boom, swing, track: configured.")
     first = ui.motor(page, "Motor 1")
-    first.get_by_label("Move to step").fill(str(TABLE[90]))
-    first.get_by_role("button", name="Move", exact=True).click()
+    ui.move_to(first, TABLE[90])
     ui.go_to(page, "XYZ jog")
     wait_pose(page, "vNS", 499.9)  # 30 degrees
     assert pose_of(page, "vNS") == pytest.approx(500, abs=0.1)
@@ -139,9 +129,7 @@ def test_a_boom_by_its_table(stage):
 
 
 def test_each_type_is_configured_as_it_is_offered_on_a_board_with_few_motors(stage):
-    device = stage.simulated(motors=4, known=True)
-    page = stage.page(stage.console(device.url).url)
-    ui.wait_connected(page)
+    page, _ = stage.opened(motors=4, known=True)
     ui.go_to(page, "Virtual axes")
     kinds = page.get_by_label("Type").locator("option").all_text_contents()
     assert len(kinds) == 4
@@ -152,9 +140,7 @@ def test_each_type_is_configured_as_it_is_offered_on_a_board_with_few_motors(sta
 
 
 def test_a_rig_is_configured_moved_jogged_and_drawn(stage):
-    device = stage.simulated({"jog_timeout_ms": 0}, motors=6, known=True)
-    page = stage.page(stage.console(device.url).url)
-    ui.wait_connected(page)
+    page, _ = stage.opened({"jog_timeout_ms": 0}, motors=6, known=True)
     upload(page)
     ui.go_to(page, "Virtual axes")
     page.get_by_label("Type").select_option("X, Y, Z")
@@ -168,25 +154,20 @@ def test_a_rig_is_configured_moved_jogged_and_drawn(stage):
         expect(page.get_by_role("status", name=axis, exact=True)).to_have_text("0.000")
 
     card = page.get_by_role("article", name="vTrack")
-    card.get_by_label("Move to").fill("3.5")
-    card.get_by_role("button", name="Move", exact=True).click()
+    ui.move_to(card, 3.5, "Move to")
     expect(page.get_by_role("status", name="vTrack")).to_have_text("3.500")
     ui.wait_rest(page)
 
-    page.get_by_role("button", name="Jog vNS up").hover()
-    page.mouse.down()
-    wait_pose(page, "vNS", 1.0)
-    page.mouse.up()
+    with ui.held(page, "Jog vNS up"):
+        wait_pose(page, "vNS", 1.0)
     ui.wait_rest(page)
 
     before = pose_of(page, "vEW")
-    page.get_by_role("button", name="Camera right").hover()
-    page.mouse.down()
-    ui.wait_moving(page)
-    wait_pose(page, "vEW", before + 1.0)
-    page.keyboard.press("Escape")
-    ui.wait_rest(page)
-    page.mouse.up()
+    with ui.held(page, "Camera right"):
+        ui.wait_moving(page)
+        wait_pose(page, "vEW", before + 1.0)
+        page.keyboard.press("Escape")
+        ui.wait_rest(page)
     assert pose_of(page, "vEW") > before + 1.0
 
     expect(page.locator("#above")).to_contain_text("forward")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from framestep_tools.site import documents, try_page
-from host_tests.console.conftest import FileServer, Stage
+from host_tests.console.conftest import Stage
 from host_tests.console.looking import steps, wait_connected, wait_far, wait_rest
 
 _MOVED = 50  # steps that anybody sees
@@ -42,8 +42,6 @@ def walk(stage: Stage, url: str) -> Iterator[tuple[str, float]]:
 
 
 def test_from_the_front_page_to_a_rig_that_moves(stage, tmp_path):
-    server = FileServer(make_site(tmp_path))
-    stage.closing(server.close)
-    events = list(walk(stage, server.url))
+    events = list(walk(stage, stage.files(make_site(tmp_path))))
     assert [what for what, _ in events][-2:] == ["the rig moves", "it is at rest again"]
     assert all(seconds < 60 for _, seconds in events), events
