@@ -410,12 +410,10 @@ class Axis:
                 return self.moving
             # The motion ends there already, but begin_plan() has cut its end off the queue.
         self.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
-        if port:
-            port.look_for_stop()
-        self.feed(MOST_SEGMENTS, FIRST_TICKS // 2)
-        if port:
-            port.look_for_stop()
-        self.feed(MOST_SEGMENTS, FIRST_TICKS // 2)
+        for _ in range(2):
+            if port:
+                port.look_for_stop()
+            self.feed(MOST_SEGMENTS, FIRST_TICKS // 2)
         self.start(hal)
         hal.port.look_for_stop()
         return True

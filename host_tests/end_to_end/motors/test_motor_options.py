@@ -92,6 +92,7 @@ def test_stops_without_a_jerk_limit_and_hard_ones_are_immediate():
     assert steepest_change(session)[0] > 1_000_000
 
 
+@pytest.mark.needs("prompt")
 def test_a_stop_asked_for_again_takes_no_longer():
     session, once = moved_and_stopped(200, 0.5, p.MotorStop(1), 20000)
     other, thrice = moved_and_stopped(200, 0.5, p.MotorStop(1), 20000, stops=3)

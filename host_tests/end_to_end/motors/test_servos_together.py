@@ -77,6 +77,7 @@ def test_in_go_motion():
     assert np.all(steps[inside] < passed + 700 * 0.0022 + 1.1)
 
 
+@pytest.mark.needs("prompt")
 def test_as_a_virtual_axis():
     """The camera's pan is a servo: with a nodal offset all axes turn about it."""
     settings = {"motors": [{}, {}, {}, {"servo": SERVO}]}
