@@ -35,7 +35,7 @@ class Rig:
         return self.axes[motor].move_to(self.bench, word(target), 1, share)
 
     def append(self, motor, ticks, step, flags=0):
-        """Begin a plan with a phase of so many ticks that ends at rest on a step."""
+        """Begin a plan with a phase that takes `ticks` and ends at rest on a step."""
         axis, numbers = self.axes[motor], array("i", [0] * 4)
         reals.put(numbers, 0, ticks, 0)
         axis.begin_plan(self.bench)
@@ -136,8 +136,7 @@ def test_an_interrupt_stops_the_motor_while_its_plan_is_made(speed, ticks):
 
 
 def test_a_stop_that_waits_for_a_pass_does_not_hold_up_a_feed():
-    """It empties the queue each time it is looked for, as that of a motor that does not move yet:
-    its driver wakes up, for example."""
+    """While a motor does not move yet, each look for the stop empties its queue."""
 
     class Port:
         looks = 0

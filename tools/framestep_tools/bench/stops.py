@@ -96,8 +96,9 @@ def _latency_ms(
     ahead: Iterable[Payload] = (),
     first: int = 1,
 ) -> float:
-    """Send a request to stop, and return the time until each motor from `first` on that it stops is
-    slower: in a run, all of them. ahead: what comes before it, in the same packet."""
+    """Send a request to stop, and return the time until all motors that it stops are slower. In a
+    run it stops all of them. Motors below `first` do not count. ahead: what comes before it, in the
+    same packet."""
     board = session.board
     before = motors.blocks()
     left = {i for i, block in enumerate(before) if block[stepper.MODE] & _MOVES}
