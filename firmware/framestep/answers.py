@@ -51,7 +51,8 @@ HI_SIZE = const(4)  # bytes of the answer to HI that follows, without checksum; 
 _HI = const(5)
 _SMOOTH = const(5 + 16)  # motors with a jerk limit, a bit each
 TRACED = const(5 + 16 + 1)  # 1: passes carry out sections and GO, so that repl/tracer.py sees them
-_WORDS = const(5 + 16 + 2)
+_BITS = const(5 + 16 + 2)  # a bit for each motor
+_WORDS = const(5 + 16 + 3)
 _LOW = const(m.MSG_RT_UPLOAD_MOVE_AXIS & 0xFF)
 _HIGH = const(m.MSG_RT_UPLOAD_MOVE_AXIS >> 8)  # of MSG_RT_GO, too
 _GO = const(m.MSG_RT_GO & 0xFF)
@@ -75,6 +76,7 @@ def make_answers(controller):
     words[_WRITER] = as_word(addressof(controller.writer._state))
     words[_HEADER] = as_word(addressof(controller.header))
     words[_LIGHTS] = as_word(addressof(controller.io.lights.words))
+    words[_BITS] = (1 << controller.axes.count) - 1
     for motor in range(controller.axes.count):
         if controller.axes[motor].own_jerk:
             words[_SMOOTH] |= 1 << motor
@@ -103,7 +105,7 @@ def _slow_down(controller, bits: int):
     A virtual motion slows down on its line, a JOG_ALL along its path, a motor with a jerk limit
     within that.
     """
-    words = controller.answers
+    words = ptr32(controller.answers)
     block = controller.safety.block
     operations = controller.operations
     operation = operations.operation
@@ -111,8 +113,10 @@ def _slow_down(controller, bits: int):
     taken = int(operation.bits)
     move = controller.virtuals.move
     virtual = int(move.owned)
-    spared = eased = int(coupled(block, ptr32(words)[_SMOOTH]))
-    if bits + 1 != 1 << int(controller.axes.count):
+    spared = eased = words[_SMOOTH]
+    if spared:  # a call takes 10 µs
+        spared = eased = int(coupled(block, spared))
+    if bits != words[_BITS]:
         bits = int(coupled(block, bits))
         if state > LEAVING and bits & taken:  # before, a STOP concerns one motor
             bits |= int(coupled(block, taken & (virtual ^ -1)))
@@ -129,7 +133,8 @@ def _slow_down(controller, bits: int):
         spared |= virtual
         on_line = virtual & bits
     eased &= bits & (virtual ^ -1)
-    bits &= int(coupled(block, spared)) ^ -1
+    if spared:
+        bits &= int(coupled(block, spared)) ^ -1
     hal = controller.hal
     irq = hal.irq_off()
     stepper.halt(block, bits, _ANY_RATE, 1)
@@ -304,11 +309,11 @@ def answer(controller, questions, at: int, place) -> int:
     if first % 255 | second % 255:
         return 0
     if stopped >= 0:
-        count = int(controller.axes.count)
-        if stopped == _ALL:
-            _slow_down(controller, (1 << count) - 1)
-        elif stopped and stopped <= count:
-            _slow_down(controller, 1 << (stopped - 1))
+        size = w[_BITS]
+        if stopped != _ALL:
+            size &= 1 << (stopped - 1) if stopped and stopped <= MOTORS else 0
+        if size:
+            _slow_down(controller, size)
         return 0
     x = ptr32(w[_WRITER])
     if x[TAKE] != x[END]:

@@ -71,7 +71,10 @@ class Interlock:
     # ---------------------------------------------------------------- permission
 
     def allow_motion(self):
-        """Return whether any motor may be moved."""
+        """Return whether any motor may be moved. A stop that has come in the meantime begins here:
+        what moves slows down. It is carried out after the request that asks, and then stops what
+        that has begun.
+        """
         allowed = not self.broken and self.stops.allow_motion()
         self.axes.hal.port.look_for_stop()
         return allowed

@@ -166,19 +166,31 @@ def test_a_stop_of_motors_beside_one_that_is_homed(chip):
 
 
 @on_both
-def test_a_stop_before_the_first_tick_of_a_jog(chip):
-    """Its queue is filled in the same pass, and the stop empties it as often as it is looked for:
-    without an end, as the way is long."""
-    with chip.emulated({"clock_mhz": chip.slow_mhz}, trace=False) as board:
-        client = Session(board).client
-        for after_ns in range(0, 5_000_000, 100_000):
-            with board.undone():
-                client.send(p.MotorJog(1, 1000, 2**31 - 1))
-                board.run_until(board.now_ns + after_ns)
-                begun = board.now_ns
-                client.request(p.MotorStopAll())
-                assert board.now_ns - begun < 50_000_000
-                client.wait_idle()
+def test_a_stop_before_the_first_tick(chip):
+    """Queues are filled in the same pass, and the stop empties them as often as it is looked for:
+    of a jog far away without an end, unless something else ends that."""
+    rig = {"clock_mhz": chip.slow_mhz, "limits": [{"low": 22}], "motors": [{"home": HOME}]}
+    path = {motor: np.arange(200) * 10 * motor for motor in range(1, 6)}
+    with chip.emulated(rig, trace=False) as board:
+        board.wire_switches()
+        session = Session(board)
+        session.prepare(path, 20_000)
+        client = session.client
+        for begins in (
+            p.MotorJog(1, 1000, 2**31 - 1),
+            p.MotorMove(2, -(2**30)),
+            p.Home(),
+            p.RtPositionFrame(150),
+            p.RtJogAll(24_000, 200),
+        ):
+            for after_ns in range(0, 5_000_000, 100_000):
+                with board.undone():
+                    client.send(begins)
+                    board.run_until(board.now_ns + after_ns)
+                    begun = board.now_ns
+                    client.request(p.MotorStopAll())
+                    assert board.now_ns - begun < 50_000_000, f"{begins}, {after_ns} ns"
+                    client.wait_idle()
 
 
 def test_a_stop_of_a_shot(chip):

@@ -365,6 +365,7 @@ class Axis:
         ):
             self.stop(hal, smooth=True)
             return self.moving
+        hal.port.look_for_stop()
         self.direction = direction
         # The kernel's stops have no jerk limit, so a plan with one cannot begin within a stop.
         smooth = reals.sign(r, MAX_JERK) > 0

@@ -417,10 +417,8 @@ class UsbPort:
                     wanted = 1 if self._heard() else -1
                 taken = end - at
                 if wanted > 0:
-                    if self.answer and not ended:  # else the callback has looked for stops
-                        at += place * PLACE
-                        begin_stops(self, place * PLACE, at, at + taken)
-                        at -= place * PLACE
+                    if not ended:  # else the callback has looked for stops
+                        self.look_for_stop()
                     taken = int(reader.feed(self._rx, place * PLACE + at, taken))
                 at += taken
                 s[AT] = at
@@ -433,6 +431,7 @@ class UsbPort:
                 arm(self)
         if wanted < 0:
             return 0
+        self.look_for_stop()  # in a short packet, which waits for its callback, or a later one
         if moved == 0 and look & 15 == 0:
             if s[LIVE] and not s[ARMED] and s[TAKE] == s[FILL]:
                 # an exception has ended the callback that should have done this
@@ -477,7 +476,7 @@ class UsbPort:
         if not chip:
             return
         s = ptr32(self._state)
-        stops = s[SENDING]
+        stops = s[SENDING]  # until the last answer has gone, there is no room for another one
         if stops and not chip.in_flight(s[EP_OUT], 0):
             s[INSIDE] = 1
             self._run_task()

@@ -63,8 +63,8 @@ else:
         pass
 
 
-_STOP = const(0x32)  # protocol.messages; STOP_ALL is between this and GET_POSITION
-_GET_POSITION = const(0x34)
+_STOP = const(0x32)  # protocol.messages
+_STOP_ALL = const(0x33)
 _GO = const(0x113)
 
 # Bits of ADDRESS_REGISTER: 0 from a bus reset until the host has given a new address
@@ -349,20 +349,26 @@ def look(port, stops: int):
 
 @micropython.viper
 def begin_stops(port, at: int, taken: int, end: int):
-    """Begin each stop in the slots up to offset `end`, whatever comes before it.
+    """Begin each stop in the slots up to offset `end`, whatever comes before it; a STOP_ALL first,
+    since no other stop matters then.
 
     at: where the first frame begins. Those that end before `taken` may have been carried out.
     """
     s = ptr32(port._state)
-    while end - at >= QUESTION:
-        frame = ptr8(s[RX] + at)
-        size = QUESTION + frame[8] + (frame[9] << 8)
-        if frame[0] != 0x44 or frame[1] != 0x46 or end - at < size:
-            return
-        if frame[7] == 0 and frame[6] >= _STOP and frame[6] < _GET_POSITION:
-            if at + size > taken:
-                port.answer(port._rx, at, port._tx)
-        at += size
+    kind = _STOP_ALL
+    while kind >= _STOP:
+        i = at
+        while end - i >= QUESTION:
+            frame = ptr8(s[RX] + i)
+            size = QUESTION + frame[8] + (frame[9] << 8)
+            if frame[0] != 0x44 or frame[1] != 0x46 or end - i < size:
+                break
+            if frame[7] == 0 and frame[6] == kind and i + size > taken:
+                port.answer(port._rx, i, port._tx)
+                if kind == _STOP_ALL:
+                    return
+            i += size
+        kind -= 1
 
 
 @micropython.viper
