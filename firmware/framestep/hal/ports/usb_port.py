@@ -431,7 +431,9 @@ class UsbPort:
                 arm(self)
         if wanted < 0:
             return 0
-        self.look_for_stop()  # in a short packet, which waits for its callback, or a later one
+        packet = ptr32(s[RX] + (s[FILL] & 1) * PLACE)
+        if s[ARMED] and packet[0] != MARK_0 and packet[1] >> 16 != _SECTION:
+            self.look_for_stop()  # in a short packet, which waits for its callback, or a later one
         if moved == 0 and look & 15 == 0:
             if s[LIVE] and not s[ARMED] and s[TAKE] == s[FILL]:
                 # an exception has ended the callback that should have done this
