@@ -5,7 +5,7 @@ from framestep.protocol import messages as m
 
 VERSION = (0, 1, 0)
 CAPABILITIES = (
-    m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_CAMERA | m.CAP_COUPLE
+    m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_COUPLE
 )
 
 
@@ -127,7 +127,8 @@ class Reports:
         writer.u8(self.io.gio.inputs.count)
         writer.u8(len(self.rig.limits))
         writer.u32(self.moves.upload_frames)
-        writer.u32(CAPABILITIES | self.virtuals.capabilities)
+        camera = m.CAP_CAMERA if self.io.camera.there else 0
+        writer.u32(CAPABILITIES | camera | self.virtuals.capabilities)
         writer.u16(m.PROTOCOL_VERSION)
         if writer.end():
             self.hi = False

@@ -290,6 +290,17 @@ def test_fewer_motors_leave_pins_for_other_things():
     assert rig.board["enable"] == [12, 7]
 
 
+@pytest.mark.parametrize(
+    "setting",
+    [{"dmx": True}, {"dmx_ramp_ms": 5}, {"shutter_on": "low"}, {"shutter_hold_ms": 9}, {"meter_on": "low"}],
+)
+def test_settings_of_pins_that_motors_have(setting):
+    board = board_data("pico2")
+    with pytest.raises(RigError, match="but this board has no pin for it"):
+        Rig(setting, board)
+    Rig({**setting, "motor_count": 8}, board)
+
+
 def test_dmx_frees_its_pins():
     rig = Rig({"dmx": False, "inputs": [{"pin": 0}, {"pin": 1}]}, BOARD)
     assert [i["pin"] for i in rig.inputs] == [0, 1]

@@ -5,8 +5,11 @@ import ast
 
 import pytest
 
+from framestep_tools.bench.record import recorded
 from framestep_tools.building.board_files import CHIPS, ENGINES, FIRMWARE, board_data, board_names
 from framestep_tools.chips import chips
+from framestep_tools.client.client import Client
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 HAL = FIRMWARE / "framestep" / "hal"
 
@@ -15,6 +18,20 @@ def names(module):
     """Return the names that a module of constants defines."""
     tree = ast.parse((FIRMWARE / module).read_text())
     return {node.targets[0].id for node in tree.body if isinstance(node, ast.Assign)}
+
+
+@pytest.mark.parametrize(
+    ("board", "figure"),
+    [
+        ("pico", "upload_frames_8"),
+        ("pico2", "upload_frames_12_pico2"),
+        ("pico2_595", "upload_frames_16_pico2_595"),
+    ],
+)
+def test_a_simulated_board_has_the_memory_of_the_real_one_and_somewhat_more(board, figure):
+    """So `framestep check` refuses nothing that the board has room for."""
+    frames = Client(LockstepPort(SimulatedBoard(board=board))).greet().upload_frames
+    assert 1 <= frames / recorded()[figure] < 2
 
 
 @pytest.mark.parametrize("key", chips())

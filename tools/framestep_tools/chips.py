@@ -22,6 +22,7 @@ class Chip:
     ports: int  # 2 if the protocol can have a port besides the REPL's
     pins: int  # board data and rig files may name 0 to one less
     clocks: list[int]  # MHz that the processor may run at
+    upload_kb: int  # memory for an uploaded move in the simulator: more than the chip has for it
     uarts: list[dict[str, list[int]]]  # the pins that each UART can have as TX and RX
     processor: str  # as mpy-cross calls it
     uf2_family: str | None  # of an image; None: framestep's files go onto MicroPython's own program

@@ -264,7 +264,7 @@ class HostHal:
         self._outputs = 0  # pins that are driven
         self._levels = 0  # of all pins
         self._watchers = []  # (bits of inputs, handler)
-        self.dmx = HostDmx(self) if rig.dmx else NoDmx()
+        self.dmx = HostDmx(self) if rig.dmx and "dmx" in rig.board else NoDmx()
         self.watchdog = HostWatchdog(self, caused_reset) if rig.watchdog else NoWatchdog()
         self._clock = array("i", [0])
         self.kernel = StepKernel(motors, CYCLES, addressof(self._clock))

@@ -5,7 +5,10 @@ Nothing allocates after construction.
 
 
 class Camera:
-    """The shutter and meter outputs. Does nothing on a board without their pins."""
+    """The shutter and meter outputs.
+
+    `there`: the board has a pin for one at least. Without, set() and pins() do nothing.
+    """
 
     def __init__(self, hal, rig):
         self.hal = hal
@@ -16,6 +19,7 @@ class Camera:
         self._meter_high = rig.meter_on == "high"
         self._shutter_pin = self._pin("shutter", self._shutter_high)
         self._meter_pin = self._pin("meter", self._meter_high)
+        self.there = "shutter" in hal.board or "meter" in hal.board
 
     def _pin(self, key, high):
         pin = self.hal.board.get(key)

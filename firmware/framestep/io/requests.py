@@ -94,9 +94,10 @@ class Io:
             {
                 m.MSG_GIO_OUT: self._gio_out,
                 m.MSG_GIO_IN: self._gio_in,
-                m.MSG_GIO_CAM: self._gio_cam,
             }
         )
+        if self.camera.there:
+            link.handlers[m.MSG_GIO_CAM] = self._gio_cam
         if self.lights.count:
             link.handlers[m.MSG_DMX] = self._dmx
 

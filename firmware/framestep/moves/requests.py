@@ -202,6 +202,8 @@ class Moves:
         sync = reader.u8(m.RtRunMove.sync_dmx)
         if sync > 1 or channel > 512 or flags & ~_RUN_FLAGS:
             return m.ERR_RANGE
+        if flags & (m.RUN_VIDEO | m.RUN_STILLS) and not self.run_outputs.camera.there:
+            return m.ERR_UNSUPPORTED
         plan = self.run.draft
         plan.loops = flags & m.RUN_LOOP != 0
         plan.turns = flags & m.RUN_PING_PONG != 0

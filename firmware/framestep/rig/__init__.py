@@ -44,8 +44,7 @@ class Rig:
                 )
         driven = [motor for motor in self.motors if motor["driver"] is not None]
         self.board = fitted({} if board is None else board, settings["motor_count"], driven)
-        if (found or {}).get("dmx") and board and "dmx" not in self.board:
-            raise RigError("dmx: found true, but this board has no pin for it")
+        self._check_pins({} if found is None else found, settings)
         self._count_motors(settings, len((board or {}).get("step", ())))
         servos = self._read_servos()
         self.drivers = self._read_drivers() if driven else None
@@ -93,6 +92,18 @@ class Rig:
             raise RigError(
                 "virtuals: found %d, allowed is a sum of 4, 8, 16, 32 and 64" % self.virtuals
             )
+
+    def _check_pins(self, found, settings):
+        """Raise RigError for a setting of a pin that this board does not have or use."""
+        for key in found:
+            pin = key.split("_")[0]
+            unused = False if key == "dmx" else SETTINGS[key][3]
+            if pin in ("dmx", "shutter", "meter") and self.board and pin not in self.board:
+                if found[key] != unused:
+                    value = "true" if key == "dmx" else repr(found[key])
+                    raise RigError("%s: found %s, but this board has no pin for it" % (key, value))
+        if settings["estop_cuts_power"] and settings["estop"] == "none":
+            raise RigError('estop_cuts_power: found true, but `estop` is "none"')
 
     def _count_motors(self, settings, most):
         if most and settings["motor_count"] > most:

@@ -12,7 +12,7 @@ MOST = const(24)  # motors of any board; Rig checks how many its own has
 # fmt: off
 # name: (type, lowest or choices, highest or length, default, unit, meaning)
 SETTINGS = {
-    "name": (str, 1, 32, "framestep", "bytes of UTF-8",
+    "name": (str, 1, 32, "framestep", "bytes of UTF-8, without control characters",
         "the device's name in Dragonframe"),
     "dialect": (str, ("spec", "dmc-lite"), None, "spec", "",
         "form of the answers: as specified, or as dmc-lite sends"),
@@ -193,7 +193,12 @@ def fits(value, kind, low, high):
     if kind is bool:
         return isinstance(value, bool)
     if kind is str:
-        return isinstance(value, str) and low <= len(value.encode()) <= high
+        # a board's JSON does not join a pair of surrogates
+        return (
+            isinstance(value, str)
+            and all(ord(c) >= 0x20 and not 0xD800 <= ord(c) < 0xE000 for c in value)
+            and low <= len(value.encode()) <= high
+        )
     if kind is list:
         return isinstance(value, list) and len(value) <= high
     if isinstance(value, bool) or not isinstance(value, (int, float) if kind is float else int):

@@ -11,7 +11,8 @@ import pytest
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
 from framestep_tools.client.wire import encode
-from host_tests.end_to_end.session import SWITCHES, inputs, run_request, simulated
+from framestep_tools.simulator.boards import SimulatedBoard
+from host_tests.end_to_end.session import SWITCHES, Session, inputs, run_request, simulated
 
 
 def shown(session, signal):
@@ -103,6 +104,22 @@ def test_camera():
     )
     assert [level for _, level in shown(session, "shutter")] == [1, 0]
     assert [level for _, level in shown(session, "meter")] == [0, 1]
+
+
+@pytest.mark.needs("boards")
+def test_twelve_motors_have_the_pins_of_camera_and_dmx():
+    session = Session(SimulatedBoard(board="pico2"), motors=12)
+    said = session.ask(p.Hi())
+    assert (said.motors, said.dmx_channels, said.capabilities & m.CAP_CAMERA) == (12, 0, 0)
+    session.upload({1: [0, 100, 200]})
+    for request in (
+        p.GioCam(m.GIO_CAM_SHUTTER),
+        p.Dmx(0, 1, [99]),
+        run_request(3, flags=m.RUN_STILLS),
+        run_request(3, flags=m.RUN_VIDEO),
+    ):
+        assert session.code(request) == p.Ack.ERR_UNSUPPORTED
+    session.accept(run_request(3))
 
 
 @pytest.mark.each_processor

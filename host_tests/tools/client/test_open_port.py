@@ -200,6 +200,30 @@ def test_a_stop_of_one_motor_does_not_wait_for_the_others(address, capsys):
             process.communicate(timeout=PATIENCE_S)
 
 
+def test_a_move_does_not_wait_for_another_programs(address, capsys):
+    first = moving("move", address, "4", "2000000")
+    try:
+        until_moving(address, capsys)
+        assert cli.app.status(["move", address, "5", "30"]) == 0
+        assert cli.app.status(["buzz", address, "6", "--steps", "30", "--times", "1"]) == 0
+        assert positions(address, capsys).out.count(", moving") == 1
+    finally:
+        assert cli.app.status(["stop", address]) == 0
+        first.communicate(timeout=PATIENCE_S)
+
+
+def test_a_run_goes_on_while_another_motor_is_stopped(address, tmp_path, capsys):
+    file = tmp_path / "move.csv"
+    file.write_text("frame,1\n" + "".join(f"{i},{i}\n" for i in range(1, 50)))
+    first = begun("play", str(file), "--device", address, "--fps", "24")
+    until_moving(address, capsys)
+    assert cli.app.status(["stop", address, "5"]) == 0
+    assert cli.app.status(["stop", address, "20"]) == REFUSED
+    assert positions(address, capsys).out.count(", moving") == 1
+    out, err = first.communicate(timeout=PATIENCE_S)
+    assert (first.returncode, out) == (0, "frames 1 to 49 played\n"), err
+
+
 def test_a_guest_is_heard_at_once():
     """A stop does not wait until the program that has the port looks for guests."""
     there, here = socket.socketpair()

@@ -7,7 +7,7 @@ import pytest
 from framestep_tools.axes.axes_file import axes_of
 from framestep_tools.axes.rig_axes import Axes
 from framestep_tools.errors import ToolError
-from framestep_tools.move.move_file import read_move, write_move
+from framestep_tools.move.move_file import Move, read_move, write_move
 from host_tests.tools.conftest import LINEAR, imported, named_in_file
 
 AXES = Axes(axes_of(LINEAR, "axes.toml"), "axes.toml")  # track is motor 1, pan motor 2
@@ -61,6 +61,8 @@ def test_other_headings_count_in_order_and_that_is_said(tmp_path):
         ("frame,motor 33", "column 'motor 33': expected a motor from 1 to 32"),
         ("frame,pan (deg)", "this is in deg: framestep import converts it"),
         ("frame,pan [mm]", "this is in mm: framestep import converts it"),
+        ("frame,m2", "column 'm2': by its place it is motor 1: write motor 1, or motor 2"),
+        ("frame,boom,Axis 3:", "column 'Axis 3:': by its place it is motor 2"),
     ],
 )
 def test_a_heading_that_contradicts_is_refused(tmp_path, header, said):
@@ -73,6 +75,19 @@ def test_an_axis_with_another_motors_number_is_refused(tmp_path):
     with pytest.raises(ToolError, match="has an axis of this name for motor 2: write motor 1 or"):
         moved(tmp_path, "frame,1", axes=axes)
     assert moved(tmp_path, "frame,motor 1", axes=axes).positions == {1: [5, 7]}
+
+
+def test_a_number_as_spreadsheets_write_it(tmp_path):
+    assert moved(tmp_path, "frame,3.0,2.").positions == {3: [5, 7], 2: [6, 8]}
+
+
+def test_what_is_written_is_read_without_axes(tmp_path):
+    names = {1: "m2", 2: "pan (deg)", 3: "boom", 5: "tilt"}
+    move = Move(1, {motor: [motor, motor] for motor in names}, names)
+    write_move(tmp_path / "move.csv", move)
+    again = read_move(tmp_path / "move.csv", Axes())
+    assert again.positions == move.positions
+    assert again.names == {1: "motor 1", 2: "motor 2", 3: "boom", 5: "motor 5"}
 
 
 @pytest.mark.parametrize("command", ["check", "upload", "play", "shoot", "export"])

@@ -31,6 +31,10 @@ class RigFileError(ToolError):
     allowed."""
 
 
+# an escape of JSON for half of a character beyond U+FFFF; \\u is no escape
+_SURROGATE = re.compile(rb"(?<!\\)(?:\\\\)*(\\u[dD][89abAB][0-9a-fA-F]{2})")
+
+
 class _Doubled(Exception):
     """An object has a key twice."""
 
@@ -71,6 +75,12 @@ def parse(content: bytes, name: str) -> dict[str, Any]:
         ) from None
     except (ValueError, RecursionError) as error:
         raise RigFileError(f"{name}: not valid JSON ({error})") from None
+    if escape := _SURROGATE.search(content):
+        line = content.count(b"\n", 0, escape.start()) + 1
+        raise RigFileError(
+            f"{name}: {escape[1].decode()} in line {line} is half a character, and a board does not "
+            "join two of them: write the character itself"
+        )
     if not isinstance(settings, dict):
         raise RigFileError(
             f"{name}: expected an object of settings, found {type(settings).__name__}"

@@ -39,7 +39,7 @@ from ..payloads import (
     type_name,
 )
 from .open_port import close_port, open_port
-from .shared_port import STOPS, SharedPort
+from .shared_port import SharedPort, stopped_by
 from .tcp_port import is_socket
 from .wire import Frame, FrameDecoder, encode
 
@@ -144,7 +144,7 @@ class Client:
         self.info: DeviceInfo | None = None  # the device's HI, after greet()
         self.axes = Axes()  # names and units for texts
         self.shared_port: SharedPort | None = None  # for other programs
-        self.stopped = False  # another program has requested a stop
+        self.stopped = 0  # bits of the motors that other programs have stopped, bit 1 for motor 1
         self._heard = False  # a message has come
         self._noise = b""  # bytes before the first message
         self.clock: Callable[[], float] = getattr(port, "clock", time.monotonic)
@@ -456,7 +456,7 @@ class Client:
             if request is not None and frame.request_type == request.TYPE:
                 self._answers[frame.id] = frame
             elif frame.id == 0 and not frame.is_ack:
-                self.stopped |= frame.type in STOPS  # forwarded by the program that has the port
+                self.stopped |= stopped_by(frame)  # forwarded by the program that has the port
                 event = Event(self.clock(), _report(frame))
                 self.events.append(event)
                 if self.on_event:

@@ -19,12 +19,13 @@ import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from ..payloads import REQUESTS
+from ..payloads import REQUESTS, MotorStop
 from .port_finder import split_rate
 from .tcp_port import SCHEME, TcpPort, host_and_port, is_socket
 from .wire import Frame, FrameDecoder, encode
 
 STOPS = frozenset(kind for kind, cls in REQUESTS.items() if cls.STOPS)
+ALL_MOTORS = -1  # as bits
 # Interval at which the first program looks for guests where it cannot wait for them and its port
 LOOK_S = 0.05
 _SECRET_BYTES = 32
@@ -77,6 +78,13 @@ def enter(found: Found, timeout: float) -> TcpPort | None:
         return None
 
 
+def stopped_by(frame: Frame) -> int:
+    """Return the bits of the motors that a request stops; 0 if it stops none."""
+    if frame.type == MotorStop.TYPE and frame.payload:
+        return 1 << frame.payload[0]
+    return ALL_MOTORS if frame.type in STOPS else 0
+
+
 class _Guest:
     def __init__(self, connection: socket.socket):
         connection.setblocking(False)
@@ -92,7 +100,7 @@ class _Guest:
 class Host(Protocol):
     """The owner of the port: a Client, or the console's Bridge."""
 
-    stopped: bool  # set when a guest stops motors
+    stopped: int  # bits of the motors that guests stop, bit 1 for motor 1
 
     def forward(self, kind: int, payload: bytes) -> int:
         """Send a guest's message. Return the ID of its answer, for SharedPort.answer."""
@@ -160,7 +168,7 @@ class SharedPort:
             return False
         for frame in guest.decoder.feed(data[missing:]) if missing < len(data) else []:
             if frame.type in STOPS:
-                self._client.stopped = True
+                self._client.stopped |= stopped_by(frame)
                 self.pass_on(frame, guest)
             self._asked[self._client.forward(frame.type, frame.payload)] = guest, frame.id
         return True

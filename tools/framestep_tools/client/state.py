@@ -1,6 +1,6 @@
 """The state of a device, as lines, as a table, or for programs."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -30,6 +30,7 @@ from ..payloads import (
     MotorStatus,
 )
 from .client import Client, ClientError, RequestRefused
+from .shared_port import ALL_MOTORS
 
 _NOT_REPORTED = "this device does not report how far its positions can be trusted"
 _STOPS = {
@@ -112,9 +113,14 @@ def why_stopped(client: Client) -> str:
     return "another program or a soft limit stopped it"
 
 
-def is_stopped(client: Client) -> bool:
-    """Return whether something has stopped motors, so that no jog may be repeated."""
-    return client.stopped or any(isinstance(event.message, HardStop) for event in client.events)
+def is_stopped(client: Client, motors: Iterable[int] | None = None) -> bool:
+    """Return whether something has stopped any of these motors, None for all, so that no jog may be
+    repeated."""
+    bits = ALL_MOTORS if motors is None else sum(1 << motor for motor in motors)
+    stops = [event.message for event in client.events if isinstance(event.message, HardStop)]
+    return bool(client.stopped & bits) or any(
+        not stop.motor or bits >> stop.motor & 1 for stop in stops
+    )
 
 
 def too_steep(client: Client) -> str | None:

@@ -34,7 +34,8 @@ def home(
         client.events.clear()
         client.request(Home(bytes(numbers)))
         chosen = numbers or client.request(MotorStatus()).moving
-        client.wait_idle(timeout_s=float("inf"))
+        for motor in chosen:
+            client.wait_idle(timeout_s=float("inf"), motor=motor)
         _report(client, sorted(set(chosen)))
 
 

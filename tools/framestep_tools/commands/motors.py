@@ -162,7 +162,7 @@ def move(
             set_speed(client, speed)
         with shown(client, number):
             client.request(MotorMove(number, target))
-            client.wait_idle(timeout_s=float("inf"))
+            client.wait_idle(timeout_s=float("inf"), motor=number)
         _arrived(client, number, target)
 
 
@@ -204,7 +204,7 @@ def jog(
         with shown(client, number):
             _jog(client, number, target, speed, seconds)
             client.request(MotorStop(number))
-            client.wait_idle(STOP_TIME_S)
+            client.wait_idle(STOP_TIME_S, motor=number)
         _arrived(client, number)
 
 
@@ -229,7 +229,7 @@ def _jog(client: "Client", motor: int, destination: int, speed: int, seconds: fl
             client.pump(min(left, JOG_REPEAT_S))
         if state.is_stopped(client):
             client.request(MotorStop(motor))  # the last jog may have come after the stop
-            client.wait_idle(STOP_TIME_S)
+            client.wait_idle(STOP_TIME_S, motor=motor)
             at = client.axes.position(motor, state.position(client, motor))
             raise state.Stopped(
                 f"{client.axes.name(motor)} stopped at {at}: {state.why_stopped(client)}"
@@ -365,7 +365,7 @@ def buzz(
         for k in range(2 * times + 1):
             target = home if k == 2 * times else home + (far if k % 2 == 0 else -far)
             _jog(client, number, target, speed, STOP_TIME_S)
-            client.wait_idle(STOP_TIME_S)
+            client.wait_idle(STOP_TIME_S, motor=number)
         _arrived(client, number, home)
 
 

@@ -250,6 +250,7 @@ def play(
     """
     from framestep.protocol.messages import RUN_LOOP, RUN_PING_PONG, RUN_STILLS, RUN_VIDEO
 
+    from ..errors import ToolError
     from ..payloads import RtRunMove
 
     both_or_neither(velocity, acceleration)
@@ -283,11 +284,20 @@ def play(
     set_speeds = speeds(known, content, velocity, acceleration)
     with moving(device, known) as client:
         _has_output(client, bloop)
+        if camera and not _has_camera(client):
+            raise ToolError("the device has no camera outputs: its board's page says why")
         for each in set_speeds:
             set_speed(client, each)
         send(client, content, lights)
         _run(client, content, run)
     print(f"frames {begin} to {end} played")
+
+
+def _has_camera(client: "Client") -> bool:
+    """Return whether the device says that it can release a camera in a run."""
+    from framestep.protocol.messages import CAP_CAMERA
+
+    return bool((client.info or client.greet()).capabilities & CAP_CAMERA)
 
 
 def _has_output(client: "Client", output: int) -> None:
@@ -310,7 +320,7 @@ def _run(client: "Client", content: "Move", run: "RtRunMove") -> None:
     names, axes = content.names, client.axes
     display = MoveDisplay(names, run.start_frame, run.end_frame, console, quiet=True, axes=axes)
     with display.running():
-        play(client, run, display)
+        play(client, run, content.positions, display)
 
 
 def shoot(
@@ -398,6 +408,8 @@ def shoot(
     done: list[int] = []
     try:
         with moving(device, known) as client:
+            if not _has_camera(client):
+                note("the device does not say that it has camera outputs: it may expose nothing")
             if content:
                 for each in set_speeds:
                     set_speed(client, each)

@@ -22,7 +22,7 @@ from framestep.protocol import messages
 
 from ..client.client import BrokenOff
 from ..client.open_port import close_port
-from ..client.shared_port import STOPS, SharedPort
+from ..client.shared_port import ALL_MOTORS, STOPS, SharedPort
 from ..client.tcp_port import is_socket
 from ..client.wire import Frame, FrameDecoder, encode
 from ..payloads import REQUESTS, Ack, MotorStatus, MotorStopAll, Payload, Status
@@ -90,7 +90,7 @@ class Bridge:
         self._writing = threading.Lock()
         self._next_id = _FIRST_ID
         self._others_id = _FIRST_OF_OTHERS
-        self._stopped = False
+        self._stopped = 0
         self._closing = False
         self._closed = False
         self._decoder = FrameDecoder()
@@ -131,18 +131,18 @@ class Bridge:
         return self._others_id
 
     @property
-    def stopped(self) -> bool:
-        """Whether another program has stopped motors and the page still holds its jogs."""
+    def stopped(self) -> int:
+        """The motors that other programs have stopped while the page still holds its jogs."""
         return self._stopped
 
     @stopped.setter
-    def stopped(self, on: bool) -> None:
-        self._stopped = on
+    def stopped(self, bits: int) -> None:
+        self._stopped = bits
         self._loop.call_soon_threadsafe(self.on_stopped, "Another program has stopped the motors.")
 
     def released(self) -> None:
         """Note that the page has released all of its jogs."""
-        self._stopped = False
+        self._stopped = 0
 
     # ---- requests for the page
 
@@ -153,14 +153,14 @@ class Bridge:
 
     async def let_go(self, why: str) -> None:
         """End the page's jogs although it still holds them, and send it the reason."""
-        self._stopped = True
+        self._stopped = ALL_MOTORS
         await self.stop_jogs()
         self.on_stopped(why)
 
     async def stop_all(self, why: str) -> None:
         """Stop everything for another page, and send this one the reason. Raises OSError if the
         device does not acknowledge it."""
-        self._stopped = True
+        self._stopped = ALL_MOTORS
         self._jogs.stops()
         number = self._new_id()
         answer: asyncio.Future[Frame] = self._loop.create_future()

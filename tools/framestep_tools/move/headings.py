@@ -9,7 +9,11 @@ from ..axes.rig_axes import Axes
 from ..axes.units import without_unit
 from ..text.text_file import MoveFileError, shown
 
-_NUMBER = re.compile(r"(?:motor[ _]?)?(\d{1,9})", re.IGNORECASE)
+_NUMBER = re.compile(r"(?:motor[ _]?)?(\d{1,9})(?:\.0*)?", re.IGNORECASE)
+# what somebody may mean by a motor's number, and what does not count as one
+_LIKE_NUMBER = re.compile(
+    r"(?:m|mot|motors?|axis|ax|channel|ch|no|nr)?[ _.:#-]*(\d{1,9})(?:\.0*)?[ .:]*", re.IGNORECASE
+)
 
 
 @dataclass(frozen=True)
@@ -28,8 +32,8 @@ def columns_of(headings: Sequence[str], axes: Axes, path: str) -> Columns:
     """Return the motors of columns with positions in steps.
 
     A heading that is an axis's name, a motor's number or `motor 2` decides. Others count in their
-    order. Raises MoveFileError if two columns are for one motor, or if axes.toml calls that motor
-    otherwise.
+    order. Raises MoveFileError if two columns are for one motor, if axes.toml calls that motor
+    otherwise, or if a heading such as `m2` or `#2` is not at its place.
     """
     motors, names, counted = [], {}, []
     heading_of: dict[int, str] = {}
@@ -44,6 +48,12 @@ def columns_of(headings: Sequence[str], axes: Axes, path: str) -> Columns:
         axis = axes.axis(motor or place)
         if motor is None:
             motor = place
+            like = _LIKE_NUMBER.fullmatch(name)
+            if like and int(like[1]) != place:
+                raise MoveFileError(
+                    f"{where}: by its place it is motor {place}: write motor {place}, or "
+                    f"motor {int(like[1])} if you mean that"
+                )
             if axis:
                 raise MoveFileError(
                     f"{where}: no axis has this name, and {axes.path} calls motor {place} "
@@ -61,6 +71,15 @@ def columns_of(headings: Sequence[str], axes: Axes, path: str) -> Columns:
         names[motor] = axis.name if axis else by_number
     ordered = dict(sorted(names.items()))
     return Columns(motors, ordered, ", ".join(counted))
+
+
+def heading(motor: int, place: int, name: str) -> str:
+    """Return what heads a motor's column, so that columns_of() reads this motor without axes.toml,
+    too: its name, if that does not say otherwise."""
+    number = _LIKE_NUMBER.fullmatch(name)
+    if motor != place or without_unit(name) != (name, "") or number and int(number[1]) != motor:
+        return f"motor {motor}"
+    return name
 
 
 def _motor(name: str, axes: Axes, where: str) -> int | None:

@@ -192,12 +192,14 @@ def write_move(path: str | os.PathLike[str], move: Move) -> None:
 
     A column that is not at its motor's place is headed by the motor, which holds without axes.toml.
     """
+    from .headings import heading
+
     out = io.StringIO()
     if move.fps:
         out.write(f"# fps: {move.fps:.10g}\n")
     writer = csv.writer(out, lineterminator="\n")
     headings = [
-        move.names[motor] if motor == place else f"motor {motor}"
+        heading(motor, place, move.names[motor])
         for place, motor in enumerate(move.positions, 1)
     ]
     writer.writerow(["frame", *headings])

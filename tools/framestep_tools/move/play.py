@@ -1,5 +1,7 @@
 """`framestep play`: play an uploaded move from the pre-roll to rest."""
 
+from collections.abc import Iterable
+
 from ..client.client import Client, Event
 from ..client.state import Stopped, is_stopped, too_steep, why_stopped
 from ..payloads import Positions, RtEnd, RtGo, RtRunMove
@@ -8,8 +10,8 @@ from .move_display import MoveDisplay
 _ENDLESS = float("inf")
 
 
-def play(client: Client, run: RtRunMove, display: MoveDisplay) -> None:
-    """Run the uploaded move, and wait until the motors rest on the end frame.
+def play(client: Client, run: RtRunMove, motors: Iterable[int], display: MoveDisplay) -> None:
+    """Run the uploaded move of these motors, and wait until they rest on the end frame.
 
     A loop ends only when something stops it. Raises Stopped, with the reason, if another run ends
     before its last frame, and RequestRefused (client.py).
@@ -39,7 +41,7 @@ def play(client: Client, run: RtRunMove, display: MoveDisplay) -> None:
         client.wait_idle(timeout_s=_ENDLESS)
     finally:
         client.on_event = None
-    if reached != run.end_frame * 1000 or is_stopped(client):
+    if reached != run.end_frame * 1000 or is_stopped(client, motors):
         raise Stopped(
             f"the run ended at frame {reached / 1000:.3f}, before {run.end_frame}: "
             f"{why_stopped(client)}"

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from framestep.rig import Rig, RigError
 
 from ..board.rig_file import read
-from ..building.board_files import board_data
+from ..building.board_files import board_chip, board_data
 from ..errors import ToolError
 from ..judge.trace import Edge, PinDecoder, load_board
 from . import driver_chips
@@ -88,7 +88,7 @@ class SimulatedBoard:
     """The controller on the host HAL, with the pins of a board in boards/.
 
     motors: number of motors, if not the board's; upload_bytes: memory for the uploaded move, 0 for
-    the default; flash: what keeps positions over a power cut, None for one that is new. `chips`:
+    somewhat more than its chip has; flash: what keeps positions over a power cut, None for one that is new. `chips`:
     simulated TMC2209 drivers of motors 1, 2, …, if the board has a UART for them.
     """
 
@@ -120,7 +120,7 @@ class SimulatedBoard:
             board_data(board),
             wire=wire,
             flash=flash,
-            upload_bytes=upload_bytes,
+            upload_bytes=upload_bytes or 1024 * board_chip(board).upload_kb,
         )
         self._edges: list[Edge] = []
         self._board.on_edge = lambda time_ns, signal, value: self._edges.append(
