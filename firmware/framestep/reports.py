@@ -4,9 +4,7 @@ from framestep.base.clock import elapsed
 from framestep.protocol import messages as m
 
 VERSION = (0, 1, 0)
-CAPABILITIES = (
-    m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_COUPLE
-)
+CAPABILITIES = m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_COUPLE
 
 
 class Reports:

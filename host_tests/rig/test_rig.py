@@ -291,14 +291,20 @@ def test_fewer_motors_leave_pins_for_other_things():
 
 
 @pytest.mark.parametrize(
-    "setting",
-    [{"dmx": True}, {"dmx_ramp_ms": 5}, {"shutter_on": "low"}, {"shutter_hold_ms": 9}, {"meter_on": "low"}],
+    ("key", "value"),
+    [
+        ("dmx", True),
+        ("dmx_ramp_ms", 5),
+        ("shutter_on", "low"),
+        ("shutter_hold_ms", 9),
+        ("meter_on", "low"),
+    ],
 )
-def test_settings_of_pins_that_motors_have(setting):
+def test_settings_of_pins_that_motors_have(key, value):
     board = board_data("pico2")
-    with pytest.raises(RigError, match="but this board has no pin for it"):
-        Rig(setting, board)
-    Rig({**setting, "motor_count": 8}, board)
+    with pytest.raises(RigError, match=f"{key}: found .*, but this board has no pin for it"):
+        Rig({key: value}, board)
+    Rig({key: value, "motor_count": 8}, board)
 
 
 def test_dmx_frees_its_pins():

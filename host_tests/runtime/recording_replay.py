@@ -228,7 +228,7 @@ class Hal:
         self.board = rig.board
         self.upload_bytes = head["memory"]
         self.port = Port(self.notes)
-        self.dmx = Dmx(self.notes) if rig.dmx else NoDmx()
+        self.dmx = Dmx(self.notes) if rig.dmx and "dmx" in rig.board else NoDmx()
         self.watchdog = Watchdog(head["caused_reset"])
         self.driver_wire = Wire(self.notes)
         self.failure = None

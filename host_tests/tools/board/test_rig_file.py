@@ -22,7 +22,7 @@ WRONG = {
     '{"motors": [{}, {"pulse_us": "1"}]}': (
         "motors[2].pulse_us: found '1', allowed is a number from 0.25 to 50.0 µs"
     ),
-    '{"name": "a\\u0000b"}': "allowed is a text of 1 to 32 bytes of UTF-8, without control characters",
+    '{"name": "a\\u0000b"}': "a text of 1 to 32 bytes of UTF-8, without control characters",
     '{"estop_cuts_power": true}': 'estop_cuts_power: found true, but `estop` is "none"',
     '{"outputs": [{"pin": 2}]}': "outputs[1].pin: found 2, which is the board's step 1 already",
 }
@@ -33,7 +33,7 @@ NO_JSON = {
     b'{"name": "x",\n5}': "not valid JSON in line 2, column 1",
     b'{"ports": NaN}': "not valid JSON (NaN is not JSON)",
     b'{\n"name": "\xe9"}': "expected UTF-8, found byte 0xE9 in line 2",
-    b'{\n"name": "\\ud83d\\ude00"}': "\\ud83d in line 2 is half a character, and a board does not",
+    b'{\n"name": "\\ud83d\\ude00"}': "\\ud83d in line 2 is half a character, and a board does",
     b'{"\\uD800": 1}': "\\uD800 in line 1 is half a character",
     b"[1]": "expected an object of settings, found list",
 }

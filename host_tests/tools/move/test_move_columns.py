@@ -62,7 +62,7 @@ def test_other_headings_count_in_order_and_that_is_said(tmp_path):
         ("frame,pan (deg)", "this is in deg: framestep import converts it"),
         ("frame,pan [mm]", "this is in mm: framestep import converts it"),
         ("frame,m2", "column 'm2': by its place it is motor 1: write motor 1, or motor 2"),
-        ("frame,boom,Axis 3:", "column 'Axis 3:': by its place it is motor 2"),
+        ("frame,track,Axis 3:", "column 'Axis 3:': by its place it is motor 2"),
     ],
 )
 def test_a_heading_that_contradicts_is_refused(tmp_path, header, said):
@@ -83,7 +83,7 @@ def test_a_number_as_spreadsheets_write_it(tmp_path):
 
 def test_what_is_written_is_read_without_axes(tmp_path):
     names = {1: "m2", 2: "pan (deg)", 3: "boom", 5: "tilt"}
-    move = Move(1, {motor: [motor, motor] for motor in names}, names)
+    move = Move(1, names, {motor: [motor, motor] for motor in names})
     write_move(tmp_path / "move.csv", move)
     again = read_move(tmp_path / "move.csv", Axes())
     assert again.positions == move.positions

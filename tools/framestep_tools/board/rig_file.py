@@ -78,8 +78,8 @@ def parse(content: bytes, name: str) -> dict[str, Any]:
     if escape := _SURROGATE.search(content):
         line = content.count(b"\n", 0, escape.start()) + 1
         raise RigFileError(
-            f"{name}: {escape[1].decode()} in line {line} is half a character, and a board does not "
-            "join two of them: write the character itself"
+            f"{name}: {escape[1].decode()} in line {line} is half a character, and a board does "
+            "not join two of them: write the character itself"
         )
     if not isinstance(settings, dict):
         raise RigFileError(

@@ -127,6 +127,11 @@ class SharedPort:
         with open(os.open(self._file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
             file.write(said)
 
+    @property
+    def used(self) -> bool:
+        """Whether there are guests."""
+        return bool(self._guests)
+
     def close(self) -> None:
         """End the sharing."""
         with contextlib.suppress(OSError):

@@ -169,13 +169,33 @@ def stopped(client: "Client", moved: Iterable[int]) -> str:
 
 @contextmanager
 def moving(device: str | None, axes: "Axes | None" = None) -> "Iterator[Client]":
-    """Yield a client for a command that moves motors. Ctrl-C stops them before the command ends."""
+    """Yield a client for a command that moves motors. Ctrl-C stops them before the command ends.
+
+    What other programs move through this one would stop with the port, so it stays open until then.
+    """
+    from ..client.state import Stopped
+
     with talking(device, axes) as client:
         try:
-            yield client
+            try:
+                yield client
+            except Stopped:
+                _outlast_guests(client)
+                raise
+            _outlast_guests(client)
         except KeyboardInterrupt:
             _stop(client)
             raise
+
+
+def _outlast_guests(client: "Client") -> None:
+    """Wait while other programs use the port of this one, and motors move."""
+    from ..client.client import POLL_INTERVAL_S
+    from ..payloads import MotorStatus
+
+    port = client.shared_port
+    while port and port.used and client.request(MotorStatus()).moving:
+        client.pump(POLL_INTERVAL_S)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from ..text.text_file import MoveFileError, shown
 _NUMBER = re.compile(r"(?:motor[ _]?)?(\d{1,9})(?:\.0*)?", re.IGNORECASE)
 # what somebody may mean by a motor's number, and what does not count as one
 _LIKE_NUMBER = re.compile(
-    r"(?:m|mot|motors?|axis|ax|channel|ch|no|nr)?[ _.:#-]*(\d{1,9})(?:\.0*)?[ .:]*", re.IGNORECASE
+    r"(?:m|motors?|axis|ax|channel|ch|no|nr)?[ _.:#-]*(\d{1,9})(?:\.0*)?[ .:]*", re.IGNORECASE
 )
 
 
@@ -77,7 +77,7 @@ def heading(motor: int, place: int, name: str) -> str:
     """Return what heads a motor's column, so that columns_of() reads this motor without axes.toml,
     too: its name, if that does not say otherwise."""
     number = _LIKE_NUMBER.fullmatch(name)
-    if motor != place or without_unit(name) != (name, "") or number and int(number[1]) != motor:
+    if motor != place or without_unit(name) != (name, "") or (number and int(number[1]) != motor):
         return f"motor {motor}"
     return name
 

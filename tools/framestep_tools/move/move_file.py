@@ -199,8 +199,7 @@ def write_move(path: str | os.PathLike[str], move: Move) -> None:
         out.write(f"# fps: {move.fps:.10g}\n")
     writer = csv.writer(out, lineterminator="\n")
     headings = [
-        heading(motor, place, move.names[motor])
-        for place, motor in enumerate(move.positions, 1)
+        heading(motor, place, move.names[motor]) for place, motor in enumerate(move.positions, 1)
     ]
     writer.writerow(["frame", *headings])
     frames = range(move.start_frame, move.end_frame + 1)

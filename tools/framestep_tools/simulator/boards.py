@@ -88,8 +88,8 @@ class SimulatedBoard:
     """The controller on the host HAL, with the pins of a board in boards/.
 
     motors: number of motors, if not the board's; upload_bytes: memory for the uploaded move, 0 for
-    somewhat more than its chip has; flash: what keeps positions over a power cut, None for one that is new. `chips`:
-    simulated TMC2209 drivers of motors 1, 2, …, if the board has a UART for them.
+    somewhat more than its chip has; flash: what keeps positions over a power cut, None for one that
+    is new. `chips`: simulated TMC2209 drivers of motors 1, 2, …, if the board has a UART for them.
     """
 
     slice_ns = 1_000_000
