@@ -331,6 +331,8 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk, port=None):
     _ramp(_TO_CRUISE)
     compute(r, _LESS_DISTANCE)
     _append_ramp(phases, False, down, targets, i)
+    if port:
+        port.look_for_stop()
     _ramp(_CRUISE_TO_REST)
     if compute(r, _CRUISED):
         phases.append(RAMP, _T, _CRUISE, ZERO, ZERO, down)

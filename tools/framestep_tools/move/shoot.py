@@ -111,7 +111,7 @@ def shoot(
             client.pump(due - now)
             client.request(RtGo())
             client.wait_event(RtEnd, timeout_s=_ENDLESS)
-            if is_stopped(client, shots.move and shots.move.positions):
+            if is_stopped(client, shots.move.positions if shots.move else None):
                 raise Stopped(f"frame {frame} was not shot: {why_stopped(client)}")
             client.wait_idle(timeout_s=_ENDLESS)
             done(frame)
