@@ -375,7 +375,8 @@ class Controller:
         ):
             self.planning = True  # at once, not at the next housekeeping
             # Such a request may take tens of milliseconds.
-            self.port.send(self.writer)
+            if self.port.send(self.writer):
+                self.port.glance()  # what holds the answers up may have gone
             self.port.look_for_stop()
         state = self.operations.state
         if (state == READY or state == LEAVING) and kind not in m.KEEPS_PLAN:

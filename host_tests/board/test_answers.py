@@ -300,12 +300,15 @@ def test_an_answer_does_not_wait_for_a_survey(chip):
         client = session.client
         measure._take_arm(session)
         (move, _), _ = measure._ON_LINE
-        begun = client.clock()
-        ids = [client.send(request) for request in (p.MotorStopAll(), move)]
-        client.answer_to(ids[0])
-        assert 1000 * (client.clock() - begun) < 2 * WORST_MS
-        client.answer_to(ids[1])
-        assert 1000 * (client.clock() - begun) > 4 * WORST_MS
+        for after_ns in range(0, 110_000_000, 5_500_000):  # a report may be on its way
+            with board.undone():
+                board.run_until(board.now_ns + after_ns)
+                begun = client.clock()
+                ids = [client.send(request) for request in (p.MotorStopAll(), move)]
+                client.answer_to(ids[0])
+                assert 1000 * (client.clock() - begun) < 3 * WORST_MS
+                client.answer_to(ids[1])
+                assert 1000 * (client.clock() - begun) > 4 * WORST_MS
 
 
 def test_passes_go_on_while_a_host_uploads_in_small_sections(session):
