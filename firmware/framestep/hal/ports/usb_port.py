@@ -432,7 +432,8 @@ class UsbPort:
         if wanted < 0:
             return 0
         packet = ptr32(s[RX] + (s[FILL] & 1) * PLACE)
-        if s[ARMED] and packet[0] != MARK_0 and packet[1] >> 16 != _SECTION:
+        kind = packet[1] >> 16  # neither a GO nor a section may wait for this
+        if s[ARMED] and packet[0] != MARK_0 and kind != _SECTION and kind != _GO:
             self.look_for_stop()  # in a short packet, which waits for its callback, or a later one
         if moved == 0 and look & 15 == 0:
             if s[LIVE] and not s[ARMED] and s[TAKE] == s[FILL]:
