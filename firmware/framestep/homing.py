@@ -439,9 +439,11 @@ class Homing:
                 if not seeker.found or (
                     phase == _AGAIN and not seeker.active() and not seeker.home["stall"]
                 ):
-                    other = self.seekers[1 - i]
-                    lost = self.paired and phase == _SEEK and other.found
-                    self._fail(i, NOT_SQUARE if lost else NOT_FOUND)
+                    seeking = self.paired and phase == _SEEK
+                    if seeking and self.seekers[1 - i].found:
+                        self._fail(1 << seeker.motor, NOT_SQUARE)
+                    else:
+                        self._fail(self._bits() if seeking else 1 << seeker.motor, NOT_FOUND)
                     return
             elif seeker.active():
                 if self.probing:  # so it is on that of the other end
@@ -449,7 +451,7 @@ class Homing:
                     self.shared.put(seeker.motor, 1 - seeker.away)
                     self._go(_SEEK)
                 else:
-                    self._fail(i, NOT_OPENED)
+                    self._fail(1 << seeker.motor, NOT_OPENED)
                 return
         self.probing = False
         if phase == _SEEK:
@@ -469,7 +471,7 @@ class Homing:
         for i in range(2 if self.paired else 1):
             seeker = self.seekers[i]
             if not seeker.arrive():
-                self._fail(i, NOT_FOUND)
+                self._fail(1 << seeker.motor, NOT_FOUND)
                 return
             positions.about_to_change()
             positions.put(seeker.motor, KNOWN, HOMED)
@@ -492,15 +494,15 @@ class Homing:
         self.interlock.set_homing(self.interlock.homing & ~self._bits())
         self._next()
 
-    def _fail(self, i, reason):
-        """Mark the positions as lost, and end homing. i: which of the two has failed; reason: of
+    def _fail(self, bits, reason):
+        """Mark the positions as lost, and end homing. bits: the motors that have failed; reason: of
         motors/positions.py."""
         self.end()
         positions = self.axes.positions
         positions.set_lost(self._bits(), HOMING)
-        positions.set_lost(1 << self.seekers[i].motor, reason)
+        positions.set_lost(bits, reason)
         self.faults.note(FAULT_HOMING, 0)
-        self._note_result(1 << self.seekers[i].motor)
+        self._note_result(bits)
 
     @micropython.viper
     def sides(self) -> int:

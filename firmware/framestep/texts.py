@@ -61,7 +61,7 @@ REASONS = {
     DRIVER: "its driver has failed",
     UNPOWERED: "the E-stop cut the power in motion",
     HOMED: "set by homing",
-    HOMING: "homing has begun and is not done",
+    HOMING: "homing was begun and has not been completed",
     NOT_FOUND: "homing did not find its switch",
     NOT_OPENED: "its home switch did not open",
     NOT_SQUARE: "its home switch was too far away when the other side had found its own",

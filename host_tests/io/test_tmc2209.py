@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from framestep.hal.host import BOARD
 from framestep.io import tmc2209
-from framestep.io.tmc2209_setup import most_ma, registers, scale
+from framestep.io.tmc2209_setup import least_ma, most_ma, registers, scale
 from framestep.rig import Rig, RigError
 from framestep_tools.building.board_files import board_data
 from framestep_tools.simulator import driver_chips as chip
@@ -133,14 +133,14 @@ def test_hold_current(percent):
 @given(st.integers(10, 2000), st.integers(50, 1000))
 def test_current(run_ma, sense_mohm):
     """Never above the requested current, and at most one of 32 steps below it; out of range exactly
-    above most_ma."""
+    below least_ma and above most_ma."""
     found = scale(run_ma, sense_mohm)
-    assert (found is None) == (run_ma > most_ma(sense_mohm))
+    assert (found is not None) == (least_ma(sense_mohm) <= run_ma <= most_ma(sense_mohm))
     if found:
         irun, vsense = found
         step = (0.18 if vsense else 0.32) / (sense_mohm + 20) / 2**0.5 * 1e6 / 32
         current = (irun + 1) * step
-        assert current <= run_ma + 1e-6 or irun == 0
+        assert current <= run_ma + 1e-6
         assert current > run_ma - step - 1e-3
         assert vsense or run_ma > 0.18 / (sense_mohm + 20) / 2**0.5 * 1e6 - 1
 
@@ -304,7 +304,11 @@ def test_states_in_words():
         (SKR_PICO, {"motors": [{"driver": 3}]},
          "motors[1].driver: found 3, allowed is an object {…}"),
         (SKR_PICO, {"motors": [{}, {"driver": {"run_ma": 1900}}]},
-         "motors[2].driver.run_ma: found 1900, allowed is at most 1740 mA with 110 mΩ"),
+         "motors[2].driver.run_ma: found 1900, allowed is 31 to 1740 mA with 110 mΩ"),
+        (SKR_PICO, {"motors": [{"driver": {"run_ma": 30}}]},
+         "motors[1].driver.run_ma: found 30, allowed is 31 to 1740 mA with 110 mΩ"),
+        (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "mode": "spread", "hold_percent": 0}}]},
+         'motors[1].driver.hold_percent: found 0, allowed is 1 to 100 in mode "spread"'),
         (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "microsteps": 10}}]},
          "microsteps: found 10, allowed is one of 1, 2, 4, 8, 16, 32, 64, 128, 256"),
         (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "microsteps": True}}]},

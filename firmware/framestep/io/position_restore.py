@@ -44,6 +44,8 @@ def restore(journal):
     moved = record[MARK] != -1
     for motor in range(axes.count):
         axis = axes[motor]
+        if not axis.ends[0] <= record[STEPS + motor] <= axis.ends[1]:
+            continue  # no pulse of this servo means that position
         copy_word(axis.backlash, LOAD, record, LOAD_POSITIONS + motor)
         copy_word(axis.block, stepper.POSITION, record, STEPS + motor)
         if moved:

@@ -53,9 +53,14 @@ def scale(run_ma, sense_mohm):
     for vsense in (1, 0):
         voltage = run_ma * (sense_mohm + _INNER_MOHM) * _ROOT_2
         full_scale = _FULL_SCALE_UV[vsense] * 1_000_000
-        if voltage <= full_scale:
-            return max(_SCALES * voltage // full_scale, 1) - 1, vsense
+        if full_scale <= _SCALES * voltage <= _SCALES * full_scale:
+            return _SCALES * voltage // full_scale - 1, vsense
     return None
+
+
+def least_ma(sense_mohm):
+    """Return the smallest run current in mA (RMS) with this sense resistor."""
+    return -(-_FULL_SCALE_UV[1] * 1_000_000 // (_SCALES * (sense_mohm + _INNER_MOHM) * _ROOT_2))
 
 
 def most_ma(sense_mohm):
@@ -71,9 +76,8 @@ def registers(driver):
     """
     found = scale(driver["run_ma"], driver["sense_mohm"])
     if found is None:
-        raise ValueError(
-            "at most %d mA with %d mΩ" % (most_ma(driver["sense_mohm"]), driver["sense_mohm"])
-        )
+        sense = driver["sense_mohm"]
+        raise ValueError("%d to %d mA with %d mΩ" % (least_ma(sense), most_ma(sense), sense))
     irun, vsense = found
     ihold = max((irun + 1) * driver["hold_percent"] // 100, 1) - 1
     mres = 8

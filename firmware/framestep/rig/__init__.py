@@ -130,7 +130,8 @@ class Rig:
         """Set the board's clock_mhz; 0 keeps its own."""
         clocks = self.board.pop("clocks", [0])
         if mhz and mhz not in clocks:
-            raise RigError("clock_mhz: found %d, allowed is one of %s here" % (mhz, clocks))
+            there = "".join([", %d" % clock for clock in clocks if clock])
+            raise RigError("clock_mhz: found %d, allowed is one of 0%s here" % (mhz, there))
         if mhz:
             self.board["clock_mhz"] = mhz
 
@@ -171,6 +172,11 @@ class Rig:
                 raise RigError(
                     "%s.both_edges: found true, allowed is false: this board makes only pulses"
                     % where
+                )
+            if given["mode"] == "spread" and given["hold_percent"] == 0:
+                raise RigError(
+                    '%s.hold_percent: found 0, allowed is 1 to 100 in mode "spread": only in '
+                    "StealthChop does a motor without current turn freely" % where
                 )
             if given["pin"] != NO_PIN:
                 line = dict(self.board["drivers"])

@@ -23,7 +23,7 @@ SETTINGS = {
     "jog_timeout_ms": (int, 0, 60000, 500, "ms",
         "a jog ends if it is not repeated within this time; 0: never"),
     "hard_stop_factor": (int, 1, 16, 4, "", "how many times as steeply a hard stop decelerates"),
-    "clock_mhz": (int, (0, 125, 150, 200), None, 0, "MHz",
+    "clock_mhz": (int, (0, 125, 150, 160, 200, 240), None, 0, "MHz",
         "clock of the processor; 0: the board's own, see its page"),
     "go_input": (int, 0, 16, 0, "",
         "number of the general input that gives GO when it goes on; 0: none"),
@@ -117,7 +117,8 @@ DRIVER_SETTINGS = {
         "current in motion, root mean square; the driver has 32 values, the next lower one is set "
         "(docs/use/drivers.md)"),
     "hold_percent": (int, 0, 100, 50, "%",
-        "current at rest, as part of the current in motion; 0: none, the motor turns freely"),
+        "current at rest, as part of the current in motion; 0: none, the motor turns freely (in "
+        "StealthChop only)"),
     "hold_delay_ms": (int, 50, 5500, 500, "ms", "from rest to the lower current"),
     "microsteps": (int, (1, 2, 4, 8, 16, 32, 64, 128, 256), None, 16, "", "steps for a full step"),
     "interpolate": (bool, None, None, True, "", "the driver turns them into 256 microsteps"),

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from framestep.hal.host import HostFlash
 from framestep.motors.positions import KNOWN, LOST, SERVO
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
-from host_tests.end_to_end.session import assert_follows, pulses, run_request, simulated
+from framestep_tools.simulator.boards import SimulatedBoard
+from host_tests.end_to_end.session import Session, assert_follows, pulses, run_request, simulated
 
 pytestmark = pytest.mark.needs("servos")
 
@@ -17,8 +19,28 @@ def rig(**servo):
     return {"motors": [{}, {"servo": servo}]}
 
 
+def test_refusals_name_its_ends(said):
+    board = simulated(rig(low=0, high=900)).board
+    assert "1000 is past the upper end of motor 2, a servo" in said(board, "move 2 1000", status=7)
+    assert "so its position cannot be set" in said(board, "zero 2 5", status=7)
+
+
 def enable(session, motor=2, flags=m.MOTOR_ENABLED):
     session.accept(p.MotorConfigure(motor, flags))
+
+
+@pytest.mark.needs("boards")
+@pytest.mark.provokes("positions")  # the observers count from 0
+@pytest.mark.parametrize("was", [400, 50_000])
+def test_a_position_that_no_pulse_means_is_not_restored(was):
+    flash = HostFlash()
+    before = Session(SimulatedBoard({"remember_positions": True}, 2, flash=flash), 2)
+    before.accept(p.MotorResetPosition(2, was)).run(2.1)
+    settings = {"remember_positions": True, **rig(low=-500, high=500)}
+    session = Session(SimulatedBoard(settings, 2, flash=flash), 2)
+    assert session.position(2) == (was if was == 400 else 0)
+    session.accept(p.MotorMove(2, 100)).wait_idle()
+    assert session.position(2) == 100
 
 
 @pytest.mark.needs("servo edges")

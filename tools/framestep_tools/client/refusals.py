@@ -8,6 +8,7 @@ from typing import Any
 
 from framestep import texts
 from framestep.motors.axis import FULL_SPEED
+from framestep.motors.positions import SERVO
 from framestep.moves.path.move_check import FASTEST_FPS
 from framestep.moves.run_plan import LONGEST_ROLL
 from framestep.moves.shoot import LONGEST_MS
@@ -203,6 +204,11 @@ def _motor(client: Client, request: Payload, code: Ack, exceeded: Exceeded) -> s
     if isinstance(request, (MotorMove, MotorJog)) and code in (Ack.ERR_SOFT_UP, Ack.ERR_SOFT_LOW):
         at = request.position if isinstance(request, MotorMove) else request.destination
         up = code == Ack.ERR_SOFT_UP
+        if _is_servo(client, motor):
+            return (
+                f"{axes.position(motor, at)} is past the {'upper' if up else 'lower'} end of "
+                f"{name}, a servo (servo.low and servo.high in the rig file), or past a soft limit"
+            )
         limit = (exceeded.upper if up else exceeded.lower) or 0
         return (
             f"{axes.position(motor, at)} is past the {'upper' if up else 'lower'} soft limit of "
@@ -222,8 +228,15 @@ def _motor(client: Client, request: Payload, code: Ack, exceeded: Exceeded) -> s
     if isinstance(request, MotorSetLimits):
         return _set_limits(client, request)
     if isinstance(request, MotorResetPosition):
+        if _is_servo(client, motor):
+            return f"{name} is a servo: its pulses say where it is, so its position cannot be set"
         return f"{axes.position(motor, request.position)} leaves no room for the backlash of {name}"
     return None
+
+
+def _is_servo(client: Client, motor: int) -> bool:
+    trusts = client.request(GetCondition()).positions
+    return 1 <= motor <= len(trusts) and trusts[motor - 1].reason == SERVO
 
 
 def _set_limits(client: Client, request: MotorSetLimits) -> str:
