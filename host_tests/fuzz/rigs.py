@@ -1,6 +1,7 @@
 """Random rigs and boards."""
 
 import json
+import re
 from random import Random
 
 from framestep.rig import Rig, RigError
@@ -95,10 +96,8 @@ def draw_rig(dice: Random, board: str) -> dict:
         try:
             Rig(rig, data)
             return rig
-        except RigError:
-            for key in ("go_input", "limits", "outputs", "estop", "motors"):
-                if rig.pop(key, None) is not None:
-                    break
+        except RigError as error:
+            del rig[re.split(r"\W", str(error))[0]]  # a mistake begins with its key
 
 
 def draw_home(dice: Random, sets: list, hard_stop_factor: int) -> dict:
