@@ -25,9 +25,10 @@ ALL_OFF = ("shutter", "meter", "gio1", "gio2", "gio3", "gio4")
 RIG = {"outputs": [{"pin": pin} for pin in (22, 26, 27, 28)], "inputs": []}
 
 
-def rig(**settings):
+def rig(upload_bytes=0, **settings):
     """Return a session whose motors are fast enough for MOVE, with four outputs."""
-    session = simulated({**RIG, **settings})
+    memory = {"upload_bytes": upload_bytes} if upload_bytes else {}
+    session = simulated({**RIG, **settings}, **memory)
     for motor in MOVE:
         session.speed(motor, VELOCITY, ACCELERATION).accept(p.MotorConfigure(motor, 0x03))
     return session

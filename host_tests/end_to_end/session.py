@@ -260,9 +260,9 @@ def _name(code):
     return f"{name} (0x{code:04X})"
 
 
-def simulated(rig=None, motors=8):
-    """Return a session with the host simulation."""
-    return Session(SimulatedBoard(rig=rig, motors=motors), motors)
+def simulated(rig=None, motors=8, **memory):
+    """Return a session with the host simulation. memory: upload_bytes of SimulatedBoard."""
+    return Session(SimulatedBoard(rig=rig, motors=motors, **memory), motors)
 
 
 def released(rig, *pins):

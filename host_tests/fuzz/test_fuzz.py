@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from framestep.rig import Rig
+from framestep_tools.building.board_files import board_data
 from host_tests.script import parse
 
 from . import fuzz
@@ -14,7 +16,9 @@ SCRIPTS = sorted((Path(__file__).parent / "scripts").glob("*.txt"))
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
 def test_what_was_found_passes(path):
     with path.open() as file:
-        fuzz.replay(parse(file))
+        script = parse(file)
+    Rig(script.rig, board_data(script.board))  # with a mistake in it nothing would move
+    fuzz.replay(script)
 
 
 def test_fuzzing_plays_a_session_or_fails(monkeypatch, capsys):

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from framestep.hal import host
 from framestep_tools import payloads as p
 from host_tests.end_to_end import realtime as rt
 from host_tests.end_to_end.session import run_request, simulated
@@ -74,12 +73,11 @@ def test_triggers_and_stills_in_a_loop(flags):
 
 
 @pytest.mark.needs("little memory")
-def test_no_room_for_more(monkeypatch):
+def test_no_room_for_more():
     """Positions, lights and triggers share one memory (docs/internals/realtime.md). A request that
     exceeds it is refused; earlier data stays and plays."""
     units = 37  # one motor's 25 frames leave these of the least for eight motors
-    monkeypatch.setattr(host, "UPLOAD_BYTES", 2 * (69 + 17 * units))
-    session = rt.rig()
+    session = rt.rig(upload_bytes=2 * (69 + 17 * units))
     session.accept(
         p.RtUploadMoveBegin(1, rt.FRAMES), p.RtUploadMoveAxis(1, p.LAST_SECTION, rt.MOVE[1])
     )

@@ -4,7 +4,6 @@ frame numbers."""
 import numpy as np
 import pytest
 
-from framestep.hal import host
 from framestep.protocol.messages import LARGEST_PAYLOAD
 from framestep_tools import payloads as p
 from host_tests.end_to_end import realtime
@@ -155,10 +154,9 @@ def test_negative_frames_and_far_positions(fast):
 
 
 @pytest.mark.needs("little memory")
-def test_each_of_65535_frames_counts(monkeypatch):
+def test_each_of_65535_frames_counts():
     """Those at the end as well: in what is refused, in a run and in JOG_ALL."""
-    monkeypatch.setattr(host, "UPLOAD_BYTES", 2**20)
-    session = realtime.rig()
+    session = realtime.rig(upload_bytes=2**20)
     frames = 65_535
     steps = 3 * np.arange(frames)
     realtime.upload(session, {1: steps}, frames=frames)
