@@ -71,9 +71,9 @@ class Interlock:
     # ---------------------------------------------------------------- permission
 
     def allow_motion(self):
-        """Return whether any motor may be moved. A stop that has come in the meantime begins here:
-        what moves slows down. It is carried out after the request that asks, and then stops what
-        that has begun.
+        """Return whether any motor may be moved. If a stop has come in the meantime, what moves
+        begins to slow down here. The stop itself is carried out after the present request, whose
+        motions it stops, too.
         """
         allowed = not self.broken and self.stops.allow_motion()
         self.axes.hal.port.look_for_stop()

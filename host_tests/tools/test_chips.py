@@ -25,7 +25,7 @@ def test_a_simulated_board_has_the_memory_of_the_chip_and_somewhat_more(key):
     """So `framestep check` refuses nothing that the board has room for."""
     board = chips()[key].plain_board
     info = Client(LockstepPort(SimulatedBoard(board=board))).greet()
-    # of make bench: those of a chip other than the first end in its plain board
+    # keys of bench.json: a Pico's have no board in them, other boards' end in its name
     figures = {f"upload_frames_{info.motors}", f"upload_frames_{info.motors}_{board}"}
     [measured] = [value for name, value in recorded().items() if name in figures]
     assert 1 <= info.upload_frames / measured < 2
